@@ -7,25 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import OutPath
+from taubench_gl.apps.run_by_default import RunByDefault
 
 if TYPE_CHECKING:
     from taubench_gl.batch.driver import Outcome
     from taubench_gl.batch.spec import BatchSpec
 
 
-class _RunByDefault(Group):
-    """``batch SPEC.toml`` is ``batch run SPEC.toml``."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
-            args = ["run", *args]
-        return super().parse_args(ctx, args)
-
-
 @click.group(
-    cls=_RunByDefault,
+    cls=RunByDefault,
     epilog="""\b
 Examples:
   taubench-gl batch spec.toml --out results

@@ -7,29 +7,20 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import OutPath
+from taubench_gl.apps.run_by_default import RunByDefault
 
 EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
 
 
-class _RunByDefault(Group):
-    """``benchmark svgf --out DIR`` is ``benchmark run svgf --out DIR``."""
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
-            args = ["run", *args]
-        return super().parse_args(ctx, args)
-
-
 @click.group(
-    cls=_RunByDefault,
+    cls=RunByDefault,
     epilog="""\b
 Examples:
   taubench-gl benchmark --out results
   taubench-gl benchmark svgf ./my_method --out results
   taubench-gl benchmark --suite full --engine dask://node1:8786 --out results
-  taubench-gl benchmark plan --suite full
+  taubench-gl benchmark plan --suite full --time
   taubench-gl benchmark compare mine/benchmark.json theirs/benchmark.json""",
 )
 def benchmark() -> None:
@@ -40,9 +31,18 @@ def benchmark() -> None:
     """
 
 
-suite_option = click.option(
-    "--suite", default="quick", show_default=True, metavar="quick|full|FILE", help="Built-in suite, or a TOML file."
-)
+def suite_options(command: Any) -> Any:
+    """``--suite`` and ``--cases``."""
+    for option in reversed(
+        (
+            click.option("--suite", default="quick", show_default=True, metavar="quick|full|FILE",
+                         help="Built-in suite, or a TOML file."),
+            click.option("--cases", multiple=True, metavar="PATTERN",
+                         help="Only these cases, such as 'demo/rotation=*'; the result is that of another suite."),
+        )
+    ):  # fmt: skip
+        command = option(command)
+    return command
 
 
 @benchmark.command(
@@ -57,11 +57,18 @@ The same command continues an interrupted benchmark; what is stored in DIR does 
 docs/benchmark.md defines every number."""
 )
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
-@suite_option
+@suite_options
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the results.")
 @click.option("--workers", type=int, metavar="N", help="Worker processes.  [default: one per core]")
 @click.option("--engine", metavar="NAME", help="dask://HOST:PORT or dask-local.  [default: worker processes]")
-def run(methods: tuple[str, ...], suite: str, out: Path, workers: int | None, engine: str | None) -> int:
+def run(
+    methods: tuple[str, ...],
+    suite: str,
+    cases: tuple[str, ...],
+    out: Path,
+    workers: int | None,
+    engine: str | None,
+) -> int:
     """Run METHODs on a suite and write scorecards to DIR; without METHOD, all built-in ones.
 
     METHOD is a built-in name, a folder, file.py, module:Class or exr:DIR, with settings as NAME@alpha=0.1.  'none' is
@@ -73,7 +80,7 @@ def run(methods: tuple[str, ...], suite: str, out: Path, workers: int | None, en
     from taubench_gl.report.benchmark import benchmark_tables
 
     try:
-        done = run_benchmark(read_suite(suite), methods, out, engine=engine, workers=workers, say=_say)
+        done = run_benchmark(read_suite(suite).part(cases), methods, out, engine=engine, workers=workers, say=_say)
     except KeyboardInterrupt:
         _error(f"interrupted; finished units are in {out}: the same command continues")
         raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
@@ -89,22 +96,45 @@ def run(methods: tuple[str, ...], suite: str, out: Path, workers: int | None, en
     epilog="""\b
 Examples:
   taubench-gl benchmark plan
-  taubench-gl benchmark plan --suite full"""
+  taubench-gl benchmark plan --suite full --time
+  taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16"""
 )
-@suite_option
-def plan(suite: str) -> None:
-    """Print the cases of a suite, and the hashes and files of their scenes.  Makes the scenes; renders nothing."""
+@click.argument("methods", nargs=-1, metavar="[METHOD]...")
+@suite_options
+@click.option("--time", "timed", is_flag=True, help="Estimate the time from a few frames of every input, with METHODs.")
+@click.option("--workers", type=click.IntRange(min=1), metavar="N",
+              help="Workers of the estimate.  [default: one per core]")  # fmt: skip
+def plan(methods: tuple[str, ...], suite: str, cases: tuple[str, ...], timed: bool, workers: int | None) -> None:
+    """Print the units of a suite: cases, hashes, scene files.  Makes the scenes; renders nothing without --time.
+
+    Path-traced references are traced in part for the estimate; what is traced is kept.
+    """
+    from taubench_gl.batch.engines import available_cores
+    from taubench_gl.benchmark.estimate import estimate_units
+    from taubench_gl.benchmark.run import entries_of
     from taubench_gl.benchmark.run import plan as units_of
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
+    from taubench_gl.pathtraced.references import duration_text
 
-    found = read_suite(suite)
-    units = units_of(found, (), _say)
-    click.echo(f"{found.name}: {len(found.cases)} cases, {len(units)} different")
-    for unit in units:
+    found = read_suite(suite).part(cases)
+    entries = entries_of(methods)
+    units = units_of(found, entries, _say)
+    click.echo(f"{found.name}: {len(found.cases)} cases, {len(units)} different; {len(entries)} methods")
+    times = estimate_units(units, _say) if timed else []
+    for i, unit in enumerate(units):
         case = unit.case
         what = f"{case.track}, {case.frames} frames, {case.seeds} seeds, reference {case.reference}"
-        click.echo(f"  {unit.identity[:8]}  {case.id}: {what}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
+        about = f"about {duration_text(times[i].seconds)}, " if timed else ""
+        click.echo(f"  {unit.identity[:8]}  {case.id}: {about}{what}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
+    if timed:
+        count = workers or available_cores()
+        total, longest = sum(one.seconds for one in times), max(one.seconds for one in times)
+        traced = sum(one.reference for one in times)
+        click.echo(
+            f"about {duration_text(max(total / count, longest))} on {count} workers like this process: "
+            f"{duration_text(total)} of worker time, {duration_text(traced)} of it for path-traced references"
+        )
 
 
 @benchmark.command(

@@ -1,7 +1,8 @@
 """Runs a suite: units on an engine of ``batch``, their results in a folder, resumed by running it again.
 
 run.json             suite and methods of the folder
-units/CASE-METHODS.json    result of a unit; appears complete or not at all; .failed: the reason
+units/CASE-METHODS.json    result of a unit; appears complete or not at all; .failed: the reason.  Those of several
+                           folders can be copied into one.
 logs/                output of worker processes
 benchmark.json, report.html, tables.*, speeds.*    written at the end (``output``)
 """
@@ -30,6 +31,7 @@ from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import GraphicsError, OutputError, SettingsError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.pathtraced.references import duration_text
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.loading import builtin_methods
@@ -165,7 +167,7 @@ def _require_own(folder: Path, suite: Suite, entries: Sequence[Entry], *, writin
             given = found.get("suite") or {}
             what = f"holds suite {given.get('name')} ({given.get('sha256', '')[:8]}) of version {found.get('version')}"
             raise OutputError(what, where=str(folder), hint="give a new --out")
-    elif folder.is_dir() and any(p.name != LOGS and not p.name.startswith(".") for p in folder.iterdir()):
+    elif folder.is_dir() and any(p.name not in (UNITS, LOGS) and not p.name.startswith(".") for p in folder.iterdir()):
         raise OutputError("holds other files and no benchmark", where=str(folder), hint="give --out a new folder")
     if writing:
         values["methods"] = [entry.label for entry in entries]
@@ -184,7 +186,8 @@ class _Driver:
     _lost: dict[tuple[str, str], int] = field(default_factory=dict)
     _done: int = 0
     _seconds: float = 0.0
-    _measured: int = 0
+    _measured: int = 0  # images that took ``_seconds``
+    _left: int = 0  # images of units that are not finished
 
     def run(self, engine: Engine) -> None:
         """Raises GraphicsError if no worker with OpenGL is left; finished units are kept."""
@@ -192,6 +195,7 @@ class _Driver:
         for unit in self.units:
             if missing := self.results.missing(unit):
                 self._pending.append(replace(unit, entries=missing))
+                self._left += self._pending[-1].images
             else:
                 self._done += 1
         if self._done:
@@ -228,6 +232,7 @@ class _Driver:
             self._pending.append(unit)
         elif isinstance(event, Lost | Failed):
             reason = event.reason if isinstance(event, Lost) else event.message
+            self._left -= unit.images
             self.results.fail(unit, reason)
             self.say(f"{unit.job}, {unit.name}: failed: {reason}")
 
@@ -236,8 +241,13 @@ class _Driver:
         return self._lost[unit.key]
 
     def _finished(self, unit: BenchmarkUnit, seconds: float, width: int) -> None:
-        self._done, self._seconds, self._measured = self._done + 1, self._seconds + seconds, self._measured + 1
-        left = (self._seconds / self._measured) * (len(self._pending) + self._in_flight) / max(width, 1)
-        rest = f"; about {max(left, 1.0):.0f} s left" if self._pending or self._in_flight else ""
+        self._done, self._seconds, self._measured = (
+            self._done + 1,
+            self._seconds + seconds,
+            self._measured + unit.images,
+        )
+        self._left -= unit.images
+        left = self._seconds / self._measured * self._left / max(width, 1)
+        rest = f"; about {duration_text(left)} left" if self._pending or self._in_flight else ""
         total = self._done + len(self._pending) + self._in_flight
         self.say(f"{self._done}/{total} {unit.job}, {unit.name}: {seconds:.1f} s{rest}")

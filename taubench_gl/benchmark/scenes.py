@@ -13,10 +13,11 @@ from functools import cache
 from pathlib import Path
 
 from taubench_gl.datasets.camera_path import CameraSpec
+from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
-from taubench_gl.datasets.stress import Moves, stress
+from taubench_gl.datasets.stress import ANIMATIONS, Moves, stress
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import output_folder, replacing
 from taubench_gl.paths import ASSETS, PACKAGE, cache_folder
@@ -29,7 +30,8 @@ DEMO = "demo"
 class SceneRecipe:
     """How to make a scene.  ``source``: ``demo``, a stand-in or an absolute path; ``axis`` of STRESS, None: as it is.
 
-    ``value``: of the axis, per frame at ``fps``; ``frames``: length of the camera path.
+    ``value``: of the axis, per frame at ``fps``; ``frames``: length of the camera path; ``still``: without the
+    animations of the source.
     """
 
     source: str
@@ -37,6 +39,7 @@ class SceneRecipe:
     value: float = 0.0
     frames: int = 0
     fps: float = 0.0
+    still: bool = False
 
 
 def known_source(text: str, folder: Path) -> str:
@@ -68,7 +71,16 @@ def scene_file(recipe: SceneRecipe) -> Path:
         camera, moves = _motion(recipe)
         with replacing(path, suffix=".glb") as partial:
             stress(source, partial, camera, moves)
+            if recipe.still:
+                _drop_own_animations(partial)
     return path
+
+
+def _drop_own_animations(path: Path) -> None:
+    """Keep only what ``stress`` moves: everything else has the pose of the file's nodes."""
+    editor = GltfEditor(path)
+    editor.root["animations"] = [one for one in editor.root["animations"] if one.get("name") in ANIMATIONS]
+    editor.save(path)
 
 
 def _motion(recipe: SceneRecipe) -> tuple[CameraSpec, Moves]:
@@ -89,5 +101,5 @@ def _cached(name: str, content: object) -> Path:
 @cache
 def _code() -> str:
     """Hash of the modules that make scenes: another version makes other files."""
-    files = sorted((PACKAGE / "datasets").glob("*.py"))
+    files = [*sorted((PACKAGE / "datasets").glob("*.py")), Path(__file__)]
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()

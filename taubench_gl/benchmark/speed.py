@@ -31,7 +31,7 @@ def speed_curves(
     series: dict[tuple[str, str, str], list[Case]] = {}
     for case in suite.cases:
         if case.series not in (None, CUT):
-            series.setdefault((case.scene.source, case.series, case.input), []).append(case)
+            series.setdefault((case.scene.source, case.series, case.id.rpartition("/")[2]), []).append(case)
     out: dict[str, Any] = {}
     for (_, axis, kind), cases in series.items():
         if len(cases) < 2:

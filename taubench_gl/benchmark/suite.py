@@ -6,9 +6,11 @@ value.  Everything that a result depends on is part of ``Case.identity``.
 
 from __future__ import annotations
 
+import fnmatch
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +19,7 @@ import msgspec
 
 from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
 from taubench_gl.data_files import read_toml
+from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
@@ -50,6 +53,8 @@ class _Cases(msgspec.Struct, forbid_unknown_fields=True):
     reference: str = "max"
     reference_samples: Positive = 16
     environment: tuple[float, float, float] | None = None
+    exposure: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    still: bool = False
     rotation: list[float] | None = None
     translation: list[float] | None = None
     light_speed: list[float] | None = None
@@ -64,6 +69,7 @@ class _Suite(msgspec.Struct, forbid_unknown_fields=True):
     frames: Annotated[int, msgspec.Meta(ge=2)]
     cases: Annotated[list[_Cases], msgspec.Meta(min_length=1)]
     warmup: Positive = 1
+    shadow_size: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 1024
     metrics: tuple[str, ...] = DEFAULT_METRICS
 
 
@@ -90,8 +96,10 @@ class Case:
     reference: str
     reference_samples: int
     environment: tuple[float, float, float] | None
+    exposure: float | None
     cuts: tuple[int, ...]
     warmup: int
+    shadow_size: int
     metrics: tuple[str, ...]
 
     @property
@@ -111,8 +119,11 @@ class Case:
             reprojection="motion",
             light="path-traced" if self.kind.path_samples else "raster",
             light_unit="auto",
-            exposure="auto",
+            exposure=self.exposure or "auto",
+            shadow_size=self.shadow_size,
             environment=self.environment or "auto",
+            # Where nothing moves, the default is an orbit.
+            camera=CAMERA_NAME if self.scene.axis in STRESS else None,
         )
 
     @property
@@ -147,6 +158,22 @@ class Suite:
     def describe(self) -> dict[str, Any]:
         """The block ``suite`` of benchmark.json."""
         return {"version": SCHEMA, "name": self.name, "sha256": self.sha256, "cases": len(self.cases)}
+
+    def part(self, patterns: Sequence[str]) -> Suite:
+        """The cases whose names match one of ``patterns``, such as ``demo/rotation=*``; no pattern: all.
+
+        A part is another suite: its name and hash tell.  Raises SettingsError for a pattern without a case.
+        """
+        if lost := next(
+            (one for one in patterns if not any(fnmatch.fnmatchcase(case.id, one) for case in self.cases)), None
+        ):
+            hint = "see 'taubench-gl benchmark plan'"
+            raise SettingsError(f"suite {self.name} has no case {lost!r}", hint=hint)
+        cases = tuple(case for case in self.cases if any(fnmatch.fnmatchcase(case.id, one) for one in patterns))
+        if not patterns or len(cases) == len(self.cases):
+            return self
+        digest = hashlib.sha256(json.dumps([self.sha256, [case.id for case in cases]]).encode()).hexdigest()
+        return Suite(f"part of {self.name}", digest, cases)
 
 
 def read_suite(text: str | Path) -> Suite:
@@ -183,19 +210,29 @@ def _expanded(suite: _Suite, table: _Cases, folder: Path) -> list[Case]:
     return [_case(suite, table, folder, given[0], value) for value in values]
 
 
+def _input_name(table: _Cases) -> str:
+    """The input and, of noisy light, the number of lights that are sampled, if it is not one."""
+    noisy = parse_input(table.input).noisy and table.light_samples > 1
+    return f"{table.input}@{table.light_samples}" if noisy else table.input
+
+
 def _case(suite: _Suite, table: _Cases, folder: Path, axis: str | None, value: float | None) -> Case:
     frames = table.frames or suite.frames
     source = known_source(table.scene, folder)
     stressed = axis in STRESS
     if stressed and table.first:
         raise SettingsError(f"first is {table.first}", hint=f"a series of {axis} begins with frame 0: leave it out")
-    recipe = SceneRecipe(source, axis, float(value), frames, table.fps) if stressed else SceneRecipe(source)
+    if table.still and not stressed:
+        raise SettingsError("still is true without a series", hint=f"give one of {', '.join(STRESS)}, or leave it out")
+    recipe = SceneRecipe(source)
+    if stressed:
+        recipe = SceneRecipe(source, axis, float(value), frames, table.fps, table.still)
     cuts: tuple[int, ...] = ()
     if axis == CUT and value:
         cuts = tuple(range(table.first + int(value), table.first + frames, int(value)))
     step = "" if axis is None else f"/{axis}={value:g}"
     case = Case(
-        id=f"{Path(table.scene).stem}{step}/{table.input}",
+        id=f"{Path(table.scene).stem}{step}/{_input_name(table)}",
         track=table.track,
         series=axis,
         value=None if value is None else float(value),
@@ -211,8 +248,10 @@ def _case(suite: _Suite, table: _Cases, folder: Path, axis: str | None, value: f
         reference=table.reference,
         reference_samples=table.reference_samples,
         environment=table.environment,
+        exposure=table.exposure,
         cuts=cuts,
         warmup=suite.warmup,
+        shadow_size=suite.shadow_size,
         metrics=tuple(suite.metrics),
     )
     if case.kind.files is not None or is_sequence(case.reference):

@@ -96,6 +96,11 @@ class BenchmarkUnit:
         return self.identity[:16], hashlib.sha256(json.dumps(methods).encode()).hexdigest()[:16]
 
     @property
+    def images(self) -> int:
+        """Images of the suite's size that it evaluates, without those of references."""
+        return self.case.frames * self.case.seeds * len(self.entries)
+
+    @property
     def scene(self) -> str:
         return self.case.scene.source
 
@@ -139,7 +144,7 @@ def evaluate_case(case: Case, entries: Sequence[Entry], path: Path) -> dict[str,
     refused = {entry.label: why for entry in entries if (why := inapplicable(case, entry))}
     methods: dict[str, Any] = {label: {"state": INAPPLICABLE, "reason": why} for label, why in refused.items()}
     out: dict[str, Any] = {"case": case.id, "methods": methods, "times": {"methods": {}}}
-    specs = [_spec(case, entry) for entry in entries if entry.label not in refused]
+    specs = applicable(case, entries)
     if not specs:
         return out
     divergence = _Divergence()
@@ -191,6 +196,11 @@ def inapplicable(case: Case, entry: Entry) -> str | None:
         missing[REFERENCE_INPUT] = "the reference has the size of the output"
     lost = [one for one in reads if one in missing]
     return f"no {', '.join(lost)}: {missing[lost[0]]}" if lost else None
+
+
+def applicable(case: Case, entries: Sequence[Entry]) -> list[MethodSpec]:
+    """The methods that a case evaluates."""
+    return [_spec(case, entry) for entry in entries if inapplicable(case, entry) is None]
 
 
 def _frames_of(case: Case, text: str) -> Path:

@@ -27,7 +27,10 @@ from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 
-CAMERA_NAME = "stress camera"
+CAMERA_NAME, MOVES_NAME = "stress camera", "stress moves"
+ANIMATIONS = (CAMERA_NAME, MOVES_NAME)
+"""Names of the animations that are added."""
+
 YFOV = math.radians(60.0)
 
 LARGE = 0.35
@@ -100,7 +103,7 @@ def stress(
                f"roll {camera.roll}; seed {camera.seed})"  # fmt: skip
     editor.animation(CAMERA_NAME, tracks)
     lights, objects, tracks = _moved(editor, scene, moves, frames, fps, seed)
-    editor.animation("stress moves", tracks)
+    editor.animation(MOVES_NAME, tracks)
     moved = f", {lights} moving lights and {objects} moving objects" if lights or objects else ""
     editor.note(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}")
     editor.save(out)

@@ -117,8 +117,7 @@ def _speeds(summary: Summary) -> Table:
     columns, found = [], []
     for name, series in summary["speeds"].items():
         for measure in [m for m in ("flip", "psnr_db") if m in series["measures"]]:
-            what = name.rpartition("/")[0]
-            columns.append(Column(f"{what}, {SHOWN[measure][0]}", UNITS[series["axis"]]))
+            columns.append(Column(f"{name}, {SHOWN[measure][0]}", UNITS[series["axis"]]))
             found.append(series["measures"][measure])
     labels = [label for label in summary["methods"] if any(label in curves for curves in found) and label != "none"]
     rows = [Row(label, tuple(crossing_text(c[label]) if label in c else None for c in found)) for label in labels]

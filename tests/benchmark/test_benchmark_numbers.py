@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from taubench_gl.animation import FileCamera, Poser, camera_of_run
 from taubench_gl.benchmark.merge import tracks_of
 from taubench_gl.benchmark.ranking import CaseValues, ranked
+from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.speed import ALWAYS, CROSSES, NEVER, crossing_of, first_zero
 from taubench_gl.benchmark.suite import BUILTIN, read_suite
 from taubench_gl.benchmark.values import by_seed, over_cases
+from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import frame_range
+from taubench_gl.scene import load_scene
 
 HEAD = 'schema = "suite/1"\nname = "t"\nsize = "48x27"\nframes = 4\n'
 CASE = '[[cases]]\nscene = "demo"\ntrack = "noisy"\ninput = "noisy"\n'
@@ -50,6 +56,9 @@ def test_quick_keeps_its_limits():
         HEAD + CASE + "rotation = [-1]\n",
         HEAD + CASE + "rotation = []\n",
         HEAD + CASE + "rotation = [1]\nfirst = 3\n",
+        HEAD + CASE + "still = true\n",
+        HEAD + CASE + "cut = [2]\nstill = true\n",
+        HEAD + CASE + "exposure = 0.0\n",
         HEAD + CASE + CASE,
         HEAD + CASE.replace("demo", "missing.glb"),
         HEAD + CASE.replace('"noisy"\n', '"fog"\n'),
@@ -58,12 +67,43 @@ def test_quick_keeps_its_limits():
         HEAD.replace("frames = 4", "frames = 2") + CASE.replace('"noisy"\ninput', '"noisy"\nframes = 1\ninput'),
         "size = [",
     ],
-    ids=["no cases", "schema", "key", "two series", "order", "negative", "empty", "first", "twice", "scene", "input",
-         "reference of a time", "seeds without noise", "one frame", "syntax"],
+    ids=["no cases", "schema", "key", "two series", "order", "negative", "empty", "first", "still alone",
+         "still cut", "exposure", "twice", "scene", "input", "reference of a time", "seeds without noise",
+         "one frame", "syntax"],
 )  # fmt: skip
 def test_faults_of_a_suite(tmp_path, text):
     with pytest.raises(SettingsError):
         suite_of(tmp_path, text)
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_only_the_camera_of_a_still_series_moves(tmp_path, still):
+    """Its yaw changes by exactly the speed; without ``still``, the scene's own nodes move too."""
+    for case in suite_of(tmp_path, HEAD + CASE + f"rotation = [0, 6]\nstill = {still}\n".lower()).cases:
+        scene = load_scene(scene_file(case.scene))
+        camera = camera_of_run(scene, case.settings.sequence)
+        assert isinstance(camera, FileCamera) and case.settings.sequence.camera == CAMERA_NAME
+        assert len(frame_range(scene, camera, case.settings)) == case.frames
+        times = [frame / case.fps for frame in range(case.frames)]
+        states = [Poser(scene).sample(time) for time in times]
+        own = [node for node in (*scene.mesh_nodes, *scene.light_nodes) if node != camera.node]
+        moves = max(np.abs(state.world[own] - states[0].world[own]).max() for state in states)
+        assert (moves == 0.0) == still
+        turned = [state.world[camera.node][:3, :3] for state in states]
+        cosines = [(np.trace(a.T @ b) - 1.0) / 2.0 for a, b in pairwise(turned)]
+        assert np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))) == pytest.approx(case.value, abs=2e-2)
+
+
+def test_a_part_of_a_suite_is_another_suite(tmp_path):
+    suite = suite_of(tmp_path, HEAD + CASE + "rotation = [0, 1]\n" + CASE + "translation = [0.5, 1]\n")
+    part = suite.part(["demo/rotation=*", "*=0.5/*"])
+    assert [case.id for case in part.cases] == [suite.cases[i].id for i in (0, 1, 2)]
+    assert part.cases == suite.cases[:3] and part.describe()["cases"] == 3
+    assert len({suite.sha256, part.sha256, suite.part(["demo/rotation=*"]).sha256}) == 3
+    assert suite.part([]) is suite and suite.part(["*"]) is suite
+    for patterns in (["x"], ["*", "demo"]):
+        with pytest.raises(SettingsError):
+            suite.part(patterns)
 
 
 def test_the_identity_of_a_case_is_what_is_evaluated(tmp_path):

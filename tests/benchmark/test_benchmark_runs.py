@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,9 +14,11 @@ import pytest
 
 from taubench_gl.batch.engines import InProcess
 from taubench_gl.benchmark.compare import compared
+from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.output import load_benchmark
-from taubench_gl.benchmark.run import UNITS, run_benchmark
+from taubench_gl.benchmark.run import UNITS, plan, run_benchmark
 from taubench_gl.benchmark.suite import read_suite
+from taubench_gl.benchmark.unit import Entry
 from taubench_gl.errors import OutputError, SettingsError
 
 SUITE = """schema = "suite/1"
@@ -60,6 +63,12 @@ NOT_EQUAL = ("times", "provenance")
 def values_of(summary):
     """All that two runs must have in common, as bits."""
     return json.dumps({name: value for name, value in summary.items() if name not in NOT_EQUAL})
+
+
+def command_of(suite, out, *more):
+    """The command line of the benchmark."""
+    program = [sys.executable, "-m", "taubench_gl", "benchmark", *METHODS]
+    return [*program, "--suite", str(suite), "--out", str(out), *more]
 
 
 @pytest.fixture(scope="module")
@@ -112,9 +121,46 @@ def test_units_of_single_methods_give_equal_bits(suite_file, whole, tmp_path):
 
 
 @pytest.mark.long
-def test_two_processes_give_equal_bits(suite_file, whole, tmp_path):
-    found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", workers=2)
+@pytest.mark.parametrize("engine", [None, "dask-local"], ids=["processes", "dask"])
+def test_two_workers_give_equal_bits(suite_file, whole, tmp_path, engine):
+    found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", workers=2, engine=engine)
     assert values_of(found) == values_of(whole[0])
+
+
+@pytest.mark.long
+def test_a_dask_scheduler_gives_equal_bits(suite_file, whole, tmp_path):
+    """A scheduler and workers that were there before, as on a cluster."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
+        address = cluster.scheduler_address.replace("tcp://", "dask://")
+        found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", engine=address)
+    assert values_of(found) == values_of(whole[0])
+
+
+@pytest.mark.long
+def test_parts_of_two_processes_merge_in_any_order(suite_file, whole, tmp_path):
+    """Two commands at once, each with some cases and its own folder; their units are copied into one."""
+    parts = {"turning": ["demo/rotation=6/*", "*upscale*"], "still": ["demo/rotation=0/*"]}
+    running = [
+        subprocess.Popen(
+            [*command_of(suite_file, tmp_path / name, "--workers", "1"), *(f"--cases={one}" for one in patterns)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        for name, patterns in parts.items()
+    ]
+    assert [process.wait(timeout=300) for process in running] == [0, 0]
+    for order in (tuple(parts), tuple(reversed(parts))):
+        out = tmp_path / "-".join(order)
+        for name in order:
+            assert load_benchmark(tmp_path / name)["suite"] != whole[0]["suite"]
+            for path in sorted((tmp_path / name / UNITS).iterdir(), reverse=name == order[0]):
+                (out / UNITS).mkdir(parents=True, exist_ok=True)
+                shutil.copy(path, out / UNITS)
+        lines: list[str] = []
+        found = run_benchmark(read_suite(suite_file), METHODS, out, engine=InProcess(), say=lines.append)
+        assert "3 units are stored" in lines
+        assert values_of(found) == values_of(whole[0])
 
 
 def test_methods_that_fail_are_last_and_the_others_untouched(suite_file, whole, broken, tmp_path):
@@ -167,7 +213,7 @@ def test_comparison_refuses_other_suites_and_marks_other_drivers(whole, tmp_path
 def test_a_recorded_cell_of_the_quick_suite_comes_out_again():
     """docs/benchmark-quick.json: one case of a deterministic input, two methods."""
     from taubench_gl.benchmark.scenes import scene_file
-    from taubench_gl.benchmark.unit import Entry, evaluate_case
+    from taubench_gl.benchmark.unit import evaluate_case
 
     recorded = load_benchmark(Path(__file__).resolve().parents[2] / "docs" / "benchmark-quick.json")
     case = next(case for case in read_suite("quick").cases if case.id == "demo/checkerboard")
@@ -182,31 +228,36 @@ def test_a_recorded_cell_of_the_quick_suite_comes_out_again():
 
 
 @pytest.mark.long
-def test_a_killed_benchmark_continues_to_the_same_bits(suite_file, whole, tmp_path):
+def test_a_benchmark_killed_twice_continues_to_the_same_bits(suite_file, whole, tmp_path):
     out = tmp_path / "out"
-    # Users' defaults of light: the suite gives all settings itself.
-    command = [
-        sys.executable,
-        "-m",
-        "taubench_gl",
-        "benchmark",
-        *METHODS,
-        "--suite",
-        str(suite_file),
-        "--out",
-        str(out),
-    ]
+    command = command_of(suite_file, out)
     environment = dict(os.environ, PYTHONUNBUFFERED="1")
-    with subprocess.Popen(
-        [*command, "--workers", "1"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=environment
-    ) as running:
-        for line in running.stderr:
-            if line.startswith("1/3"):
-                running.send_signal(signal.SIGKILL)
-                break
-    assert not (out / "benchmark.json").exists()
-    assert 1 <= len(list((out / UNITS).glob("*.json"))) < 3
+    for stored in (1, 2):
+        with subprocess.Popen(
+            [*command, "--workers", "1"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=environment
+        ) as running:
+            for line in running.stderr:
+                if line.startswith(f"{stored}/3"):
+                    running.send_signal(signal.SIGKILL)
+                    break
+        assert not (out / "benchmark.json").exists()
+        assert len(list((out / UNITS).glob("*.json"))) == stored
     done = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert "1 units are stored" in done.stderr
+    assert "2 units are stored" in done.stderr
     assert values_of(load_benchmark(out)) == values_of(whole[0])
+
+
+@pytest.mark.long
+def test_the_estimated_time_covers_every_unit(suite_file):
+    """No limits on the time itself: equal images take equal time, and a method that does not apply takes none."""
+    entries = [Entry.of("none")]
+    units = plan(read_suite(suite_file), entries)
+    found = estimate_units(units)
+    assert [one.unit for one in found] == units
+    noisy = [one for one in found if one.unit.case.kind.noisy]
+    per_image = {one.frames / one.unit.images for one in noisy}
+    assert len(noisy) == 2 and len(per_image) == 1 and min(per_image) > 0.0
+    assert all(one.reference == 0.0 and one.seconds == one.frames for one in found)
+    masks = estimate_units(plan(read_suite(suite_file), [Entry.of("ideal-masks")]))
+    assert {one.unit.case.track: one.frames > 0 for one in masks} == {"noisy": True, "upscaling": False}
