@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -104,9 +104,7 @@ class Case:
 
     @property
     def kind(self) -> InputKind:
-        """``suite/1`` takes the light of every punctual light in path-traced input."""
-        kind = parse_input(self.input, light_samples=self.light_samples, indirect_samples=self.vpl_samples)
-        return replace(kind, all_lights=True) if kind.path_samples else kind
+        return parse_input(self.input, light_samples=self.light_samples, indirect_samples=self.vpl_samples)
 
     @property
     def settings(self) -> Settings:
