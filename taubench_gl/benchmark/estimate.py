@@ -3,6 +3,7 @@ path-traced reference."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -43,35 +44,38 @@ def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = 
 
     What is traced for the estimate is stored and counts.  Raises TaubenchError.
     """
-    of_kind: dict[tuple[object, ...], float] = {}
+    of_kind: dict[tuple[object, ...], tuple[float, float]] = {}
     out = []
     for unit in units:
         case = unit.case
         kind = (case.scene.source, case.input, case.light_samples, case.vpl_samples, case.reference_samples)
         if kind not in of_kind:
             say(f"{case.id}: measuring {FRAMES} frames")
-            of_kind[kind] = _per_pixel(unit)
-        count = case.size[0] * case.size[1] * case.frames * case.seeds
-        out.append(UnitTime(unit, of_kind[kind] * count, _tracing(case)))
+            of_kind[kind] = _measured(unit)
+        start, pixel = of_kind[kind]
+        frames = case.seeds * (start + pixel * case.size[0] * case.size[1] * case.frames)
+        out.append(UnitTime(unit, frames, _tracing(case)))
     return out
 
 
-def _per_pixel(unit: BenchmarkUnit) -> float:
-    """Seconds per pixel of a frame with all methods of ``unit`` that apply."""
+def _measured(unit: BenchmarkUnit) -> tuple[float, float]:
+    """Seconds to begin a seed, and per pixel of a frame, with all methods of ``unit`` that apply."""
     specs = applicable(unit.case, unit.entries)
     if not specs:
-        return 0.0
+        return 0.0, 0.0
     case = _small(unit.case)
-    seconds: list[float] = []
+    pairs: list[float] = []
+    started = time.perf_counter()
     evaluate_methods(
         scene_file(case.scene),
         specs,
         case.settings,
-        progress=lambda done: seconds.append(done.frame_seconds),
+        progress=lambda done: pairs.append(done.frame_seconds),
         **{**case.request, "statistics": False},
     )
+    start = (time.perf_counter() - started - sum(pairs)) / case.seeds
     # The last frames: a second seed has its reference in memory, and the shaders are compiled.
-    return min(seconds[-(FRAMES - 1) :]) / (case.size[0] * case.size[1])
+    return start, min(pairs[-(FRAMES - 1) :]) / (case.size[0] * case.size[1])
 
 
 def _small(case: Case) -> Case:

@@ -12,7 +12,7 @@ from taubench_gl.animation import FileCamera, Poser, camera_of_run
 from taubench_gl.benchmark.merge import tracks_of
 from taubench_gl.benchmark.ranking import CaseValues, ranked
 from taubench_gl.benchmark.scenes import scene_file
-from taubench_gl.benchmark.speed import ALWAYS, CROSSES, NEVER, crossing_of, first_zero
+from taubench_gl.benchmark.speed import ALWAYS, CROSSES, NEVER, crossing_of, first_zero, speed_curves
 from taubench_gl.benchmark.suite import BUILTIN, read_suite
 from taubench_gl.benchmark.values import by_seed, over_cases
 from taubench_gl.datasets.stress import CAMERA_NAME
@@ -202,6 +202,26 @@ def test_few_cases_are_ranked_by_seeds_or_not_at_all():
 
 
 # ---------------------------------------------------------------------------------------------------------- values
+def test_series_of_other_noise_are_apart_and_cross_where_their_own_gain_is_zero(tmp_path):
+    """The gain falls by 0.1 per degree, from 0.2 and from 0.05: zero at 2 and at 0.5."""
+    table = CASE + "rotation = [0, 1, 3]\n"
+    suite = suite_of(tmp_path, HEAD + table + table + "light_samples = 8\n")
+    start = {"noisy": 0.2, "noisy@8": 0.05}
+
+    def of(value):
+        return {"state": "done", "warmup": 0, "rows": [{"seed": 0, "frame": 0, "flip": value}]}
+
+    results = {
+        case.id: {"methods": {"none": of(0.4), "m": of(0.4 - start[case.id.split("/")[2]] + 0.1 * case.value)}}
+        for case in suite.cases
+    }
+    found = speed_curves(suite, results, ["none", "m"], ["flip"])
+    assert set(found) == {"demo/rotation/noisy", "demo/rotation/noisy@8"}
+    for name, crossing in (("noisy", 2.0), ("noisy@8", 0.5)):
+        curves = found[f"demo/rotation/{name}"]["measures"]["flip"]
+        assert curves["m"]["crossing"]["speed"] == pytest.approx(crossing) and curves["none"]["crossing"] is None
+
+
 def test_means_by_seed_leave_the_warmup_out_and_average_decibels_as_errors():
     rows = [{"seed": s, "frame": f, "flip": v, "psnr_db": v} for s in (0, 1) for f, v in enumerate((99.0, 10.0, 20.0))]
     method = {"warmup": 1, "rows": rows}
