@@ -601,6 +601,14 @@ class LiveTimer:
     def __init__(self, gpu: Gpu):
         self._gpu, self.enabled = gpu, False
         self.ms: dict[str, float] = {}
+        self.latest: frozenset[str] = frozenset()  # passes of the last update that had any
+        self._measured: set[str] = set()  # since the last update began
+
+    def update(self) -> None:
+        """The next update of the image begins."""
+        if self._measured:
+            self.latest = frozenset(self._measured)
+            self._measured.clear()
 
     @contextmanager
     def measure(self, name: str) -> Iterator[None]:
@@ -613,3 +621,4 @@ class LiveTimer:
         self._gpu.finish()
         elapsed = (time.perf_counter() - start) * 1e3
         self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
+        self._measured.add(name)

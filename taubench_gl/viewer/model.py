@@ -200,6 +200,7 @@ class ViewerModel:
         self.state.moving = self.state.playing or self.camera_moves
         self.state.advance(seconds)
         self.timer.enabled = self.state.sections["time"] and self.state.panels
+        self.timer.update()
         try:
             self.engine.update(self.state)
         except TaubenchError as error:  # such as an EXR file that was deleted: report it, keep the last image

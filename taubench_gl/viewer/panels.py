@@ -300,18 +300,19 @@ class Panels:
         return self._lighting[1]
 
     def _time(self) -> None:
-        """Milliseconds of each pass, as numbers and as shares of their sum."""
+        """Milliseconds of each pass, as numbers and as shares of their sum; faint: not in the last image."""
         viewer = self._viewer
         times = viewer.timer.ms
         total = sum(times.values())
-        imgui.text(f"{viewer.fps:.1f} frames/s, passes {total:.1f} ms")
+        latest = sum(times[name] for name in viewer.timer.latest)
+        imgui.text(f"{viewer.fps:.1f} frames/s, last image {latest:.1f} ms")
         for name, ms in times.items():
             corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
             bar(corner.x, corner.y, width * ms / total if total else 0.0, imgui.get_text_line_height(), (0.2, 0.3, 0.4))
             self._ui.faint(name)
             text = f"{ms:.2f} ms"
             imgui.same_line(imgui.get_cursor_pos_x() + width - imgui.calc_text_size(text).x)
-            imgui.text(text)
+            imgui.text(text) if name in viewer.timer.latest else self._ui.faint(text)
             self._ui.place(f"time.{name}")
 
     def _help(self) -> None:

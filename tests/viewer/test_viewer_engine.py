@@ -18,6 +18,7 @@ from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.settings import Settings
+from taubench_gl.viewer.engine import LiveTimer
 
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
@@ -290,6 +291,21 @@ def test_exact_reasons_are_those_of_evaluate(drive, tmp_path):
     assert driven.engine.source.visibility is None and not driven.state.exact
     hit = (driven.engine.mask() & np.uint32(Reason.POSITION)) != 0
     assert (pixels(tmp_path / "b.png")[hit] != image[hit]).any()
+
+
+def test_times_of_the_last_image_are_told_from_those_of_earlier_ones():
+    class Nothing:
+        def finish(self) -> None: ...
+
+    timer = LiveTimer(Nothing())
+    timer.enabled = True
+    for passes in (("gbuffer", "masks"), ("paths",), ()):
+        timer.update()
+        for name in passes:
+            with timer.measure(name):
+                pass
+    timer.update()
+    assert timer.latest == {"paths"} and set(timer.ms) == {"gbuffer", "masks", "paths"}
 
 
 def test_exact_reasons_need_positions_of_32_bits(drive):
