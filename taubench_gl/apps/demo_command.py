@@ -130,6 +130,7 @@ def write_session(one: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
     lesson = [
         f"{one.number}. {one.title}",
         one.idea,
+        "The page of this demo shows:",
         *look_for,
         "Press Y twice: the previous frame in turn with this one.",
     ]

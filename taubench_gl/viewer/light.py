@@ -255,7 +255,7 @@ class Lights:
         if samples:
             return f"path-traced light, {samples} of {state.samples} samples per pixel"
         if lighting.light == "path-traced":
-            return f"path-traced light, {lighting.spp} samples per pixel"
+            return f"path-traced light, {lighting.spp} sample{'' if lighting.spp == 1 else 's'} per pixel"
         return "light at full resolution"
 
     def reset(self) -> None:

@@ -96,6 +96,12 @@ def test_a_still_image_is_path_traced_sample_by_sample(drive, channel):
     driven.run("key RIGHT\nexpect light.samples == 0\nset samples 0\nwait 10\nexpect light.samples == 0")
 
 
+def test_the_corner_names_path_traced_light_of_the_light_method(drive):
+    driven = drive(settings=LIT.replace(width=24, height=14, light="path-traced", spp=1, indirect="auto"), light=True)
+    driven.run("frame 8\nset channel color")
+    assert driven.engine.light_text(driven.state) == "path-traced light, 1 sample per pixel"
+
+
 def test_images_are_compared_in_the_light_of_the_same_method(drive):
     """History has no path-traced light: beside it the image has none either."""
     driven = drive(settings=LIT.replace(width=24, height=14), light=True)
