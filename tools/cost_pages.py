@@ -1,7 +1,7 @@
 """Writes docs/cost-measured.md and its figures from the studies of tools/cost_study: ``cost_pages.py OUT DOCS``.
 
-OUT/NAME are the studies of all scenes, OUT/again/NAME the same ones run again, OUT/answers/NAME those of five minutes
-at 480x270.  docs/cost-optuna.json is the record of a search by Optuna's sampler.
+OUT/NAME are the studies of all scenes, OUT/again/NAME the same ones run again, OUT/answers/NAME, NAME-again and
+NAME-longer those at 480x270.  docs/cost-optuna.json is the record of a search by Optuna's sampler.
 """
 
 from __future__ import annotations
@@ -37,8 +37,7 @@ ABOUT = """# Cost studies: measurements
 Written by `DOCS=1 tools/cost_study`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
 were chosen with results on the demo, so the demo is no independent test of either. Fewer than three rounds separate no
 configurations by time. A noise floor that does not fall from half the samples to all of them says that few paths carry
-much of the light: errors near it say little. The study of five minutes was killed before their end and resumed for its
-answer; those of demo and lamp were continued for more rounds. Two or four samples per pixel rank little."""
+much of the light: errors near it say little."""
 
 
 def main() -> int:
@@ -53,14 +52,20 @@ def main() -> int:
         *scene_table(studies, again),
     ]
     parts += ["## The defaults", defaults_text(studies)]
-    for name, study in answers.items():
-        about = f"{study['pairs']} pairs, {', '.join(study['columns'])}; {study['date']}"
-        parts += [f"## Five minutes at {'x'.join(map(str, study['size']))}: {name}", about]
-        parts += ["\n".join(f"- {line}" for line in answer(study))]
+    parts += ["## Answers of five minutes at 480x270", *map(answer_text, answers, answers.values())]
     record = json.loads((docs / "cost-optuna.json").read_text(encoding="utf-8"))
     parts += ["## A search instead of declared configurations", optuna_table(record)]
     (docs / "cost-measured.md").write_text("\n\n".join(map(str.strip, parts)) + "\n", encoding="utf-8")
     return 0
+
+
+def answer_text(name: str, study: Study) -> str:
+    """The three lines of a study, and what it measured."""
+    scene, _, run = name.partition("-")
+    runs = {"": "5 minutes", "again": "5 minutes again, from scratch", "longer": "continued for up to 7 minutes"}
+    rivals = ", ".join(beating([study], study["chosen"]["configuration"])) or "nothing"
+    lines = [*answer(study), f"{study['pairs']} pairs, {study['date']}; beaten by {rivals}"]
+    return "\n".join([f"**{scene}, {runs[run]}**", "", *(f"- {line}" for line in lines)])
 
 
 def figure(docs: Path) -> str:
@@ -93,7 +98,7 @@ def pooled(studies: Sequence[Study]) -> list[Point]:
         counts = [s["pixels"]["count"] for s in studies]
         wrong = [np.unpackbits(np.frombuffer(b, np.uint8), count=n) for b, n in zip(bits, counts, strict=True)]
         every = np.concatenate(wrong).astype(bool)
-        error = {OVERALL: MaskError(every, 100.0 * float(every.mean()), 0.0, 0.0)}
+        error = {OVERALL: MaskError(every, 100.0 * float(every.mean()), 0.0)}
         rounds = [statistics.geometric_mean(of) for of in zip(*(p["ms"]["rounds"] for p in same))]
         out.append(Point(name, first["label"], first["role"], first["values"], error, time=time_of(rounds)))
     return out
@@ -141,7 +146,7 @@ def scene_table(studies: Mapping[str, Study], again: Mapping[str, Study]) -> lis
     words = (
         "Beaten: by a measured configuration that is better beyond noise in time or exactness and not worse in the "
         "other. Runs: samples per pixel of the reference; noise floor, and that of half the samples; rounds; share of "
-        "the CPU time that other processes took; change of the baseline's time."
+        "the CPU time that other processes took; change of times."
     )
     return [words, table(heads, rows, title)]
 

@@ -38,9 +38,8 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
         values = ", ".join(map(str, parameter.values))
         note = "  (other pixels or pairs)" if parameter.kind == "grid" else ""
         click.echo(f"{parameter.name}: {values}{note}\n    {parameter.doc}")
-    click.echo(
-        "levels\n    the named levels of 'evaluate --quality'\ncombinations\n    several parameters changed together"
-    )
+    click.echo("levels\n    the named levels of 'evaluate --quality'")
+    click.echo("combinations\n    several parameters changed together")
     click.echo("effects\n    each effect left out")
     context.exit()
 
@@ -62,9 +61,7 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the study.")
 @click.option(
-    "--parameters",
-    metavar="LIST",
-    help="Parameters to vary, comma-separated, see --list-parameters.  [default: all]",
+    "--parameters", metavar="LIST", help="Parameters to vary, comma-separated, see --list-parameters.  [default: all]"
 )
 @former_option("--knobs", "--parameters")
 @removed_option("--method-input", "'reuse evaluate' shows error against time of reuse methods")
@@ -155,6 +152,8 @@ def _run(scene: str, settings: Settings, folder: Path, request: dict[str, Any]) 
 
     study = run_study(scene, settings, out=folder, progress=_Progress(Path(scene).name), **request)
     study.save()
+    if sys.stderr.isatty():
+        click.echo(err=True)  # ends the line of progress
     click.echo(cost_text(study.as_json()), nl=False)
     click.echo(f"written to {folder}{os.sep}")
     if study.about["interrupted"]:
@@ -163,7 +162,7 @@ def _run(scene: str, settings: Settings, folder: Path, request: dict[str, Any]) 
 
 
 class _Progress:
-    """Progress on standard error: one line that is overwritten on a terminal, about twenty lines elsewhere."""
+    """Progress on standard error: one line that is overwritten on a terminal, about LINES lines elsewhere."""
 
     LINES = 20
 
@@ -171,13 +170,12 @@ class _Progress:
         self._name, self._printed = name, -1
 
     def __call__(self, step: Step) -> None:
-        line = f"{self._name}: {step.done}/{step.total}, {step.what}"
+        line, part = (
+            f"{self._name}: {step.done}/{step.total}, {step.what}",
+            step.done * self.LINES // max(step.total, 1),
+        )
         if sys.stderr.isatty():
             click.echo(f"\r\033[K{line}", nl=False, err=True)
-            if step.done >= step.total:
-                click.echo("", err=True)
-            return
-        part = step.done * self.LINES // max(step.total, 1)
-        if part != self._printed:
+        elif part != self._printed:
             self._printed = part
             click.echo(line, err=True)

@@ -28,10 +28,8 @@ MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
 
 RULE = (
-    "configurations are timed in interleaved rounds and compared round by round: they differ if the median of the "
-    "rounds' log ratios is further from 0 than their spread (1.4826 times the median absolute deviation) and 0 lies "
-    "outside the 95 % interval of their mean (Student's t); times without common rounds differ if their medians differ "
-    "by more than sqrt(s1^2 + s2^2); otherwise, or with fewer than three rounds, they are statistically "
+    "configurations are timed in interleaved rounds and compared round by round: they differ if the mean of the "
+    "rounds' log ratios differs from 0 (Student's t, 95 %); with fewer than three common rounds they are statistically "
     "indistinguishable"
 )
 
@@ -49,7 +47,8 @@ class Time:
 
 def time_of(samples: Sequence[float], *, interleaved: bool = True) -> Time:
     """Median and spread.  ``samples``: milliseconds > 0, one per round, at least one."""
-    median, spread = _median_and_spread(samples)
+    median = statistics.median(samples)
+    spread = MAD_TO_SIGMA * statistics.median(abs(s - median) for s in samples) if len(samples) > 2 else None
     return Time(median, spread, len(samples), tuple(samples) if interleaved else ())
 
 
@@ -57,15 +56,10 @@ def compare_times(a: Time, b: Time) -> int:
     """1 where ``a`` is slower than ``b``, -1 where it is faster, 0 where they are indistinguishable (``RULE``)."""
     from taubench_gl.metrics.bootstrap import student_interval  # imported late: SciPy takes 0.3 s
 
-    if ratios := _log_ratios(a, b):
-        difference, spread = _median_and_spread(ratios)
-        significant = len(ratios) > 2 and not student_interval(np.array(ratios)).contains_zero
-    else:
-        difference, significant = a.median - b.median, True
-        spread = None if a.spread is None or b.spread is None else math.hypot(a.spread, b.spread)
-    if spread is None or not significant or abs(difference) <= spread:
+    ratios = _log_ratios(a, b)
+    if len(ratios) < 3 or (found := student_interval(np.array(ratios))).contains_zero:
         return 0
-    return 1 if difference > 0 else -1
+    return 1 if found.estimate > 0 else -1
 
 
 def against(time: Time | None, baseline: Time | None) -> dict[str, Any] | None:
@@ -76,47 +70,38 @@ def against(time: Time | None, baseline: Time | None) -> dict[str, Any] | None:
 
 
 def _log_ratios(a: Time, b: Time) -> list[float]:
-    """Of common rounds; [] where there are none."""
-    same = len(a.rounds) == len(b.rounds)
-    return [math.log(x / y) for x, y in zip(a.rounds, b.rounds)] if same else []
-
-
-def _median_and_spread(samples: Sequence[float]) -> tuple[float, float | None]:
-    median = statistics.median(samples)
-    if len(samples) < 3:
-        return median, None
-    return median, MAD_TO_SIGMA * statistics.median(abs(s - median) for s in samples)
+    """Of the rounds that both have."""
+    return [math.log(x / y) for x, y in zip(a.rounds, b.rounds)]
 
 
 @dataclass(frozen=True, slots=True)
 class MaskError:
-    """Pixels of one column whose mask differs from the reference's.  Discarded is positive."""
+    """Pixels of one column whose mask differs from the reference's."""
 
     wrong: Array  # (n,) bool
     false_positive: float  # percent of the pixels: discarded, and not in the reference
     false_negative: float
-    points: float  # discarded share less that of the reference, percentage points: what is left after they cancel
 
     @property
     def percent(self) -> float:
         return self.false_positive + self.false_negative
 
+    @property
+    def points(self) -> float:
+        """The column less the reference's, percentage points: what is left after false ones cancel."""
+        return self.false_positive - self.false_negative
+
 
 def mask_errors(found: Mapping[str, Array], reference: Mapping[str, Array]) -> dict[str, MaskError]:
-    """By column, and OVERALL.  Both: column -> (n,) bool, whether each pixel is discarded."""
-    out, n = {}, len(next(iter(reference.values())))
-    for column, there in reference.items():
-        here = found[column]
-        more, less = 100.0 * float((here & ~there).sum()) / n, 100.0 * float((there & ~here).sum()) / n
-        out[column] = MaskError(here != there, more, less, more - less)
-    more, less = (
-        np.logical_or.reduce([a[c] & ~b[c] for c in reference]) for a, b in ((found, reference), (reference, found))
-    )
-    wrong = more | less  # a pixel with both kinds counts as a false positive
-    here, there = (np.logical_or.reduce(list(of.values())) for of in (found, reference))
-    shares = 100.0 * float(more.sum()) / n, 100.0 * float((less & ~more).sum()) / n
-    out[OVERALL] = MaskError(wrong, *shares, 100.0 * (float(here.sum()) - float(there.sum())) / n)
-    return out
+    """By column, and OVERALL: a pixel with errors of both kinds counts as a false positive.
+
+    Both: column -> (n,) bool, whether each pixel is discarded.
+    """
+    more = {c: found[c] & ~there for c, there in reference.items()}
+    less = {c: there & ~found[c] for c, there in reference.items()}
+    more[OVERALL] = np.logical_or.reduce(list(more.values()))
+    less[OVERALL] = np.logical_or.reduce(list(less.values())) & ~more[OVERALL]
+    return {c: MaskError(more[c] | less[c], *(100.0 * float(of[c].mean()) for of in (more, less))) for c in more}
 
 
 def noise_floor(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, float]:

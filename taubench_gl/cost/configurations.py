@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -67,6 +65,11 @@ class Configuration:
         """All its light is path-traced."""
         return self.settings.lighting.light == TRACED
 
+    @property
+    def slow(self) -> bool:
+        """Takes long, and the answer does not need it."""
+        return self.traced and self.role != BASELINE
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -92,8 +95,7 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) ->
     chosen = tuple(every if parameters is None else dict.fromkeys(parameters))
     for name in chosen:
         if name not in every:
-            moved = "use 'reuse evaluate --methods NAME@setting=VALUES'" if name.startswith("method:") else ""
-            raise SettingsError(f"no parameter is named {name!r}", hint=moved or f"choose from {', '.join(every)}")
+            raise SettingsError(f"no parameter is named {name!r}", hint=f"choose from {', '.join(every)}")
     named = [name for name in chosen if name in PARAMETERS]
     inapplicable = {name: reason for name in named if (reason := PARAMETERS[name].inapplicable(context))}
     active = tuple(name for name in named if name not in inapplicable)
@@ -117,7 +119,7 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) ->
     if len(found) == 1:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
-    found.sort(key=lambda c: (not c.comparable, c.traced and c.role != BASELINE))  # last: they take long
+    found.sort(key=lambda c: (not c.comparable, c.slow))
     return Plan(tuple(found), highest.settings, active, inapplicable)
 
 
@@ -206,20 +208,3 @@ def configuration(role: str, values: Mapping[str, Any], baseline: Settings) -> C
         settings = PARAMETERS[name].apply(settings, value)
     name = ", ".join(f"{n}={v}" for n, v in values.items())
     return Configuration(name, role, values, settings, on_cpu=values.get("storage") == CPU_FLOAT64)
-
-
-def identity(plan: Plan, scene_hash: str | None, frames: range, reference: str, camera: str) -> dict[str, str]:
-    """Short hashes of everything that the records of a study depend on, by part."""
-    baseline = plan.named(BASELINE).settings.as_summary(frames)
-    parts = {
-        "scene": [scene_hash, camera],
-        "settings": [baseline, [frames.start, frames.stop]],
-        "parameters": [[c.name, c.settings.as_summary(frames)] for c in plan.configurations],
-        "reference": reference,
-    }
-    return {name: fingerprint(part) for name, part in parts.items()}
-
-
-def fingerprint(part: Any) -> str:
-    """A short hash of JSON values."""
-    return hashlib.sha256(json.dumps(part, sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -79,12 +79,11 @@ def unpack(text: str) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What is rendered: ``settings`` are those of the study's baseline."""
+    """What is rendered, and which of its pixels are compared."""
 
     gpu: Gpu
     scene: Scene
     camera: CameraTrack
-    settings: Settings
     sample: PixelSample
 
 
@@ -179,19 +178,12 @@ class PairChannels:
         at = moved.at_px[pair.at[:, 1], pair.at[:, 0]]
         at = at[np.isfinite(at).all(axis=-1)]
         h, w = now["position"].shape[:2]
-        nearest = self._settings.metrics.sampling == "nearest"
-        # Nearest taps round half up along GL rows; both neighbors of a tie are looked up.
-        corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
-        base = np.floor(at).astype(np.int64)
-        if nearest:
-            near = np.abs(at - base - 0.5) < 1e-6
-            taps = [np.rint(at).astype(np.int64)] + [(base + c)[near.any(axis=-1)] for c in corners]
+        corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+        if self._settings.metrics.sampling == "nearest":  # both neighbors of a tie
+            taps = [np.rint(at + 2e-6 * (corner - 0.5)) for corner in corners]
         else:
-            taps = [base + c for c in corners]
-        found = np.concatenate(taps)
-        inside = (found >= 0).all(axis=-1) & (found[:, 0] < w) & (found[:, 1] < h)
-        clipped = np.clip(found, 0, [w - 1, h - 1])  # the guard band of Eq. (3)
-        return np.where(inside[:, None], found, clipped)
+            taps = [np.floor(at) + corner for corner in corners]
+        return np.clip(np.concatenate(taps), 0, [w - 1, h - 1]).astype(np.int64)  # the guard band of Eq. (3)
 
     def masks(self, light: Light | None = None) -> Array:
         """Mask words (n,) uint32, lit by ``light``, or as the settings say."""

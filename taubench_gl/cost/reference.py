@@ -97,17 +97,13 @@ class TracedPixels:
         write_atomically(folder / SUMS_FILE, data.getvalue())
 
     def load(self, folder: Path) -> None:
-        """Continue from ``save``, if there is a file of the same pixels."""
+        """Continue from ``save`` of the same study, if there is any."""
         path = folder / SUMS_FILE
         if not path.is_file():
             return
         with np.load(path) as stored:
-            sums = {h: {f: stored[f"{h}_{f}"] for f in of if f"{h}_{f}" in stored} for h, of in self._sums.items()}
-            same = all(
-                sums[h].get(f, np.zeros(0)).shape == a.shape for h, of in self._sums.items() for f, a in of.items()
-            )
-            if same:
-                self._sums, self._counts = sums, dict(zip(sums, stored["counts"].tolist(), strict=True))
+            self._sums = {s: {f: stored[f"{s}_{f}"] for f in of} for s, of in self._sums.items()}
+            self._counts = dict(zip(self._sums, stored["counts"].tolist(), strict=True))
 
     def release(self) -> None:
         with self._subject.gpu:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -30,9 +31,10 @@ from taubench_gl.outputs import output_folder, write_atomically
 
 COST_SCHEMA = "taubench-gl/cost/3"
 STUDY_FILE, PRESET_FILE = "study.json", "preset.toml"
+ERROR_NUMBERS = ("percent", "false_positive", "false_negative", "points")
 BUSY_SHARE, BUSY_DRIFT = 0.1, 0.2
 """A machine is busy if other processes take more than this share of its CPU time while configurations are timed, or if
-the baseline's time changes by more than this share."""
+the times change by more than this share."""
 
 Record = Mapping[str, Any]
 
@@ -87,27 +89,13 @@ class CostStudy:
         }
 
     def _point_json(self, p: Point) -> dict[str, Any]:
-        errors = {
-            c: {
-                "percent": e.percent,
-                "false_positive": e.false_positive,
-                "false_negative": e.false_negative,
-                "points": e.points,
-            }
-            for c, e in p.masks.items()
-        }
         return {
-            "name": p.name,
-            "label": p.label,
-            "role": p.role,
+            **{name: getattr(p, name) for name in ("name", "label", "role", "clock", "usable", "bytes")},
             "values": dict(p.values),
-            "masks": errors,
+            "masks": {c: {k: getattr(e, k) for k in ERROR_NUMBERS} for c, e in p.masks.items()},
             "columns": {c: asdict(d) for c, d in p.columns.items()},
             "ms": None if p.time is None else asdict(p.time),
-            "clock": p.clock,
             "against_baseline": against(p.time, self.point(BASELINE).time),
-            "usable": p.usable,
-            "bytes": p.bytes,
             "wrong": pack_bits(p.masks[OVERALL].wrong) if p.masks else None,
         }
 
@@ -163,15 +151,12 @@ def assemble(about: Mapping[str, Any], plan: Plan, records: Sequence[Record], re
     of_kind = {kind: [r for r in records if r["kind"] == kind] for kind in ("reference", "masks", "columns", "time")}
     columns = about["columns"]
     found = of_kind["reference"][-1] if of_kind["reference"] else None
-    reference = None if found is None else _decisions(found["words"], columns)
-    masks = {r["configuration"]: r for r in of_kind["masks"]}
-    measured = {r["configuration"]: r for r in of_kind["columns"]}
+    reference = {} if found is None else _decisions(found["words"], columns)
+    masks, measured = ({r["configuration"]: r for r in of_kind[kind]} for kind in ("masks", "columns"))
     points = []
 
     def errors(name: str) -> dict[str, Any]:
-        if reference is None or name not in masks:
-            return {}
-        return mask_errors(_decisions(masks[name]["words"], columns), reference)
+        return mask_errors(_decisions(masks[name]["words"], columns), reference) if name in masks and reference else {}
 
     for c in plan.configurations:
         timed = rounds_of(of_kind["time"], c.name)[:repeats]
@@ -204,41 +189,40 @@ def _decisions(words: str, columns: Sequence[str]) -> dict[str, Any]:
     return {c: discarded(unpacked, c) for c in columns}
 
 
-def _reference_facts(
-    found: Record | None, reference: Mapping[str, Any] | None, columns: Sequence[str]
-) -> dict[str, Any]:
+def _reference_facts(found: Record | None, reference: Mapping[str, Any], columns: Sequence[str]) -> dict[str, Any]:
     """Samples, discarded percent by column, the noise floor, and that of half the samples."""
-    if found is None or reference is None:
-        return {"samples": None, "percent": {}, "floor": {}, "floor_before": {}}
-    percent = {c: 100.0 * float(reference[c].mean()) for c in columns}
-    floor, before = (
-        {} if halves is None else noise_floor(*(_decisions(words, columns) for words in halves))
-        for halves in (found["halves"], next((f["halves"] for f in found.get("before", ())), None))
-    )
-    return {"samples": found["samples"], "percent": percent, "floor": floor, "floor_before": before}
+
+    def floor(of: Record | None) -> dict[str, float]:
+        halves = of["halves"] if of else None
+        return noise_floor(*(_decisions(words, columns) for words in halves)) if halves else {}
+
+    return {
+        "samples": found["samples"] if found else None,
+        "percent": {c: 100.0 * float(there.mean()) for c, there in reference.items()},
+        "floor": floor(found),
+        "floor_before": floor(next(iter((found or {}).get("before", ())), None)),
+    }
 
 
 def machine_state(records: Sequence[Record], cores: int | None) -> dict[str, Any]:
-    """While configurations were timed: the share of the machine's CPU time that other processes took, the change of the
-    baseline's median time from the first to the second half of the rounds, and whether the machine was busy.
-
-    None: not known.
+    """While configurations were timed: the share of the machine's CPU time that other processes took, the change of
+    the median times from the first to the second half of the rounds (median over configurations), and whether the
+    machine was busy.  None: not known.
     """
     visits = [r for r in records if r["kind"] == "time"]
-    known = [(r["seconds"], r["other_seconds"]) for r in visits if r.get("other_seconds") is not None]
-    available = (cores or 1) * sum(seconds for seconds, _ in known)
-    other = max(0.0, sum(s for _, s in known)) / available if available else None
-    baseline = [r["frame_ms"] for r in rounds_of(visits, BASELINE)]
-    half = len(baseline) // 2
-    first, last = (statistics.median(part) for part in (baseline[:half], baseline[-half:])) if half else (1.0, 1.0)
-    drift = max(first, last) / min(first, last) - 1.0 if half else None
+    available = (cores or 1) * sum(r["seconds"] for r in visits)
+    other = max(0.0, sum(r["other_seconds"] for r in visits)) / available if available else None
+    changes = []
+    for name in {r["configuration"] for r in visits}:
+        ms = [r["frame_ms"] for r in rounds_of(visits, name)]
+        if half := len(ms) // 2:
+            changes.append(math.log(statistics.median(ms[-half:]) / statistics.median(ms[:half])))
+    drift = math.expm1(abs(statistics.median(changes))) if changes else None
     busy = (other or 0.0) > BUSY_SHARE or (drift or 0.0) > BUSY_DRIFT
     return {"other_work": other, "drift": drift, "busy": busy}
 
 
 def _choice_json(c: Choice) -> dict[str, Any]:
-    named = {
-        n: None if p is None else p.name
-        for n, p in (("configuration", c.point), ("faster", c.faster), ("finer", c.finer))
-    }
+    points = {"configuration": c.point, "faster": c.faster, "finer": c.finer}
+    named = {role: p and p.name for role, p in points.items()}
     return {"column": c.column, "within": c.within, "budget_ms": c.budget_ms, "words": c.words} | named

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import os
 import platform
@@ -10,17 +12,18 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import date
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, camera_of_run
+from taubench_gl.animation import camera_of_run
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.cost import pixels
 from taubench_gl.cost.analysis import OVERALL
-from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, identity, make_plan
+from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, make_plan
 from taubench_gl.cost.errors import measure_columns
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext
-from taubench_gl.cost.pixels import PairChannels, PixelSample, draw_pixels, pack, rendered_masks
-from taubench_gl.cost.pixels import Subject as PixelSubject
+from taubench_gl.cost.pixels import PairChannels, draw_pixels, pack, rendered_masks
 from taubench_gl.cost.records import RECORDS_FILE, Records
 from taubench_gl.cost.reference import (
     HALVES,
@@ -40,7 +43,7 @@ from taubench_gl.evaluation import file_hashes, files_identity, frame_range, res
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.plan import FramePlan
 from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
-from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
@@ -105,15 +108,11 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(pixels.Subject):
     """What a study measures."""
 
-    gpu: Gpu
-    scene: Scene
-    camera: CameraTrack
     frames: range
     plan: Plan
-    sample: PixelSample
     series: SampleCountSeries | None  # path-traced renders as reference
     reference: str  # highest-quality | path-traced | exr
     samples: int | None  # asked for, of the path-traced reference
@@ -121,10 +120,6 @@ class Subject:
     @property
     def baseline(self) -> Settings:
         return self.plan.named(BASELINE).settings
-
-    @property
-    def pixels(self) -> PixelSubject:
-        return PixelSubject(self.gpu, self.scene, self.camera, self.baseline, self.sample)
 
 
 def cost(
@@ -178,8 +173,9 @@ def cost(
     header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
     with FolderLock(out):
         if fresh:
-            for name in (RECORDS_FILE, SUMS_FILE):
-                (out / name).unlink(missing_ok=True)
+            (out / RECORDS_FILE).unlink(missing_ok=True)
+        if not (out / RECORDS_FILE).exists():
+            (out / SUMS_FILE).unlink(missing_ok=True)  # of another study
         with closing(Records(out, header)) as records:
             measurements = Measurements(subject, records, request, out, progress, now or CLOCKS[clock][0])
             interrupted = False
@@ -213,7 +209,7 @@ def make_subject(
     kind, samples = ("exr", None) if series is not None else _reference_kind(reference, context)
     plan = make_plan(context, names)
     sample = draw_pixels(frames, (baseline.sequence.width, baseline.sequence.height))
-    return Subject(gpu, scene, camera, frames, plan, sample, series, kind, samples)
+    return Subject(gpu, scene, camera, sample, frames, plan, series, kind, samples)
 
 
 def _reference_kind(reference: str | None, context: StudyContext) -> tuple[str, int | None]:
@@ -273,8 +269,16 @@ def _about(subject: Subject, reference: str | None, clock: str) -> dict[str, Any
 
 
 def _identity(subject: Subject, about: Mapping[str, Any]) -> dict[str, str]:
-    files = files_identity(file_hashes(subject.scene, subject.baseline))
-    return identity(subject.plan, files, subject.frames, about["reference"]["identity"], about["camera"])
+    """Short hashes of everything that the records of a study depend on, by part."""
+    files, frames = files_identity(file_hashes(subject.scene, subject.baseline)), subject.frames
+    parts = {
+        "scene": [files, about["camera"]],
+        "settings": [subject.baseline.as_summary(frames), about["frames"]],
+        "parameters": [[c.name, c.settings.as_summary(frames)] for c in subject.plan.configurations],
+        "reference": about["reference"]["identity"],
+    }
+    texts = {name: json.dumps(part, sort_keys=True, default=str) for name, part in parts.items()}
+    return {name: hashlib.sha256(text.encode()).hexdigest()[:16] for name, text in texts.items()}
 
 
 def _processor() -> str:
@@ -307,7 +311,6 @@ class Measurements:
         visits = len(due_visits(plan, request.repeats, records.of("time"))) + (not records.of("reference"))
         due = len(self._masks_due) + len(self._renders_due) + len(self._columns_due)
         self._done, self._total = 0, due + visits
-        self._channels: PairChannels | None = None
 
     def run(self) -> None:
         """The reference, masks in the order of the plan, times in rounds, columns."""
@@ -315,14 +318,9 @@ class Measurements:
             with suppress(OutOfTime):
                 measure()
 
-    def _check_masks(self) -> None:
-        self._deadline.check(MASK_SHARE)
-
-    @property
+    @cached_property
     def _pairs(self) -> PairChannels:
-        if self._channels is None:
-            self._channels = PairChannels(self._subject.pixels, self._subject.baseline)
-        return self._channels
+        return PairChannels(self._subject, self._subject.baseline)
 
     def _measure_reference(self) -> None:
         subject, known = self._subject, self._records.of("reference")
@@ -339,7 +337,7 @@ class Measurements:
             self._add("reference", found)
         elif not known:
             self._report("reference: highest quality")
-            words = PairChannels(subject.pixels, subject.plan.highest, light=True).masks()
+            words = PairChannels(subject, subject.plan.highest, light=True).masks()
             self._add("reference", {"samples": None, "words": pack(words), "halves": None})
 
     def _trace_reference(self, known: Mapping[str, Any]) -> None:
@@ -356,7 +354,7 @@ class Measurements:
             return
         started = time.monotonic() - known["seconds"]
         self._report("reference: channels of the sampled pairs")
-        traced = TracedPixels(subject.pixels, self._pairs, reference_light(subject.baseline))
+        traced = TracedPixels(subject, self._pairs, reference_light(subject.baseline))
         try:
             traced.load(self._out)
             count, seconds, ahead, series = 1, 0.0, 0.0, []  # count: samples of a half
@@ -390,7 +388,7 @@ class Measurements:
             if not first and self._deadline.left(MASK_SHARE) < self._seconds_of_masks(configuration):
                 continue
             self._report(f"masks: {configuration.name}")
-            words = self._masks(configuration, (lambda: None) if first else self._check_masks)
+            words = self._masks(configuration, (lambda: None) if first else partial(self._deadline.check, MASK_SHARE))
             self._add("masks", {"configuration": configuration.name, "words": pack(words)})
 
     def _seconds_of_masks(self, configuration: Configuration) -> float:
@@ -401,7 +399,7 @@ class Measurements:
         return configuration.settings.lighting.path_samples * known["seconds"] / known["samples"]
 
     def _masks(self, configuration: Configuration, check: Callable[[], None]) -> Any:
-        subject = self._subject.pixels
+        subject = self._subject
         if configuration.on_cpu:
             return PairChannels(subject, configuration.settings, light=True, check=check).masks()
         if configuration.traced and self._subject.reference != HIGHEST_QUALITY:
@@ -424,7 +422,7 @@ class Measurements:
         with subject.gpu, Pool(open_one, subject.gpu.software) as pool:
             for number, configuration in due_visits(plan, self._request.repeats, self._records.of("time")):
                 self._deadline.check()
-                if self._too_long(configuration) or (not configuration.comparable and self._deadline.left(0.85) < 0.0):
+                if self._too_long(configuration):
                     continue
                 self._report(f"round {number + 1} of {self._request.repeats}: {configuration.name}")
                 with OtherWork() as work:
@@ -433,7 +431,8 @@ class Measurements:
                 self._add("time", tag | {"seconds": work.seconds, "other_seconds": work.other_seconds} | found)
 
     def _too_long(self, configuration: Configuration) -> bool:
-        """Whether a visit of path-traced light would end after the time limit, as far as other visits tell."""
+        """Whether a visit of path-traced light would take more than half of the time that is left, as far as other
+        visits tell."""
         if not configuration.traced:
             return False
         known = {r["configuration"]: r["frame_ms"] for r in self._records.of("time")}
@@ -441,7 +440,7 @@ class Measurements:
         per_sample = [known[name] / n for name, n in counts.items() if name in known]
         ms = known.get(configuration.name, counts[configuration.name] * max(per_sample, default=0.0))
         frames = 2 if configuration.name in known else 4  # a first visit also compiles
-        return 1e-3 * frames * ms > self._deadline.left()
+        return 1e-3 * frames * ms > 0.5 * self._deadline.left()
 
     def _measure_columns(self) -> None:
         for configuration in self._columns_due:

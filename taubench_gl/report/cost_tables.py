@@ -54,7 +54,7 @@ def _trust(study: Study) -> str:
     if state["other_work"] is not None:
         text += f", other processes took {100.0 * state['other_work']:.0f} % of the CPU time"
     if state["drift"] is not None:
-        text += f", the baseline's time changed by {100.0 * state['drift']:.0f} %"
+        text += f", times changed by {100.0 * state['drift']:.0f} %"
     if state["busy"]:
         text += ": the machine was BUSY"
         text += ", times are too long" if "monotonic" in study["clock"] else f"; clock: {study['clock']}"
@@ -116,17 +116,19 @@ def _error(p: Point, column: str) -> str:
     return f"+{e['false_positive']:.2g} -{e['false_negative']:.2g}" if e["percent"] else "0"
 
 
+def _errors(study: Study, points: Sequence[Point], title: str, *notes: str) -> Table:
+    """Mask errors, overall and by column, and times."""
+    heads = (*ERROR_HEADS, *study["columns"], "ms/frame", "of baseline", "MB")
+    rows = [_row(p, (*_overall(p, OVERALL), *(_error(p, c) for c in study["columns"]))) for p in points]
+    return _table(title, heads, rows, *notes)
+
+
 def _configurations(study: Study) -> Table:
-    rows = [
-        _row(p, (*_overall(p, OVERALL), *(_error(p, c) for c in study["columns"])))
-        for p in study["points"]
-        if p["masks"] and p["role"] != "effect"
-    ]
     floor = ", ".join(f"{c} {three(v)}" for c, v in study["reference"]["floor"].items() if v is not None)
-    return _table(
+    return _errors(
+        study,
+        [p for p in study["points"] if p["masks"] and p["role"] != "effect"],
         "All configurations: masks that are wrong",
-        (*ERROR_HEADS, *study["columns"], "ms/frame", "of baseline", "MB"),
-        rows,
         "percent of the pixels whose mask differs from the reference's; overall: in any column; columns: + discarded "
         "wrongly, - kept wrongly: their sum is the error, their difference is what is left where they cancel",
         f"noise floor of the reference, %: {floor or 'none'}",
@@ -182,15 +184,9 @@ def _difference(d: Mapping[str, Any]) -> str:
 
 def _storage(study: Study) -> Table:
     """Half floats, 32-bit floats and float64: the same settings but for the numbers."""
-    columns = (OVERALL, *study["columns"])
-    rows = []
-    for p in study["points"]:
-        if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"}):
-            _, *cells = _row(p, [three(p["masks"][c]["percent"]) for c in columns])
-            rows.append(("32-bit floats" if p["role"] == "baseline" else p["label"], *cells))
-    heads = (*(f"{c}, % wrong" for c in columns), "ms/frame", "of baseline", "MB")
-    note = "float64 masks are computed on the CPU and not timed"
-    return _table("Numerics: storage of channels", heads, rows if len(rows) > 1 else (), note)
+    points = [p for p in study["points"] if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"})]
+    note = "differ from the baseline in the numbers alone; float64 masks are computed on the CPU and not timed"
+    return _errors(study, points if len(points) > 1 else (), "Numerics: storage of channels", note)
 
 
 def _arithmetic() -> Table:

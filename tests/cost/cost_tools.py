@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from typing import Any
 
@@ -20,14 +21,23 @@ SMALL: dict[str, Any] = {
 """A study of geometry alone, which needs no light."""
 
 
-def point(name: str, wrong: Any, ms: float, spread: float | None = 0.01, **more: Any) -> Point:
-    """A point with one column, ``direct``, of 1000 pixels.  ``wrong``: how many are, the first ones, or which."""
+SCATTER = (0.0, 0.6745, -0.6745, 1.2, -1.2)
+"""Five rounds, standard deviations from the median: 1.4826 times their median absolute deviation is 1."""
+
+
+def point(name: str, wrong: Any, ms: float, spread: float = 0.01, **more: Any) -> Point:
+    """A point with one column, ``direct``, of 1000 pixels.  ``wrong``: how many are, the first ones, or which.
+
+    Its times scatter by ``spread``, in another order than those of other names.
+    """
     role = more.pop("role", "baseline" if name == "baseline" else "single")
     mask = np.zeros(1000, dtype=bool)
     mask[slice(wrong) if isinstance(wrong, int) else wrong] = True
     share = 100.0 * float(mask.mean())
-    error = MaskError(mask, share, 0.0, share)
-    return Point(name, name, role, {}, {"direct": error, OVERALL: error}, time=Time(ms, spread, 5), **more)
+    error = MaskError(mask, share, 0.0)
+    order = random.Random(name).sample(SCATTER, len(SCATTER))
+    time = Time(ms, spread, 5, tuple(ms * math.exp(z * spread / ms) for z in order))
+    return Point(name, name, role, {}, {"direct": error, OVERALL: error}, time=time, **more)
 
 
 class ModelClock:

@@ -56,7 +56,7 @@ function draw() {
     const px = x(p.ms.median), py = y(error(p));
     if (p.ms.spread) plot.append(svg("line", { class: "spread", x1: x(Math.max(p.ms.median - p.ms.spread, 0.5 * p.ms.median)), x2: x(p.ms.median + p.ms.spread), y1: py, y2: py }));
     if (p.name === data.chosen) plot.append(svg("circle", { class: "chosen", cx: px, cy: py, r: 12 }));
-    if (NAMED.includes(p.role)) plot.append(svg("text", { class: "name", x: px + 9, y: py - 7 }, p.label));
+    if (NAMED.includes(p.role) || p.name === data.chosen) plot.append(svg("text", { class: "name", x: px + 9, y: py - 7 }, p.label));
     addMark(plot, {
       shape: SHAPES[p.role], x: px, y: py, fill: data.colors[column], label: describe(p, column), title: p.label, name: p.name, dim: !front.includes(p),
     }, () => { status.textContent = describe(p, column); });
