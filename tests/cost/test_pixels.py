@@ -22,7 +22,7 @@ SETTINGS = Settings(width=24, height=14, indirect="none", shadow_size=64, bounce
 @pytest.fixture(scope="module")
 def subject(demo):
     scene = load_scene(demo)
-    return Subject(open_gpu("auto", None), scene, choose_camera(scene), SETTINGS, draw_pixels(range(20, 23), (24, 14)))
+    return Subject(open_gpu("auto", None), scene, choose_camera(scene), draw_pixels(range(20, 23), (24, 14)))
 
 
 @pytest.fixture(scope="module")
