@@ -19,7 +19,7 @@ LEFT_OUT = {
     r"exr:|^reference (render|check|compare)|-file renders": "reads renderings of other programs: tests/pathtraced",
     r"\.(blend|fbx|usdc|zip|csv|gltf)\b": "needs a file that is not shipped: tests/scene_formats, tests/datasets",
     r"museum|zero-day|my-scene|mine\.toml|valley": "needs a scene that is not shipped: tests/datasets",
-    r"dask|--workers|^batch|^benchmark (?!plan|compare)|^paper": "takes minutes: tests/batch, benchmark, paper",
+    r"dask|--workers|^batch|^benchmark (?!compare)|^paper": "takes minutes: tests/batch, benchmark, paper",
     r"^demo --all|^selftest( --json.*)?$": "takes minutes: tests/demos, tests/selftest",
     r"^reference clear": "removes references of the cache: tests/pathtraced",
     r"--preset|^cost .*--(parameters|for|time-limit)": "needs minutes of a study: tests/cost, tests/test_tour.py",
