@@ -28,7 +28,7 @@ $("flicker").addEventListener("click", () => setFlicker(!flickering));
 
 const asked = data.question, guess = $("guess");
 const guessedNumber = () => asked.low + (guess.value / guess.max) * (asked.high - asked.low);
-const withUnit = (number, digits, unit) => `${number.toFixed(digits)} ${unit}`.trim();
+const withUnit = (number, digits, unit) => `${fixed(number, digits)} ${unit}`.trim();
 const showGuess = () => {
   $("guessed").textContent = withUnit(guessedNumber(), asked.guess_digits, asked.unit);
   guess.setAttribute("aria-valuetext", $("guessed").textContent);
@@ -117,7 +117,7 @@ function setValue() {
   $("valued").textContent = p.texts[i];
   slider.setAttribute("aria-valuetext", p.texts[i]);
   canvas.setAttribute("aria-label", `Image at ${p.name} ${p.texts[i]}`);
-  const theory = isNumber(p.expected[i]) ? `; theory ${p.expected[i].toFixed(p.digits)} ± ${p.tolerance[i].toFixed(p.digits)}` : "";
+  const theory = isNumber(p.expected[i]) ? `; theory ${fixed(p.expected[i], p.digits)} ± ${fixed(p.tolerance[i], p.digits)}` : "";
   $("reading").replaceChildren(el("b", {}, withUnit(number, p.digits, p.number_unit)), ` ${p.meaning}${theory}`);
   canvas.dataset.value = String(i);
   redrawCurve();

@@ -81,17 +81,17 @@ function reuseSentence({ rates, rate, shares }, { terms, merged }) {
 function percentText(value) {
   if (value > 0 && value < 0.05) return "less than 0.1 %";
   if (value >= 99.95 && value < 100) return "more than 99.9 %";
-  return `${value.toFixed(value === 0 || value === 100 ? 0 : 1)} %`;
+  return `${fixed(value, value === 0 || value === 100 ? 0 : 1)} %`;
 }
 
 // report/upset.py: the largest sets in words, and the plot, null where one reason is all there is.
 function upsetText({ together: found }, { terms, most }) {
   const joined = (names) => names.map((name) => terms.find((t) => t.name === name).label).join(" and ");
   if (!found.length) return "Every pixel is reusable.";
-  if (new Set(found.flatMap((one) => one.names)).size === 1) return `The only reason is ${joined(found[0].names)}, ${found[0].share.toFixed(2)} % of all pixels.`;
+  if (new Set(found.flatMap((one) => one.names)).size === 1) return `The only reason is ${joined(found[0].names)}, ${fixed(found[0].share, 2)} % of all pixels.`;
   const rest = found.slice(most);
-  return `Reasons that occur together, % of all pixels: ${found.slice(0, 5).map((one) => `${joined(one.names)} ${one.share.toFixed(2)} %`).join(", ")}`
-    + (rest.length ? `; ${rest.length} more combinations, ${rest.reduce((sum, one) => sum + one.share, 0).toFixed(2)} % in all, are not in the plot.` : ".");
+  return `Reasons that occur together, % of all pixels: ${found.slice(0, 5).map((one) => `${joined(one.names)} ${fixed(one.share, 2)} %`).join(", ")}`
+    + (rest.length ? `; ${rest.length} more combinations, ${fixed(rest.reduce((sum, one) => sum + one.share, 0), 2)} % in all, are not in the plot.` : ".");
 }
 function upsetPlot({ together: found }, { terms, most }, label) {
   const shown = found.slice(0, most), rows = terms.filter((term) => shown.some((one) => one.names.includes(term.name)));
@@ -108,13 +108,13 @@ function upsetPlot({ together: found }, { terms, most }, label) {
     const y = top + ROW * (k + 0.5);
     if (k % 2 === 0) root.append(svg("rect", { x: left, y: y - ROW / 2, width: right - left, height: ROW, opacity: 0.07 }));
     root.append(svg("rect", { x: long(sums[k]), y: y - ROW / 4, width: bars - long(sums[k]), height: ROW / 2 }),
-      text(long(sums[k]) - 6, y + 4, sums[k].toFixed(2), { "text-anchor": "end" }), text(right + 12, y + 4, term.label));
+      text(long(sums[k]) - 6, y + 4, fixed(sums[k], 2), { "text-anchor": "end" }), text(right + 12, y + 4, term.label));
   });
   shown.forEach((one, k) => {
     const x = left + STEP * (k + 0.5), member = rows.map((term) => one.names.includes(term.name));
     const y = (i) => top + ROW * (i + 0.5);
     root.append(svg("rect", { x: x - STEP / 4, y: tall(one.share), width: STEP / 2, height: top - 12 - tall(one.share) }),
-      text(x, tall(one.share) - 6, one.share.toFixed(2), { "text-anchor": "middle" }));
+      text(x, tall(one.share) - 6, fixed(one.share, 2), { "text-anchor": "middle" }));
     root.append(svg("line", { x1: x, x2: x, y1: y(member.indexOf(true)), y2: y(member.lastIndexOf(true)), stroke: "currentColor", "stroke-width": 2 }));
     member.forEach((on, i) => root.append(svg("circle", { cx: x, cy: y(i), r: 7, opacity: on ? 1 : 0.15 })));
   });
@@ -156,7 +156,7 @@ function makeHeadline(box, run, state) {
     figure.replaceChildren(...(scroll ? [scroll] : []), el("figcaption", { class: "muted" }, words));
     note.textContent = coverage(counted);
   }
-  function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : value.toFixed(2); }
+  function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : fixed(value, 2); }
 
   return {
     async thresholds() {

@@ -54,6 +54,12 @@ function clamp(value, low, high) {
   return Math.min(high, Math.max(low, value));
 }
 
+// toFixed with ties to the even digit, as Python rounds: pages and tables agree.
+function fixed(value, digits) {
+  const scaled = value * 10 ** digits, tie = Math.abs(scaled % 1) === 0.5 && Number.isInteger(value * 2 ** (digits + 1));
+  return (tie ? (2 * Math.round(scaled / 2)) / 10 ** digits : value).toFixed(digits);
+}
+
 // "12.34 %"; "–" for no value.
 function percent(value) {
   if (!isNumber(value)) return "–";
