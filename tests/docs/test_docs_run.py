@@ -42,18 +42,12 @@ PYTHON = {
         ('size="640x360", frames=range(0, 24)', 'size="64x36", frames=range(3)'),
         ("pair.explain(320, 180)", "pair.explain(32, 18)"),
     ],
-    "docs/cost.md": [
-        ("width=480, height=270", "width=64, height=36"),
-        ('out="study", time_limit=300', 'out="made", frames=(0, 3), time_limit=5'),
-    ],
-    "docs/demos.md": [("size=(640, 360)", "size=(160, 90)")],
-    "docs/export.md": [("num_workers=2", "num_workers=0")],  # a process with OpenGL is not to be forked
-    "docs/reuse-evaluation.md": [("width=640, height=360", "width=64, height=36"), ("frames=(0, 48)", "frames=(0, 3)")],
 }
-"""Pages whose Python examples run, and what is replaced in them.  Those of batch.md need a cluster; those of api.md
-run in tests/test_api.py, the classes of reuse.md in tests/reuse."""
+"""Pages whose Python examples run, and what is replaced in them."""
 
 QUICK = ("docs/commands/inspect.md", "docs/commands/completion.md", "docs/reuse.md")
+LONG = ("README.md", "docs/commands/report.md", "docs/commands/scenes.md", "docs/commands/stress.md")
+"""Pages whose examples run; tests/test_tour.py runs those of the tour."""
 
 
 def reason_of(words: list[str]) -> str | None:
@@ -63,9 +57,6 @@ def reason_of(words: list[str]) -> str | None:
 
 def lines_of(page: Path) -> list[list[str]]:
     return [words for words in map(words_of, command_lines(page)) if reason_of(words) is None]
-
-
-RUN = [page for page in PAGES if NAMES[page] != "docs/tour.md" and (lines_of(page) or NAMES[page] in PYTHON)]
 
 
 def reduced(words: list[str]) -> list[str]:
@@ -125,9 +116,9 @@ def test_examples_run(name: str, folder: Path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("page", [page for page in RUN if NAMES[page] not in QUICK], ids=NAMES.get)
-def test_every_example_runs(page: Path, folder: Path):
-    check(page)
+@pytest.mark.parametrize("name", LONG)
+def test_more_examples_run(name: str, folder: Path):
+    check(ROOT / name)
 
 
 def test_what_is_left_out_exists_and_what_is_replaced_is_there():
