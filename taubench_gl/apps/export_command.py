@@ -27,7 +27,7 @@ class _Names(click.ParamType):
 @click.command(
     epilog="""\b
 Examples:
-  taubench-gl export scene.glb --out frames
+  taubench-gl export scene.glb --out gbuffers
   taubench-gl export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks
   taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
   taubench-gl export scene.glb --out pairs --noisy-spp 1 --seeds 4 --reference-spp 1024 --size 320x180
