@@ -29,7 +29,7 @@ TIMED, WARM = 4, 2
 VISIT_MS, TURNS = 100.0, 16
 """The frames of a visit are drawn repeatedly until they took this long, at most so often.  The fastest turn counts:
 other work of the machine can only add time.  If a single frame takes longer, only one is timed, after one that is not:
-visits scatter nearly as much with four (by 8 to 14 % instead of 10 to 16 % on llvmpipe), at three times the price."""
+visits scatter nearly as much with four (by 8 to 16 % instead of 9 to 17 % on llvmpipe), at three times the time."""
 
 MEMORY_SHARE = 0.4
 """Share of the free memory that open configurations may use."""

@@ -130,15 +130,15 @@ def telling_pair(rows: Sequence[Mapping[str, Any]], feature: str) -> int | None:
 
 def caption_1(label: str) -> str:
     return (
-        f"As Figure 1 of the paper, of {label}: the first frame, and the camera rotated by 25 degrees in pitch, yaw and roll. "
-        "The checkerboard shows pixels without history."
+        f"As Figure 1 of the paper, of {label}: the first frame, and the camera rotated by 25 degrees in pitch, yaw "
+        "and roll. The checkerboard shows pixels without history."
     )
 
 
 def caption_2(label: str, run: Run) -> str:
     return (
-        f"As Figure 2 of the paper, of {label}: two frames and the mask of each feature, in the pair that shows most of it "
-        f"among the half of the pairs with the fewest frustum discards ({lighting_text(run.summary)})."
+        f"As Figure 2 of the paper, of {label}: two frames and the mask of each feature, in the pair that shows most "
+        f"of it among the half of the pairs with the fewest frustum discards ({lighting_text(run.summary)})."
     )
 
 

@@ -59,7 +59,9 @@ def _trust(study: Study) -> str:
         text += ": the machine was BUSY"
         text += ", times are too long" if "monotonic" in study["clock"] else f"; clock: {study['clock']}"
     missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"])
-    return text + (f"; {missing} configurations are not timed yet: run again to go on" if missing else "")
+    if missing:
+        text += f"; {missing} configuration{'s are' if missing > 1 else ' is'} not timed yet: run again to go on"
+    return text
 
 
 def heading(study: Study) -> list[str]:
