@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, Queue
 from typing import Any
 
-from taubench_gl.batch.engines import THREADS_VARIABLE, available_cores
+from taubench_gl.batch.engines import THREADS_VARIABLES, available_cores
 from taubench_gl.batch.units import ATTEMPTS, Event, Lost, NoGraphics, Slot, Unit
 from taubench_gl.batch.worker import NoOpenGL, Worker, attempt, warm_up
 from taubench_gl.errors import TaubenchError
@@ -41,8 +41,8 @@ class DaskCluster:
             raise TaubenchError("Dask is not installed", hint="pip install 'taubench-gl[cluster]'") from None
         try:
             if self._address is None:
-                # One GL thread per process, so that all processes together have one thread per core.
-                one = {"distributed.nanny.pre-spawn-environ": {THREADS_VARIABLE: "1", "OMP_NUM_THREADS": "1"}}
+                # One thread of a kind per process, so that all processes together have one per core.
+                one = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREADS_VARIABLES, "1")}
                 with dask.config.set(one):
                     self._cluster = distributed.LocalCluster(
                         n_workers=self._count,

@@ -19,6 +19,9 @@ from taubench_gl.batch.worker import Worker, attempt
 THREADS_VARIABLE = "LP_NUM_THREADS"
 """Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
 
+THREADS_VARIABLES = (THREADS_VARIABLE, "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""That of libraries, too: OpenMP threads wait in loops, so that more of them than cores took twice the time (FLIP)."""
+
 TAIL_BYTES = 4000
 
 
@@ -28,12 +31,12 @@ def available_cores() -> int:
 
 
 def worker_environment(workers: int) -> dict[str, str]:
-    """The environment of each of ``workers`` processes: all of them together have one GL thread per core.
+    """The environment of each of ``workers`` processes: all of them together have one thread of a kind per core.
 
     A value that the user has set is kept.
     """
     threads = str(max(1, available_cores() // workers))
-    return {THREADS_VARIABLE: threads} | dict(os.environ)
+    return dict.fromkeys(THREADS_VARIABLES, threads) | dict(os.environ)
 
 
 class InProcess:

@@ -123,8 +123,9 @@ def test_worker_processes_share_the_cores(monkeypatch):
     from taubench_gl.batch import engines
 
     monkeypatch.setattr(engines, "available_cores", lambda: 8)
-    monkeypatch.delenv("LP_NUM_THREADS", raising=False)
-    assert [engines.worker_environment(n)["LP_NUM_THREADS"] for n in (1, 2, 3, 8, 20)] == ["8", "4", "2", "1", "1"]
+    for name in engines.THREADS_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+        assert [engines.worker_environment(n)[name] for n in (1, 2, 3, 8, 20)] == ["8", "4", "2", "1", "1"]
     monkeypatch.setenv("LP_NUM_THREADS", "5")
     assert engines.worker_environment(4)["LP_NUM_THREADS"] == "5"
 
