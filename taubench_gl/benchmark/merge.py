@@ -25,7 +25,7 @@ from taubench_gl.benchmark.values import (
     over_cases,
     to_scale,
 )
-from taubench_gl.reuse.comparison import MIN_SEEDS
+from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES
 
@@ -137,9 +137,13 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
         return {"state": method["state"], "reason": method["reason"]}
     classes = {name: entry.get("flip") for name, entry in method["classes"].items()}
     mean = {name: method["mean"].get(name) for name in measures}
-    seeds = {name: interval_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
+    found = {name: interval_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
+    seeds = {name: ends for name, ends in found.items() if ends is not None} or None
+    reasons = {name: why for name, why in method["reasons"].items() if name not in MEASURES or name in measures}
+    if seeds is None:
+        reasons["over_seeds"] = FEW_SEEDS
     return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
-            "classes": classes, "reuse": method["reuse"], "reasons": method["reasons"]}  # fmt: skip
+            "classes": classes, "reuse": method["reuse"], "reasons": reasons}  # fmt: skip
 
 
 def _track(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.metrics.bootstrap import student_interval
-from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS, NO_VALUE
+from taubench_gl.reuse.comparison import MIN_SEEDS
 from taubench_gl.reuse.quality import MEASURES
 
 Result = Mapping[str, Any]
@@ -56,9 +56,9 @@ def by_seed(method: Result, measure: str) -> list[float] | None:
     return out
 
 
-def interval_over_seeds(values: Sequence[float] | None) -> dict[str, Any]:
-    """Mean and 95 % interval over the means of the seeds, Student's t; null with the reason for fewer than five."""
+def interval_over_seeds(values: Sequence[float] | None) -> dict[str, float] | None:
+    """``low`` and ``high``: 95 % interval over the seeds, Student's t; None for fewer than five"""
     if values is None or len(values) < MIN_SEEDS:
-        return {"low": None, "high": None, "reason": NO_VALUE if values is None else FEW_SEEDS}
+        return None
     found = student_interval(np.array(values))
-    return {"low": found.low, "high": found.high, "reason": None}
+    return {"low": found.low, "high": found.high}

@@ -104,6 +104,9 @@ def test_the_result_is_complete_and_can_be_read(whole):
     assert turning["discarded_percent"] > first["discarded_percent"]
     assert summary["methods"]["ideal-masks"]["yardstick"]
     assert summary["methods"]["ideal-masks"]["tracks"]["upscaling"]["state"] == "not applicable"
+    cell = summary["methods"]["none"]["cases"]["demo/rotation=0/noisy"]
+    assert cell["over_seeds"] is None and "over_seeds" in cell["reasons"]  # two seeds
+    assert not {"lpips", "hdr_flip"} & set(cell["reasons"])  # the suite does not ask for them
     curve = summary["speeds"]["demo/rotation/noisy"]["measures"]["flip"]["taa_clamp"]
     means = [summary["methods"]["taa_clamp"]["cases"][c]["mean"]["flip"] for c in list(summary["cases"])[:2]]
     assert [step["mean"] for step in curve["steps"]] == pytest.approx(means)
