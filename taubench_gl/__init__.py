@@ -21,7 +21,7 @@ _LAZY = {
     "Settings": "taubench_gl.settings:Settings",
     "Run": "taubench_gl.run:Run",
     "load_run": "taubench_gl.run:load_run",
-    "load_preset": "taubench_gl.cost.preset:load_preset",
+    "load_preset": "taubench_gl.preset:load_preset",
     "load_scene": "taubench_gl.scene:load_scene",
     "sample": "taubench_gl.animation:sample",
     "Scene": "taubench_gl.scene.model:Scene",

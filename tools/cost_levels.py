@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.cost.parameters import PARAMETERS
-from taubench_gl.cost.preset import LEVEL_FIELDS, LEVELS, save_level
+from taubench_gl.preset import LEVEL_FIELDS, LEVELS, save_level
 from taubench_gl.settings import Settings
 
 Study = Mapping[str, Any]

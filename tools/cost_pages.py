@@ -21,7 +21,7 @@ import numpy as np
 from cost_levels import chosen_points
 
 from taubench_gl.cost.analysis import MaskError, Point, compare_errors, compare_times, time_of
-from taubench_gl.cost.preset import LEVELS
+from taubench_gl.preset import LEVELS
 from taubench_gl.report.cost_plots import plot_study
 from taubench_gl.report.cost_tables import OVERALL, answer, three
 from taubench_gl.report.render import to_markdown
@@ -110,13 +110,15 @@ def beating(studies: Sequence[Study], name: str) -> list[str]:
     in the other."""
     points = pooled(studies)
     floor = statistics.fmean(s["reference"]["floor"].get(OVERALL) or 0.0 for s in studies)
-    one, out = next(p for p in points if p.name == name), []
-    for p in points:
-        slower, less_exact = compare_times(p.time, one.time), compare_errors(p, one, OVERALL, floor)
-        no_slower = slower <= 0 and p.time.median <= one.time.median
-        if (slower < 0 and less_exact <= 0) or (less_exact < 0 and no_slower):
-            out.append(p.label)
-    return out
+    one = next(p for p in points if p.name == name)
+    return [p.label for p in points if beats(p, one, floor)]
+
+
+def beats(a: Point, b: Point, floor: float) -> bool:
+    """Whether ``a`` is better than ``b`` beyond noise, in time or exactness, and not worse in the other."""
+    slower, less_exact = compare_times(a.time, b.time), compare_errors(a, b, OVERALL, floor)
+    no_slower = slower <= 0 and a.time.median <= b.time.median
+    return (slower < 0 and less_exact <= 0) or (less_exact < 0 and no_slower)
 
 
 def timed_of(study: Study) -> int:

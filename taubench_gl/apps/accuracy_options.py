@@ -9,10 +9,8 @@ import click
 
 from taubench_gl.apps.options import given_options, of_settings, with_options
 from taubench_gl.errors import SettingsError
+from taubench_gl.preset import LEVEL_NAMES, LEVELS, load_preset
 from taubench_gl.settings import STORAGES, Settings
-
-QUALITIES = ("draft", "fast", "balanced", "accurate", "highest")
-"""Of ``cost.preset.LEVELS``, which takes long to import."""
 
 
 def accuracy_options(command: Any) -> Any:
@@ -55,7 +53,7 @@ def preset_option(command: Any) -> Any:
     )(command)
     return click.option(
         "--quality",
-        type=click.Choice(QUALITIES),
+        type=click.Choice(LEVEL_NAMES),
         help="A preset of the package, see docs/cost.md; balanced is the defaults.",
     )(command)
 
@@ -67,8 +65,6 @@ def with_preset(options: dict[str, Any], preset: Path | None, quality: str | Non
         raise SettingsError("--preset and --quality are both given", hint="give one of them")
     if preset is None and quality is None:
         return options
-    from taubench_gl.cost.preset import LEVELS, load_preset
-
     preset = preset or LEVELS[quality]
     values = load_preset(preset)
     given = given_options(("size", *values))

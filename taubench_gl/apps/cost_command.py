@@ -14,6 +14,7 @@ from taubench_gl.apps.accuracy_options import accuracy_options, removed_option
 from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
+    List,
     OutPath,
     frame_options,
     gpu_options,
@@ -22,7 +23,7 @@ from taubench_gl.apps.options import (
     settings_from,
 )
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.errors import TaubenchError
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -44,6 +45,18 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
     context.exit()
 
 
+class Duration(click.ParamType):
+    """``90s``, ``5m``, ``1h`` -> seconds; ``none``: None."""
+
+    name = "T"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        found = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)|none", str(value).strip())
+        if found is None:
+            self.fail(f"{value!r} is no time such as 90s, 5m, 1h, or none", param, ctx)
+        return float(found[1]) * {"s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}[found[2]] if found[1] else None
+
+
 @click.command(
     epilog="""\b
 Examples:
@@ -61,7 +74,7 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the study.")
 @click.option(
-    "--parameters", metavar="LIST", help="Parameters to vary, comma-separated, see --list-parameters.  [default: all]"
+    "--parameters", type=List(), help="Parameters to vary, comma-separated, see --list-parameters.  [default: all]"
 )
 @former_option("--knobs", "--parameters")
 @removed_option("--method-input", "'reuse evaluate' shows error against time of reuse methods")
@@ -74,9 +87,9 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 )
 @click.option(
     "--time-limit",
+    type=Duration(),
     default="5m",
     show_default=True,
-    metavar="T",
     help="Start no measurement after this time, such as 90s, 5m, 1h or none.  A later run goes on.",
 )
 @click.option("--within", type=float, metavar="PERCENT", help="Choose the fastest with at most PERCENT wrong masks.")
@@ -107,7 +120,7 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @light_options
 @accuracy_options
 @gpu_options
-def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: Any) -> int:
+def cost(scenes: tuple[str, ...], out: Path, **options: Any) -> int:
     """Recommend settings for SCENE: how many masks they get wrong, and what a frame takes.
 
     The options below are the baseline.  It is compared with the quality levels, with one parameter changed, with
@@ -115,10 +128,8 @@ def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: 
     pixels is compared.  Configurations are timed in turn, A B C A B C.  The first three lines are the answer.  With
     several scenes, each gets a folder inside DIR and its own time.
     """
-    names = ("reference", "within", "budget_ms", "repeats", "fresh", "choose_for", "clock")
+    names = ("parameters", "reference", "within", "budget_ms", "choose_for", "repeats", "time_limit", "fresh", "clock")
     request = {name: options.pop(name) for name in names}
-    request["time_limit"] = seconds_of(options.pop("time_limit"))
-    request["parameters"] = None if parameters is None else _split(parameters)
     settings = settings_from(options)
     failed = 0
     for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
@@ -130,20 +141,6 @@ def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: 
             click.echo(f"taubench-gl: error: {error}", err=True)
             failed += 1
     return 2 if failed else 0
-
-
-def seconds_of(text: str) -> float | None:
-    """``90s``, ``5m``, ``1h``; ``none``: None.  Raises SettingsError."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text.strip())
-    if text == "none":
-        return None
-    if found is None:
-        raise SettingsError(f"time limit is {text!r}", hint="give a time such as 90s, 5m, 1h, or none")
-    return float(found[1]) * {"s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}[found[2]]
-
-
-def _split(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _run(scene: str, settings: Settings, folder: Path, request: dict[str, Any]) -> None:
@@ -170,10 +167,8 @@ class _Progress:
         self._name, self._printed = name, -1
 
     def __call__(self, step: Step) -> None:
-        line, part = (
-            f"{self._name}: {step.done}/{step.total}, {step.what}",
-            step.done * self.LINES // max(step.total, 1),
-        )
+        line = f"{self._name}: {step.done}/{step.total}, {step.what}"
+        part = step.done * self.LINES // max(step.total, 1)
         if sys.stderr.isatty():
             click.echo(f"\r\033[K{line}", nl=False, err=True)
         elif part != self._printed:

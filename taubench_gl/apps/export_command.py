@@ -7,21 +7,15 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import OutPath, frame_options, gpu_options, light_options, pair_options, settings_from
-
-
-class _Names(click.ParamType):
-    """Comma-separated channel names; ``export.channels`` checks them."""
-
-    name = "LIST"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        chosen = tuple(word.strip() for word in value.split(",") if word.strip())
-        if not chosen:
-            self.fail("no channel is named; leave the option out for gbuffer,flow,masks", param, ctx)
-        return chosen
+from taubench_gl.apps.options import (
+    List,
+    OutPath,
+    frame_options,
+    gpu_options,
+    light_options,
+    pair_options,
+    settings_from,
+)
 
 
 @click.command(
@@ -49,7 +43,10 @@ prev_visibility, path_info, all; exact_reasons."""
     help="exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout.",
 )
 @click.option(
-    "--channels", type=_Names(), default=(), help="Names and groups, see below.  [default: gbuffer,flow,masks]"
+    "--channels",
+    type=List("no channel is named; leave the option out for gbuffer,flow,masks"),
+    default=(),
+    help="Names and groups, see below.  [default: gbuffer,flow,masks]",
 )
 @click.option(
     "--precision",

@@ -67,6 +67,23 @@ class Size(click.ParamType):
         return _parsed(self, parse_size, value, param, ctx)
 
 
+class List(click.ParamType):
+    """``a,b`` -> ("a", "b"), in the order given.  ``empty``: what to say of an empty list."""
+
+    name = "LIST"
+
+    def __init__(self, empty: str = "the list is empty"):
+        self.empty = empty
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        parts = tuple(part.strip() for part in value.split(",") if part.strip())
+        if not parts:
+            self.fail(self.empty, param, ctx)
+        return parts
+
+
 class Frames(click.ParamType):
     """``A:B`` -> (A, B), a Python slice of frame numbers; a missing end is None."""
 

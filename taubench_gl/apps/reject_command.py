@@ -11,6 +11,7 @@ import click
 
 from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import (
+    List,
     OutPath,
     culling_option,
     frame_options,
@@ -21,7 +22,6 @@ from taubench_gl.apps.options import (
     unit_scale_option,
     with_options,
 )
-from taubench_gl.apps.reuse_evaluate_command import List
 
 if TYPE_CHECKING:
     from taubench_gl.reject.evaluate import Rejection

@@ -13,6 +13,7 @@ import click
 from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
+    List,
     OutPath,
     Words,
     frame_options,
@@ -44,20 +45,6 @@ METHODS_HELP = (
     "as @alpha=0.1/0.2 or @alpha=lo:hi:n.  exr:DIR: frames made elsewhere, with settings mapping, layer, offset, "
     "scale, label."
 )
-
-
-class List(click.ParamType):
-    """``a,b`` -> ("a", "b"), in the order given."""
-
-    name = "LIST"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        parts = tuple(part.strip() for part in value.split(",") if part.strip())
-        if not parts:
-            self.fail("the list is empty", param, ctx)
-        return parts
 
 
 def shared_options(command: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import OutPath, Size, given_options, gpu_options, strict_option
+from taubench_gl.apps.options import List, OutPath, Size, given_options, gpu_options, strict_option
 from taubench_gl.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -96,7 +96,9 @@ of lists time, position, rotation.  The presets have the paper's rows of Tables 
 @click.option("--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, meters per frame.")
 @click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; write a table and a plot to --out.")
 @click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
-@click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: columns.")
+@click.option(
+    "--columns", type=List(), default="frustum,position,normal,direct", show_default=True, help="--sweep: columns."
+)
 @click.option("--out", type=OutPath(), required=True, metavar="OUT.glb|DIR")
 @strict_option
 @gpu_options
@@ -174,11 +176,10 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
         raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")
     base = _spec(options["camera"] or "still", options, 0.5)
     width, height = options["size"]
-    columns = tuple(name.strip() for name in options["columns"].split(",") if name.strip())
     settings = Settings(
         width=width,
         height=height,
-        columns=columns,
+        columns=options["columns"],
         strict=options["strict"],
         backend=options["backend"],
         device=options["device"],
@@ -188,7 +189,7 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
     click.echo(f"{name}: {plan.count} speeds, {base.frames - 1} pairs each", err=True)
     rows = run_sweep(scene, plan, base, settings, out,
                      lambda done, of: click.echo(f"{name}: {done}/{of}", err=True))  # fmt: skip
-    measured = [name for name in columns if any(row[f"{name}_percent"] is not None for row in rows)]
+    measured = [name for name in options["columns"] if any(row[f"{name}_percent"] is not None for row in rows)]
     click.echo("  ".join([f"{plan.axis:>12}", *(f"{name:>9}" for name in measured)]))
     for row in rows:
         speed = f"{row[f'mean_{plan.axis}_{plan.unit}']:>10.3f} {'m' if plan.unit == 'm' else '°'}"

@@ -11,9 +11,9 @@ runs them in order.
 from taubench_gl.cost.analysis import Point, choose, pareto_front
 from taubench_gl.cost.configurations import Configuration, make_plan
 from taubench_gl.cost.parameters import PARAMETERS, Parameter
-from taubench_gl.cost.preset import load_preset, save_preset
 from taubench_gl.cost.result import CostStudy
 from taubench_gl.cost.study import cost
+from taubench_gl.preset import load_preset, save_preset
 
 __all__ = [
     "PARAMETERS",

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taubench_gl.cost.parameters import CPU_FLOAT64, LIGHT, PARAMETERS, TRACED, StudyContext
-from taubench_gl.cost.preset import LEVELS, load_preset
 from taubench_gl.errors import SettingsError
+from taubench_gl.preset import LEVELS, load_preset
 from taubench_gl.settings import Settings
 
 BASELINE, HIGHEST = "baseline", "highest_quality"

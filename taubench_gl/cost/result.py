@@ -25,9 +25,9 @@ from taubench_gl.cost.analysis import (
 from taubench_gl.cost.configurations import BASELINE, Plan
 from taubench_gl.cost.errors import column_differences
 from taubench_gl.cost.pixels import discarded, pack_bits, unpack
-from taubench_gl.cost.preset import save_preset
 from taubench_gl.cost.timing import rounds_of
 from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.preset import save_preset
 
 COST_SCHEMA = "taubench-gl/cost/3"
 STUDY_FILE, PRESET_FILE = "study.json", "preset.toml"

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from taubench_gl.apps.accuracy_options import QUALITIES
 from taubench_gl.apps.cli import cli
-from taubench_gl.cost.preset import LEVEL_FIELDS, LEVEL_NAMES, LEVELS, level_settings
 from taubench_gl.errors import SettingsError
+from taubench_gl.preset import LEVEL_FIELDS, LEVEL_NAMES, LEVELS, level_settings
 from taubench_gl.settings import FIELDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -64,7 +63,6 @@ def test_evaluate_uses_a_level(demo, tmp_path):
     used = json.loads((tmp_path / "run" / "summary.json").read_text())["settings"]
     wanted = level_settings("draft") | {"shadow_size": 64}
     assert {name: used[name] for name in wanted} == wanted, "options given beside the level take precedence"
-    assert tuple(QUALITIES) == LEVEL_NAMES
 
 
 def test_preset_and_quality_exclude_each_other(demo, tmp_path):

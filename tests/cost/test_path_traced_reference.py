@@ -10,11 +10,11 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.cost import cost
 from taubench_gl.cost.configurations import BASELINE, make_plan
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext, with_light
-from taubench_gl.cost.preset import LEVELS
 from taubench_gl.cost.reference import SUMS_FILE
 from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.preset import LEVELS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 

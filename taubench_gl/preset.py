@@ -1,4 +1,4 @@
-"""Presets: recommended settings as a TOML file for ``evaluate --preset``."""
+"""Presets: settings as a TOML file for ``evaluate --preset``, and the named levels of ``--quality``."""
 
 from __future__ import annotations
 
