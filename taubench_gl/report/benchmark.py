@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
+import numpy as np
+
+from taubench_gl.report.figures import as_title, label_ends, new_figure, save_figure
+from taubench_gl.report.method_styles import method_styles
 from taubench_gl.report.page import data_uri, render_page
 from taubench_gl.report.render import to_html
 from taubench_gl.report.tables import Column, Row, Table
@@ -19,18 +23,34 @@ SHOWN = {
 """Measures of the rankings: title and digits."""
 
 UNITS = {"rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame"}
+AXES = {
+    "rotation": "rotation of the camera", "translation": "speed of the camera",
+    "light_speed": "speed of the lights", "object_speed": "speed of the objects",
+}  # fmt: skip
 PLOT_NAME = "speeds"
-_LINES = ("-", "--", ":", "-.")
+FINE = 16
+"""Points of a plotted line between two steps."""
 
 
 def benchmark_tables(summary: Summary) -> list[Table]:
-    """Rankings by track, FLIP by difficulty and by pixel class, speeds, and the cases."""
-    tables = [_ranking(summary, track, rankings) for track, rankings in summary["rankings"].items() if rankings]
-    tables += [_split(summary, track, "levels") for track in summary["rankings"]]
-    tables += [_split(summary, track, "classes") for track in summary["rankings"]]
-    tables += [_speeds(summary)] if summary["speeds"] else []
-    tables.append(_cases(summary))
-    return [Table(i, t.title, t.columns, t.rows, t.notes) for i, t in enumerate((t for t in tables if t.rows), start=1)]
+    """Rankings by track, speeds, FLIP by difficulty and by pixel class, and the cases."""
+    return [table for tables in benchmark_sections(summary).values() for table in tables]
+
+
+def benchmark_sections(summary: Summary) -> dict[str, list[Table]]:
+    """``benchmark_tables`` by section of the page: ``ranks speeds classes cases``."""
+    tracks = summary["rankings"]
+    found = {
+        "ranks": [_ranking(summary, track, rankings) for track, rankings in tracks.items() if rankings],
+        "speeds": [_speeds(summary)] if summary["speeds"] else [],
+        "classes": [_split(summary, track, block) for block in ("levels", "classes") for track in tracks],
+        "cases": [_cases(summary)],
+    }
+    numbers = itertools.count(1)
+    return {
+        name: [Table(next(numbers), t.title, t.columns, t.rows, t.notes) for t in tables if t.rows]
+        for name, tables in found.items()
+    }
 
 
 def ranks(entry: Summary) -> str:
@@ -67,9 +87,19 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
         rows.append(Row(label, tuple(cells), reasons={0: why} if why else {}))
     found = rankings[names[0]]
     over = f"paired by {found['over'][:-1]}, {found['count']} {found['over']}" if found["over"] else found["reason"]
-    note = f"Ranks: Student's t, {over}; Holm's correction for all pairs of a measure." if found["over"] else \
-        f"No ranks: {over}; order by the mean."  # fmt: skip
-    return Table(0, f"{track}: scorecard", tuple(columns), tuple(rows), (note,))
+    note = (
+        "2-4: the 95 % intervals of the differences between methods allow each of these ranks (Student's t, "
+        f"{over}; Holm's correction for all pairs of a measure)." if found["over"] else f"No ranks: {over}."
+    )  # fmt: skip
+    first = f"Order: by mean {SHOWN[names[0]][0]}, except methods that failed or are not ranked."
+    return Table(0, f"{track}: scorecard ({_contents(summary, track)})", tuple(columns), tuple(rows), (first, note))
+
+
+def _contents(summary: Summary, track: str) -> str:
+    """``12 cases, input noisy@64``."""
+    own = {name: case for name, case in summary["cases"].items() if case["track"] == track}
+    cases = {case["sha256"]: name.rpartition("/")[2] for name, case in own.items()}
+    return f"{len(cases)} case{'s' * (len(cases) != 1)}, input {' or '.join(dict.fromkeys(cases.values()))}"
 
 
 def _split(summary: Summary, track: str, block: str) -> Table:
@@ -149,26 +179,33 @@ def plot_speeds(summary: Summary, folder: Path) -> list[Path]:
     series = {n: s for n, s in summary["speeds"].items() if s["measures"].get("flip")}
     if not series:
         return []
-    figure, grid = new_figure(10.0, 4.2 * len(series), rows=len(series), squeeze=False)
-    labels = list(summary["methods"])
+    figure, grid = new_figure(10.0, 5.2 * len(series), rows=len(series), squeeze=False)
+    styles = method_styles(summary["methods"])
     for axes, (name, one) in zip(grid[:, 0], series.items(), strict=True):
-        values = one["values"]
+        values, lines = one["values"], []
+        # Between steps the mean is linear in the speed, which is a curve on a logarithmic axis.
+        dense = np.unique(np.concatenate([np.linspace(a, b, FINE + 1) for a, b in itertools.pairwise(values)]))
         for label, curve in one["measures"]["flip"].items():
-            repeat, color = divmod(labels.index(label), len(SERIES_COLORS))
-            style = {"color": SERIES_COLORS[color], "linestyle": _LINES[repeat % len(_LINES)]}
-            if label == "none":
-                style = {"color": "black", "linestyle": "-", "zorder": 5}
-            width = 3.0 if label == "none" else 1.5
-            axes.plot(
-                values, [s["mean"] for s in curve["steps"]], "o", label=label, markersize=3, linewidth=width, **style
-            )
+            means = np.interp(dense, values, [step["mean"] for step in curve["steps"]])
+            style = styles[label]
+            # Wide lines below narrow ones, solid ones below dashed ones: equal curves are all seen.
+            order = {"linewidth": 3.2, "zorder": 1.8} if label == "none" else {"zorder": 2 + 0.1 * (not style.filled)}
+            marks = {"markevery": np.searchsorted(dense, values).tolist(), "markersize": 4}
+            lines += axes.plot(dense, means, label=label, **{"linewidth": 1.5, **order}, **marks, **style.points)
+            if curve["crossing"] and (speed := curve["crossing"]["speed"]) is not None:
+                ring = {"markersize": 10, "markerfacecolor": "none", "color": style.color}
+                axes.plot([speed], [np.interp(speed, dense, means)], "o", **ring)
         if len(values) > 2 and values[-1] > 8 * values[1]:
             axes.set_xscale("symlog", linthresh=values[1])
             axes.set_xticks(values, [f"{v:g}" for v in values])
             axes.minorticks_off()
-        axes.set(xlabel=f"{one['axis'].replace('_', ' ')}, {UNITS[one['axis']]}", ylabel="FLIP (lower is better)")
-        axes.set_title(as_title(name), loc="left", fontsize=11)
-        legend_beside(axes, size=8)
+        axes.set(xlabel=f"{AXES[one['axis']]}, {UNITS[one['axis']]}", ylabel="mean FLIP (lower is better)")
+        scene, _, kind = name.split("/")
+        axes.set_title(
+            as_title(f"{AXES[one['axis']].capitalize()}: scene {scene}, input {kind}"), loc="left", fontsize=11
+        )
+        axes.margins(x=0.02)
+        label_ends(axes, lines)
     return save_figure(figure, folder / f"{PLOT_NAME}.png")
 
 
@@ -180,22 +217,39 @@ def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
         f"{len(summary['methods'])} methods.",
         f"taubench-gl {made.get('version')}, {made.get('renderer')} ({made.get('driver')}).",
     ]
-    answers = []
-    for track, rankings in summary["rankings"].items():
-        if rankings:
-            name = next(iter(rankings))
-            first = [e["method"] for e in rankings[name]["ranking"] if e["rank"] in (1, None) and e["mean"] is not None]
-            tied = rankings[name]["over"] is not None
-            named = ", ".join(first) if tied else next(iter(first), "none")
-            answers.append(f"{track}, {SHOWN[name][0]}: {'rank 1' if tied else 'best mean'}: {named}.")
+    sections = {name: to_html(tables, scroll=True) for name, tables in benchmark_sections(summary).items() if tables}
     return render_page(
         "benchmark.html",
         title=f"Benchmark, suite {suite['name']}",
-        answers=answers,
+        answers=[(track, _best(summary, track)) for track, rankings in summary["rankings"].items() if rankings],
+        failed=[(track, e["method"], e["reason"]) for track, e in _failed(summary)],
         about=about,
         image=None if image is None else data_uri(image),
-        tables=to_html(benchmark_tables(summary), scroll=True),
+        sections=sections,
     )
+
+
+def _best(summary: Summary, track: str) -> str:
+    """The methods that can be the best of a track, in words."""
+    name, found = next(iter(summary["rankings"][track].items()))
+    entries = [e for e in found["ranking"] if e["mean"] is not None]
+    if not entries:
+        return "no method has a value"
+    title = SHOWN[name][0]
+    if found["over"] is None:
+        return f"best mean {title}: {entries[0]['method']}; no ranks: {found['reason']}"
+    first = [entry["method"] for entry in entries if entry["rank"] == 1]
+    if len(first) == 1:
+        return f"best by {title}: {first[0]}"
+    return f"best by {title}: {', '.join(first[:-1])} or {first[-1]}; the intervals allow each"
+
+
+def _failed(summary: Summary) -> list[tuple[str, Summary]]:
+    """Track and entry of the methods that failed."""
+    found = (
+        (track, next(iter(rankings.values()))["ranking"]) for track, rankings in summary["rankings"].items() if rankings
+    )
+    return [(track, entry) for track, ranking in found for entry in ranking if entry["reason"]]
 
 
 def comparison_tables(compared: Summary, measures: Summary) -> list[Table]:

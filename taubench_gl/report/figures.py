@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import MethodType
 from typing import Any
@@ -57,6 +57,41 @@ def legend_beside(axes: Any, *others: Any, x: float = 1.01, size: float = 9, **o
     if entries:
         place = {"loc": "upper left", "bbox_to_anchor": (x, 1.0), "frameon": False, "fontsize": size}
         axes.legend(*zip(*entries, strict=True), **place, **options)
+
+
+def label_ends(axes: Any, lines: Sequence[Any], size: float = 8) -> None:
+    """Labels of ``lines`` right of ``axes``, each at the height of the end of its line, or as near as there is room.
+
+    The limits of y are fixed: call it last.
+    """
+    figure = axes.figure
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high)
+    height = figure.get_size_inches()[1] * 0.8 / max(len(figure.axes), 1)
+    step = 1.35 * size / 72.0 / height
+    ends = sorted(((line.get_ydata()[-1] - low) / (high - low), i) for i, line in enumerate(lines))
+    for (_, i), at in zip(ends, spread([end for end, _ in ends], step), strict=True):
+        line, end = lines[i], (lines[i].get_ydata()[-1] - low) / (high - low)
+        color, place = line.get_color(), {"transform": axes.transAxes, "clip_on": False}
+        axes.plot([1.005, 1.04], [end, at], color=color, linewidth=0.6, **place)
+        dashes = {"color": color, "linestyle": line.get_linestyle(), "linewidth": 1.5}
+        mark = {"marker": line.get_marker(), "markerfacecolor": line.get_markerfacecolor(), "markersize": 3.5}
+        axes.plot([1.045, 1.07, 1.095], [at] * 3, markevery=[1], **dashes, **mark, **place)
+        axes.text(1.105, at, as_title(line.get_label()), fontsize=size, va="center", transform=axes.transAxes)
+
+
+def spread(places: Sequence[float], step: float) -> list[float]:
+    """Ascending ``places`` moved as little as possible (least squares) so that neighbors are ``step`` apart."""
+    groups: list[list[float]] = []  # sum of wanted first places, number of members
+    for i, place in enumerate(places):
+        groups.append([place - i * step, 1])
+        while len(groups) > 1 and groups[-2][0] / groups[-2][1] > groups[-1][0] / groups[-1][1]:
+            total, count = groups.pop()
+            groups[-1] = [groups[-1][0] + total, groups[-1][1] + count]
+    out: list[float] = []
+    for total, count in groups:
+        out += [total / count + (len(out) + k) * step for k in range(int(count))]
+    return out
 
 
 def as_title(text: Any) -> str:

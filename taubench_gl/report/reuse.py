@@ -14,6 +14,7 @@ import numpy as np
 
 from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, pareto_steps, save_figure
 from taubench_gl.report.labels import lighting_text
+from taubench_gl.report.method_styles import BLACK, method_styles
 from taubench_gl.report.page import data_uri, render_page
 from taubench_gl.report.render import to_html
 from taubench_gl.report.reuse_frames import NO_IMAGES, ReuseImages
@@ -284,9 +285,6 @@ def _number(value: Any) -> Any:
 
 # --------------------------------------------------------------------------------------------------------------- plots
 
-_LINES = ("-", "--", ":", "-.")
-_MARKERS = ("o", "s", "^", "D")
-
 
 def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
     """``frames classes time convergence`` as PNG and SVG, as far as there are values.  Raises OutputError."""
@@ -333,24 +331,19 @@ def plot_fit(fit: Summary, path: Path) -> list[Path]:
     return save_figure(figure, path)
 
 
-def _series_style(index: int, option: str, values: Sequence[str]) -> dict[str, Any]:
-    """Color of series ``index``; ``option`` takes the next of ``values`` when the colors repeat."""
-    repeat, color = divmod(index, len(SERIES_COLORS))
-    return {"color": SERIES_COLORS[color], option: values[repeat % len(values)]}
-
-
 def _frames(
     summary: Summary, valid: Summary, rows: Sequence[Mapping[str, Any]], measure: str, path: Path
 ) -> list[Path]:
     figure, (upper, lower) = new_figure(9.0, 6.0, rows=2, sharex=True, height_ratios=(3, 2))
-    for index, label in enumerate(valid):
+    styles = method_styles(valid)
+    for label in valid:
         own = [row for row in rows if row["method"] == label]
         numbers = sorted({row["frame"] for row in own})
         for axes, name in ((upper, measure), (lower, "flicker")):
             means = [_mean_over_seeds(own, frame, name) for frame in numbers]
             values = [np.nan if value is None else value for value in means]
             if np.isfinite(values).any():
-                axes.plot(numbers, values, linewidth=1.7, label=label, **_series_style(index, "linestyle", _LINES))
+                axes.plot(numbers, values, linewidth=1.7, label=label, **styles[label].curve)
     upper.set(ylabel=f"{measure} (lower is better)")
     upper.set_title(_title(summary, "Error per frame"), loc="left", fontsize=11)
     lower.set(ylabel="flicker (lower is better)", xlabel="frame")
@@ -366,12 +359,11 @@ def _classes(summary: Summary, valid: Summary, measure: str, path: Path) -> list
     if not names or any(measure not in m["classes"][n] for m in valid.values() for n in names):
         return []
     figure, axes = new_figure(max(8.0, 1.1 * len(names) + 0.12 * len(names) * len(valid)), 4.6)
-    width = 0.85 / len(valid)
+    width, styles = 0.85 / len(valid), method_styles(valid)
     for index, (label, method) in enumerate(valid.items()):
         at = np.arange(len(names)) + (index - 0.5 * (len(valid) - 1)) * width
-        hatch = "//" if index >= len(SERIES_COLORS) else None
-        color = SERIES_COLORS[index % len(SERIES_COLORS)]
-        axes.bar(at, [method["classes"][n][measure] for n in names], width, label=label, color=color, hatch=hatch)
+        values, bar = [method["classes"][n][measure] for n in names], styles[label].bar
+        axes.bar(at, values, width, label=label, **bar)
     axes.set_xticks(range(len(names)), [f"{n}\n{first[n]['percent']:.1f} %" for n in names])
     axes.set(ylabel=f"mean {measure} (lower is better)")
     axes.set_title(_title(summary, "Error by pixel class, and share of the class"), loc="left", fontsize=11)
@@ -384,11 +376,10 @@ def _time(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Pa
     if not timed:
         return []
     figure, axes = new_figure(7.5, 4.6)
-    for index, (label, method) in enumerate(valid.items()):
-        if label in timed:
-            at = method["time_ms"], method["mean"][measure]
-            style = _series_style(index, "marker", _MARKERS)
-            axes.plot(*([v] for v in at), linestyle="", markersize=9, label=label, **style)
+    styles = method_styles(timed)
+    for label, method in timed.items():
+        at = method["time_ms"], method["mean"][measure]
+        axes.plot(*([v] for v in at), label=label, markersize=8, **{**styles[label].points, "linestyle": ""})
     front = pareto_steps([(m["time_ms"], m["mean"][measure]) for m in timed.values()])
     axes.step(*zip(*front, strict=True), where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
     axes.set(xscale="log", xlabel=f"ms per frame, median ({summary['clock']})", ylabel=f"{measure} (lower is better)")
@@ -408,11 +399,11 @@ def _convergence(summary: Summary, path: Path) -> list[Path]:
     if not any(len(curve) > 1 and (curve > 0).any() for curve in curves.values()):
         return []
     figure, axes = new_figure(7.5, 4.6)
-    for index, (label, curve) in enumerate(curves.items()):
+    styles = method_styles(curves)
+    for label, curve in curves.items():
         count = np.arange(1, len(curve) + 1)
         keep = curve > 0  # an exact frame has no place on a logarithmic axis
-        style = _series_style(index, "linestyle", _LINES)
-        axes.plot(count[keep], np.sqrt(curve[keep]), linewidth=1.7, label=label, **style)
+        axes.plot(count[keep], np.sqrt(curve[keep]), linewidth=1.7, label=label, **styles[label].curve)
     first = max(float(curve[0]) for curve in curves.values() if len(curve))
     if first > 0:
         slope = {"color": "black", "linewidth": 0.9, "linestyle": ":"}
@@ -494,9 +485,13 @@ def _page_data(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> dict[str,
     frames = sorted({row["frame"] for row in rows})
     measures = [name for name in summary["measures"] if any(row[name] is not None for row in rows)]
     methods = []
-    for index, (label, method) in enumerate((k, m) for k, m in summary["methods"].items() if not m["failed"]):
+    valid = {label: method for label, method in summary["methods"].items() if not method["failed"]}
+    styles = method_styles(valid)
+    for label, method in valid.items():
         own = [row for row in rows if row["method"] == label]
-        style = _series_style(index, "dash", _LINES)
+        # Black is the color of the text: it shows on a dark page.
+        color = "currentColor" if styles[label].color == BLACK else styles[label].color
+        style = {"color": color, "dash": styles[label].line}
         values = {name: [_mean_over_seeds(own, frame, name) for frame in frames] for name in measures}
         methods.append(
             style | {"label": label, "rows": values, "mean": method["mean"], "time_ms": method.get("time_ms")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 
 import imageio.v3 as iio
@@ -12,6 +13,7 @@ from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.report import plot_frames, plot_thresholds, write_report
+from taubench_gl.report.figures import spread
 from taubench_gl.report.plots import discard_curve
 
 
@@ -99,3 +101,14 @@ def test_write_report_writes_tables_and_plots(summary, frames, tmp_path):
     with pytest.raises(OutputError) as caught:
         write_report(summary, frames, tmp_path / "file")
     assert caught.value.where == str(tmp_path / "file")
+
+
+def test_labels_are_spread_as_little_as_possible():
+    assert spread([0.0, 0.5, 1.0], 0.1) == pytest.approx([0.0, 0.5, 1.0])
+    assert spread([0.5, 0.5, 0.5], 0.1) == pytest.approx([0.4, 0.5, 0.6])
+    assert spread([0.1, 0.6, 0.62], 0.1) == pytest.approx([0.1, 0.56, 0.66])
+    places = sorted(0.01 * (37 * i % 100) for i in range(20))
+    found = spread(places, 0.04)
+    assert min(b - a for a, b in itertools.pairwise(found)) >= 0.04 - 1e-12
+    assert sum(found) == pytest.approx(sum(places))
+    assert spread([], 0.1) == []
