@@ -195,15 +195,17 @@ def _no_slower(a: Time, b: Time) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A recommendation.  ``point`` None: nothing meets the limits; ``words`` says so."""
+    """A recommendation, for ``column`` within the limits.  ``faster`` and ``finer``: its neighbors on the front.
+
+    ``point`` None: nothing meets the limits; then they are the ends of the front.
+    """
 
     column: str
     within: float | None  # percent of the pixels
     budget_ms: float | None
     point: Point | None
-    faster: Point | None  # its neighbors on the front
+    faster: Point | None
     finer: Point | None
-    words: str
 
 
 def choose(
@@ -217,18 +219,15 @@ def choose(
     front = pareto_front([p for p in points if p.usable], column, floor)
     possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
     possible = [p for p in possible if within is None or p.error(column) <= max(within, floor)]
-    if not front or not possible:
-        return Choice(column, within, budget_ms, None, None, None, _why_none(front, column))
-    if within is not None:
-        best = possible[0]
+    if not possible:
+        return Choice(column, within, budget_ms, None, *((front[0], front[-1]) if front else (None, None)))
+    if within is None and budget_ms is None:
+        best = _best_trade_off(front, column, floor)
     else:
-        best = possible[-1] if budget_ms is not None else _best_trade_off(front, column, floor)
+        best = possible[0] if within is not None else possible[-1]
     i = front.index(best)
-    faster, finer = front[i - 1] if i else None, front[i + 1] if i + 1 < len(front) else None
-    words = describe(best, faster, finer, column)
-    if best.error(column) <= floor:
-        words += "; below the noise floor of the reference: --time-limit or --reference path-traced@M would tell more"
-    return Choice(column, within, budget_ms, best, faster, finer, words)
+    beside = [front[j] if 0 <= j < len(front) else None for j in (i - 1, i + 1)]
+    return Choice(column, within, budget_ms, best, *beside)
 
 
 def _best_trade_off(front: Sequence[Point], column: str, floor: float) -> Point:
@@ -254,39 +253,3 @@ def _merit(p: Point, best: Point, column: str, floor: float) -> tuple[float, flo
     price = -math.log2(PAYS)
     worse = math.log(here / there) + price * math.log(p.time.median / best.time.median)
     return worse, CONFIDENCE * math.hypot(noise, price * spread)
-
-
-def describe(best: Point, faster: Point | None, finer: Point | None, column: str) -> str:
-    """``balanced: 1.2 % of the masks are wrong, 41 ms; 2.1x the time (accurate) leaves 1.1 %; ...``."""
-    words = f"{best.label}: {_percent(best, column)} of the masks are wrong"
-    worst = max((c for c in best.masks if c != OVERALL), key=lambda c: best.masks[c].percent)
-    if column == OVERALL and best.masks[worst].percent:
-        words += f" ({worst} {_percent(best, worst)}, its column {best.masks[worst].points:+.2f} points)"
-    words += f", {ms_text(best.time)}"
-    if finer is not None:
-        ratio = finer.time.median / best.time.median
-        words += f"; {ratio:.2g}x the time ({finer.label}) leaves {_percent(finer, column)}"
-    if faster is not None:
-        ratio = faster.time.median / best.time.median
-        words += f"; {ratio:.2g}x the time ({faster.label}) {_percent(faster, column)}"
-    return words if finer is not None else f"{words}; nothing measured is more exact beyond noise"
-
-
-def _why_none(front: Sequence[Point], column: str) -> str:
-    if not front:
-        return "nothing has been measured yet"
-    fastest, finest = front[0], front[-1]
-    return (
-        f"no configuration meets the limits; the fastest is {fastest.label}, {ms_text(fastest.time)}; the most exact "
-        f"is {finest.label}, {_percent(finest, column)}"
-    )
-
-
-def _percent(point: Point, column: str) -> str:
-    return f"{point.error(column):.3g} %"
-
-
-def ms_text(time: Time) -> str:
-    """``18.2 ± 0.41 ms/frame``."""
-    spread = "" if time.spread is None else f" ± {time.spread:.2g}"
-    return f"{f'{time.median:.3g}' if time.median < 1000 else f'{time.median:.0f}'}{spread} ms/frame"

@@ -10,14 +10,12 @@ import numpy as np
 from taubench_gl.animation import CameraTrack
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.analysis import ColumnDifference
+from taubench_gl.cost.records import Record
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, expected_half_width, sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
-
-Record = Mapping[str, Any]
-"""A record of kind ``columns``: per column the mean and every pair's percentage."""
 
 
 def measure_columns(
@@ -40,7 +38,8 @@ def measure_columns(
 
 
 def column_differences(record: Record, baseline: Record) -> dict[str, ColumnDifference]:
-    """Every column of ``record`` less the baseline's.
+    """Every column of ``record`` less the baseline's; both of kind ``columns``: per column the mean and every pair's
+    percentage.
 
     The half width is that of the sample of pairs, and at least the one expected of such samples from the pairs of the
     baseline: a sample whose pairs happen to be alike is not exact.  Where all pairs are measured, it is that of the
@@ -64,7 +63,7 @@ def _half_width(record: Record, here: Mapping[str, Any], there: Mapping[str, Any
             return own  # the baseline is a sample too: nothing is known of the other pairs
         values = np.array([there["pairs"][f] for f in sorted(there["pairs"], key=int)], dtype=np.float64)
         return max(own, expected_half_width(sample_of(record["settings"]["pairs"], len(values)), values))
-    differences = [here["pairs"][f] - there["pairs"][f] for f in here["pairs"].keys() & there["pairs"].keys()]
+    differences = [percent - there["pairs"][f] for f, percent in here["pairs"].items() if f in there["pairs"]]
     if len(differences) < 3:
         return None
     from taubench_gl.metrics.bootstrap import student_interval  # imported late: SciPy takes 0.3 s

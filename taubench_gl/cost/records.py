@@ -10,10 +10,13 @@ from typing import Any
 
 from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import cannot_write, output_folder
 
 RECORDS_FILE = "records.jsonl"
 RECORDS_SCHEMA = "taubench-gl/cost-records/4"
+
+Record = Mapping[str, Any]
+"""``kind``: reference, masks, time or columns.  All but the first name their ``configuration``."""
 
 
 class Records:
@@ -25,44 +28,44 @@ class Records:
         ``header`` has ``identity`` (part -> hash) and ``machine`` (what times depend on).  Raises OutputError if the
         records belong to another study or machine.
         """
-        self.path = folder / RECORDS_FILE
-        self.lines: list[dict[str, Any]] = []
+        self.path = output_folder(folder) / RECORDS_FILE
         header = {"kind": "study", "schema": RECORDS_SCHEMA, **header}
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             text = self.path.read_bytes() if self.path.exists() else b""
-        except (FileExistsError, NotADirectoryError):
-            raise OutputError("is not a folder", where=str(folder), hint="give --out another name") from None
-        except OSError as error:
-            raise cannot_write(folder, error) from None
-        whole = text[: text.rfind(b"\n") + 1]
-        found = [_parse(line, self.path, i) for i, line in enumerate(whole.splitlines(), start=1)]
-        if found:
-            _require_same(found[0], header, folder)
-            self.lines = found[1:]
-        try:
-            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT, 0o644)
-            # An incomplete last line was cut off when the process was killed.
-            os.ftruncate(self._file, len(whole))
-            os.lseek(self._file, 0, os.SEEK_END)
+            whole = text[: text.rfind(b"\n") + 1]
+            found = [_parse(line, self.path, i) for i, line in enumerate(whole.splitlines(), start=1)]
+            if found:
+                _require_same(found[0], header, folder)
+            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            os.ftruncate(self._file, len(whole))  # an incomplete last line was cut off when the process was killed
         except OSError as error:
             raise cannot_write(self.path, error) from None
+        self.lines = found[1:]
         if not found:
             self._write(header)
 
-    def add(self, record: Mapping[str, Any]) -> None:
+    def add(self, kind: str, record: Mapping[str, Any]) -> None:
         """Append one finished measurement.  Raises OutputError if it cannot be written."""
-        self._write(record)
-        self.lines.append(dict(record))
+        line = {"kind": kind, **record}
+        self._write(line)
+        self.lines.append(line)
 
     def of(self, kind: str) -> list[dict[str, Any]]:
         return [line for line in self.lines if line["kind"] == kind]
+
+    def by_configuration(self, kind: str) -> dict[str, dict[str, Any]]:
+        return {line["configuration"]: line for line in self.of(kind)}
+
+    @property
+    def reference(self) -> dict[str, Any] | None:
+        """The latest one."""
+        return next(reversed(self.of("reference")), None)
 
     def close(self) -> None:
         os.close(self._file)
 
     def _write(self, record: Mapping[str, Any]) -> None:
-        data = (json.dumps(record, allow_nan=False, default=_plain) + "\n").encode()
+        data = (json.dumps(record, allow_nan=False) + "\n").encode()
         try:
             while data:
                 data = data[os.write(self._file, data) :]
@@ -93,9 +96,3 @@ def _require_same(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: P
     if there.get("machine") != wanted["machine"]:
         was = ", ".join(str(v) for v in (there.get("machine") or {}).values())
         raise OutputError(f"its times were taken on another machine or driver ({was})", where=str(folder), hint=hint)
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be stored in a record")

@@ -14,6 +14,7 @@ from taubench_gl.cost.analysis import (
     OVERALL,
     RULE,
     Choice,
+    MaskError,
     Point,
     against,
     choose,
@@ -25,6 +26,7 @@ from taubench_gl.cost.analysis import (
 from taubench_gl.cost.configurations import BASELINE, Plan
 from taubench_gl.cost.errors import column_differences
 from taubench_gl.cost.pixels import discarded, pack_bits, unpack
+from taubench_gl.cost.records import Record, Records
 from taubench_gl.cost.timing import rounds_of
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.preset import save_preset
@@ -35,8 +37,6 @@ ERROR_NUMBERS = ("percent", "false_positive", "false_negative", "points")
 BUSY_SHARE, BUSY_DRIFT = 0.1, 0.2
 """A machine is busy if other processes take more than this share of its CPU time while configurations are timed, or if
 the times change by more than this share."""
-
-Record = Mapping[str, Any]
 
 
 @dataclass(slots=True)
@@ -146,42 +146,40 @@ class CostStudy:
         }
 
 
-def assemble(about: Mapping[str, Any], plan: Plan, records: Sequence[Record], repeats: int) -> CostStudy:
+def assemble(about: Mapping[str, Any], plan: Plan, records: Records, repeats: int) -> CostStudy:
     """The study from what is recorded so far; the first ``repeats`` rounds count."""
-    of_kind = {kind: [r for r in records if r["kind"] == kind] for kind in ("reference", "masks", "columns", "time")}
-    columns = about["columns"]
-    found = of_kind["reference"][-1] if of_kind["reference"] else None
-    reference = {} if found is None else _decisions(found["words"], columns)
-    masks, measured = ({r["configuration"]: r for r in of_kind[kind]} for kind in ("masks", "columns"))
+    columns, masks, visits = about["columns"], records.by_configuration("masks"), records.of("time")
+    reference, differences = records.reference, records.by_configuration("columns")
+    right = {} if reference is None else _decisions(reference["words"], columns)
+
+    def errors(name: str) -> dict[str, MaskError]:
+        return mask_errors(_decisions(masks[name]["words"], columns), right) if name in masks and right else {}
+
     points = []
-
-    def errors(name: str) -> dict[str, Any]:
-        return mask_errors(_decisions(masks[name]["words"], columns), reference) if name in masks and reference else {}
-
     for c in plan.configurations:
-        timed = rounds_of(of_kind["time"], c.name)[:repeats]
-        known = c.name in measured and BASELINE in measured
+        timed = rounds_of(visits, c.name)[:repeats]
+        known = c.name in differences and BASELINE in differences
         points.append(
             Point(
-                c.name,
-                c.label,
-                c.role,
-                c.values,
-                errors(c.name),
-                column_differences(measured[c.name], measured[BASELINE]) if known else {},
-                time_of([r["frame_ms"] for r in timed]) if timed else None,
-                about["clock"],
+                c.name, c.label, c.role, c.values, errors(c.name),
+                column_differences(differences[c.name], differences[BASELINE]) if known else {},
+                time_of([v["frame_ms"] for v in timed]) if timed else None, about["clock"],
                 usable=not c.on_cpu and c.comparable and c.role != "effect",
                 bytes=timed[0]["bytes"] if timed else None,
             )
-        )
+        )  # fmt: skip
     for name, r in masks.items():
         if "frame_ms" in r:  # a render
             time = time_of(r["frame_ms"], interleaved=False) if r["frame_ms"] else None
             points.append(Point(name, name, "render", {}, errors(name), {}, time, r["clock"], False))
-    about = dict(about) | {"machine_state": machine_state(records, about["machine"]["cores"])}
-    about["reference"] = about["reference"] | _reference_facts(found, reference, columns)
-    return CostStudy(about, points, plan)
+    facts = {
+        "samples": reference["samples"] if reference else None,
+        "percent": {c: 100.0 * float(there.mean()) for c, there in right.items()},
+        "floor": _floor(reference, columns),
+        "floor_before": _floor(next(iter((reference or {}).get("before", ())), None), columns),
+    }
+    state = machine_state(visits, about["machine"]["cores"])
+    return CostStudy({**about, "machine_state": state, "reference": about["reference"] | facts}, points, plan)
 
 
 def _decisions(words: str, columns: Sequence[str]) -> dict[str, Any]:
@@ -189,27 +187,18 @@ def _decisions(words: str, columns: Sequence[str]) -> dict[str, Any]:
     return {c: discarded(unpacked, c) for c in columns}
 
 
-def _reference_facts(found: Record | None, reference: Mapping[str, Any], columns: Sequence[str]) -> dict[str, Any]:
-    """Samples, discarded percent by column, the noise floor, and that of half the samples."""
-
-    def floor(of: Record | None) -> dict[str, float]:
-        halves = of["halves"] if of else None
-        return noise_floor(*(_decisions(words, columns) for words in halves)) if halves else {}
-
-    return {
-        "samples": found["samples"] if found else None,
-        "percent": {c: 100.0 * float(there.mean()) for c, there in reference.items()},
-        "floor": floor(found),
-        "floor_before": floor(next(iter((found or {}).get("before", ())), None)),
-    }
+def _floor(reference: Record | None, columns: Sequence[str]) -> dict[str, float]:
+    """The noise floor of a reference of two halves; {} of any other."""
+    halves = reference["halves"] if reference else None
+    return noise_floor(*(_decisions(words, columns) for words in halves)) if halves else {}
 
 
-def machine_state(records: Sequence[Record], cores: int | None) -> dict[str, Any]:
-    """While configurations were timed: the share of the machine's CPU time that other processes took, the change of
-    the median times from the first to the second half of the rounds (median over configurations), and whether the
-    machine was busy.  None: not known.
+def machine_state(visits: Sequence[Record], cores: int | None) -> dict[str, Any]:
+    """What ``visits``, records of times, say of the machine meanwhile.  None: not known.
+
+    The share of its CPU time that other processes took; the change of the median times from the first to the second
+    half of the rounds, median over configurations; and whether it was busy.
     """
-    visits = [r for r in records if r["kind"] == "time"]
     available = (cores or 1) * sum(r["seconds"] for r in visits)
     other = max(0.0, sum(r["other_seconds"] for r in visits)) / available if available else None
     changes = []
@@ -223,6 +212,6 @@ def machine_state(records: Sequence[Record], cores: int | None) -> dict[str, Any
 
 
 def _choice_json(c: Choice) -> dict[str, Any]:
-    points = {"configuration": c.point, "faster": c.faster, "finer": c.finer}
-    named = {role: p and p.name for role, p in points.items()}
-    return {"column": c.column, "within": c.within, "budget_ms": c.budget_ms, "words": c.words} | named
+    named = {"configuration": c.point, "faster": c.faster, "finer": c.finer}
+    limits = {name: getattr(c, name) for name in ("column", "within", "budget_ms")}
+    return limits | {name: p and p.name for name, p in named.items()}

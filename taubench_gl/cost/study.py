@@ -9,7 +9,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import date
 from functools import cached_property, partial
@@ -23,7 +23,7 @@ from taubench_gl.cost.analysis import OVERALL
 from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, make_plan
 from taubench_gl.cost.errors import measure_columns
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext
-from taubench_gl.cost.pixels import PairChannels, draw_pixels, pack, rendered_masks
+from taubench_gl.cost.pixels import Light, PairChannels, draw_pixels, pack, rendered_masks
 from taubench_gl.cost.records import RECORDS_FILE, Records
 from taubench_gl.cost.reference import (
     HALVES,
@@ -82,29 +82,26 @@ Progress = Callable[[Step], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """What a study is asked for, besides scene and settings."""
+class Reference:
+    """What masks are compared with."""
 
-    reference: str | None  # None: path-traced where anything is lit, else highest quality
-    within: float | None  # percent of the pixels
-    budget_ms: float | None
-    choose_for: str
-    repeats: int
-    time_limit: float | None  # seconds
+    kind: str  # highest-quality | path-traced | exr
+    samples: int | None = None  # asked for, of the path-traced one
+    series: SampleCountSeries | None = None  # path-traced renders
+    path: str | None = None  # of the renders
 
-    def check(self, measured: Sequence[str]) -> None:
-        """Raises SettingsError.  ``measured``: the columns of the study."""
-        if self.within is not None and not self.within >= 0:
-            raise SettingsError(f"within is {self.within}", hint="give percent of the pixels, at least 0")
-        if self.budget_ms is not None and not self.budget_ms > 0:
-            raise SettingsError(f"budget is {self.budget_ms} ms", hint="give milliseconds above 0")
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise SettingsError(f"time limit is {self.time_limit} s", hint="give a time above 0")
-        if self.repeats < 1:
-            raise SettingsError(f"repeats is {self.repeats}", hint="give 1 or more; 3 for a spread")
-        if self.choose_for not in (OVERALL, *measured):
-            hint = f"choose from {', '.join((OVERALL, *measured))}"
-            raise SettingsError(f"nothing can be chosen for {self.choose_for!r}", hint=hint)
+    @property
+    def renders(self) -> tuple[Render, ...]:
+        """Those that are points of the study."""
+        return () if self.series is None else self.series.renders
+
+    @property
+    def identity(self) -> str:
+        """The same for the same masks."""
+        if self.series is not None:
+            every = (*self.series.renders, *filter(None, (self.series.second,)))
+            return " ".join(r.sequence.sha256()[:16] for r in every)
+        return self.kind if self.samples is None else f"{self.kind}@{self.samples}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +110,7 @@ class Subject(pixels.Subject):
 
     frames: range
     plan: Plan
-    series: SampleCountSeries | None  # path-traced renders as reference
-    reference: str  # highest-quality | path-traced | exr
-    samples: int | None  # asked for, of the path-traced reference
+    reference: Reference
 
     @property
     def baseline(self) -> Settings:
@@ -154,12 +149,18 @@ def cost(
     ``clock``: of CLOCKS; ``now`` replaces it.  Raises TaubenchError.
     """
     baseline = (settings or Settings()).replace(**overrides)
-    if clock not in CLOCKS:
-        raise SettingsError(f"no clock is named {clock!r}", hint=f"choose from {', '.join(CLOCKS)}")
-    request = Request(reference, within, budget_ms, choose_for, repeats, time_limit)
-    request.check(baseline.metrics.columns)
-    if parameters is not None and not parameters:
-        raise SettingsError("no parameter is given", hint=f"choose from {', '.join(PARAMETERS)}")
+    columns = (OVERALL, *baseline.metrics.columns)
+    for fault, what, hint in (
+        (within is not None and not within >= 0, f"within is {within}", "give percent of the pixels, at least 0"),
+        (budget_ms is not None and not budget_ms > 0, f"budget is {budget_ms} ms", "give milliseconds above 0"),
+        (time_limit is not None and not time_limit > 0, f"time limit is {time_limit} s", "give a time above 0"),
+        (repeats < 1, f"repeats is {repeats}", "give 1 or more; 3 for a spread"),
+        (choose_for not in columns, f"no column is named {choose_for!r}", f"choose from {', '.join(columns)}"),
+        (clock not in CLOCKS, f"no clock is named {clock!r}", f"choose from {', '.join(CLOCKS)}"),
+        (parameters is not None and not parameters, "no parameter is given", f"choose from {', '.join(PARAMETERS)}"),
+    ):
+        if fault:
+            raise SettingsError(what, hint=hint)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **baseline.sequence.reading)
     series = find_series(reference) if reference is not None and is_sequence(reference) else None
@@ -167,9 +168,9 @@ def cost(
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
-    subject = make_subject(scene, baseline, parameters, series, reference)
-    out = Path(out)
-    about = _about(subject, reference, CLOCKS[clock][1])
+    subject = make_subject(scene, baseline, parameters, reference, series)
+    out, (seconds, clock) = Path(out), CLOCKS[clock]
+    about = _about(subject, clock)
     header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
     with FolderLock(out):
         if fresh:
@@ -177,16 +178,11 @@ def cost(
         if not (out / RECORDS_FILE).exists():
             (out / SUMS_FILE).unlink(missing_ok=True)  # of another study
         with closing(Records(out, header)) as records:
-            measurements = Measurements(subject, records, request, out, progress, now or CLOCKS[clock][0])
-            interrupted = False
-            try:
-                measurements.run()
-            except KeyboardInterrupt:
-                interrupted = True
-            study = assemble(about, subject.plan, records.lines, repeats)
-            study.about["interrupted"], study.requested_lighting = interrupted, requested
-            study.choose(within, budget_ms, choose_for)
-    study.out = out
+            measurements = Measurements(subject, records, out, repeats, time_limit, now or seconds, progress)
+            about["interrupted"] = not measurements.run()
+            study = assemble(about, subject.plan, records, repeats)
+    study.choose(within, budget_ms, choose_for)
+    study.requested_lighting, study.out = requested, out
     return study
 
 
@@ -194,10 +190,11 @@ def make_subject(
     scene: Scene,
     baseline: Settings,
     names: Sequence[str] | None,
-    series: SampleCountSeries | None,
     reference: str | None,
+    series: SampleCountSeries | None = None,
 ) -> Subject:
-    """What ``cost`` measures; ``baseline``: with its lighting resolved.  Raises SettingsError."""
+    """What ``cost`` measures; ``baseline``: with its lighting resolved.  ``series``: the renders that ``reference``
+    names.  Raises SettingsError."""
     camera = camera_of_run(scene, baseline.sequence)
     frames = frame_range(scene, camera, baseline)
     if len(frames) < 2:
@@ -206,40 +203,33 @@ def make_subject(
     ranked = tuple(ranked_with_sun(SceneFacts(scene, camera).ranked_lights, environment_of(baseline).sun))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
-    kind, samples = ("exr", None) if series is not None else _reference_kind(reference, context)
-    plan = make_plan(context, names)
+    found = _reference(reference, context) if series is None else Reference("exr", series=series, path=reference)
     sample = draw_pixels(frames, (baseline.sequence.width, baseline.sequence.height))
-    return Subject(gpu, scene, camera, sample, frames, plan, series, kind, samples)
+    return Subject(gpu, scene, camera, sample, frames, make_plan(context, names), found)
 
 
-def _reference_kind(reference: str | None, context: StudyContext) -> tuple[str, int | None]:
-    """``path-traced`` with the samples that were asked for, or ``highest-quality``.  Raises SettingsError."""
+def _reference(asked: str | None, context: StudyContext) -> Reference:
+    """Raises SettingsError."""
     lit = PARAMETERS["light"].inapplicable(context) is None
-    if reference is None:
-        return (PATH_TRACED if lit else HIGHEST_QUALITY), None
-    if reference == FORMER_REFERENCE:
+    if asked is None:
+        return Reference(PATH_TRACED if lit else HIGHEST_QUALITY)
+    if asked == FORMER_REFERENCE:
         note_renamed(f"reference {FORMER_REFERENCE}", f"reference {HIGHEST_QUALITY}")
-    if reference in (HIGHEST_QUALITY, FORMER_REFERENCE):
-        return HIGHEST_QUALITY, None
-    samples = None if reference == PATH_TRACED else reference_samples(reference)
-    if reference != PATH_TRACED and samples is None:
+    if asked in (HIGHEST_QUALITY, FORMER_REFERENCE):
+        return Reference(HIGHEST_QUALITY)
+    samples = None if asked == PATH_TRACED else reference_samples(asked)
+    if asked != PATH_TRACED and samples is None:
         hint = f"choose {PATH_TRACED}, {PATH_TRACED}@M, {HIGHEST_QUALITY}, or exr:DIR"
-        raise SettingsError(f"no reference is named {reference!r}", hint=hint)
+        raise SettingsError(f"no reference is named {asked!r}", hint=hint)
     if not lit:
         hint = f"give --reference {HIGHEST_QUALITY}"
         raise SettingsError("nothing is lit: there is no path-traced reference", hint=hint)
-    return PATH_TRACED, samples
+    return Reference(PATH_TRACED, samples)
 
 
-def _about(subject: Subject, reference: str | None, clock: str) -> dict[str, Any]:
+def _about(subject: Subject, clock: str) -> dict[str, Any]:
     """The blocks of study.json that say what was measured, where and with which clock."""
-    gpu, scene, series, sequence = subject.gpu, subject.scene, subject.series, subject.baseline.sequence
-    described: dict[str, Any] = {"kind": subject.reference, "identity": subject.reference, "path": None}
-    if series is not None:
-        hashes = [r.sequence.sha256()[:16] for r in (*series.renders, *filter(None, (series.second,)))]
-        described |= {"identity": " ".join(hashes), "path": reference, "samples": series.reference.samples}
-    elif subject.samples is not None:
-        described["identity"] = f"{PATH_TRACED}@{subject.samples}"
+    gpu, scene, reference, sequence = subject.gpu, subject.scene, subject.reference, subject.baseline.sequence
     plan = FramePlan(scene, subject.baseline, subject.camera)
     return {
         "scene": {"name": scene.name, "sha256": scene.sha256, "stand_in": scene.stand_in},
@@ -250,7 +240,7 @@ def _about(subject: Subject, reference: str | None, clock: str) -> dict[str, Any
         "pairs": len(subject.frames) - 1,
         "columns": [c for c in COLUMNS if c in subject.baseline.metrics.columns],
         "pixels": {"count": len(subject.sample), "pairs": len(subject.sample.frames)},
-        "reference": described,
+        "reference": {name: getattr(reference, name) for name in ("kind", "identity", "path")},
         "lighting": {name: subject.baseline.to_dict()[name] for name in FIXED_LIGHTING},
         "effects": {name: {k: row[k] for k in ("on", "gpu_bytes")} for name, row in plan.costs().items()},
         "machine": {
@@ -295,50 +285,66 @@ class Measurements:
     """The measurements that are not in the records yet.  Each is recorded as soon as it is finished."""
 
     def __init__(
-        self, subject: Subject, records: Records, request: Request, out: Path, progress: Progress | None, now: Clock
-    ):
-        self._subject, self._records, self._request, self._out, self._now = subject, records, request, out, now
+        self, subject: Subject, records: Records, out: Path, repeats: int, time_limit: float | None, now: Clock,
+        progress: Progress | None,
+    ):  # fmt: skip
+        self._subject, self._records, self._out, self._now = subject, records, out, now
+        self._repeats, self._time_limit, self._deadline = repeats, time_limit, Deadline(time_limit)
         self._progress = progress or (lambda step: None)
-        self._deadline = Deadline(request.time_limit)
         plan = subject.plan.configurations
-        renders = () if subject.series is None else subject.series.renders
-        masks = {r["configuration"] for r in records.of("masks")}
-        self._masks_due = [c for c in plan if c.comparable and c.name not in masks]
-        self._renders_due = [r for r in renders if r.name not in masks]
-        columns = {r["configuration"] for r in records.of("columns")}
         grid = [c for c in plan if not c.comparable]
-        self._columns_due = [c for c in ((plan[0], *grid) if grid else ()) if c.name not in columns]
-        visits = len(due_visits(plan, request.repeats, records.of("time"))) + (not records.of("reference"))
-        due = len(self._masks_due) + len(self._renders_due) + len(self._columns_due)
-        self._done, self._total = 0, due + visits
+        self._masks_due = self._due("masks", [c for c in plan if c.comparable])
+        self._renders_due = self._due("masks", subject.reference.renders)
+        self._columns_due = self._due("columns", [plan[0], *grid] if grid else [])
+        due = (self._masks_due, self._renders_due, self._columns_due, self._visits_due(plan))
+        self._done, self._total = 0, (records.reference is None) + sum(map(len, due))
 
-    def run(self) -> None:
-        """The reference, masks in the order of the plan, times in rounds, columns."""
+    def _due(self, kind: str, wanted: Sequence[Any]) -> list[Any]:
+        """Of ``wanted``, configurations or renders, those without a record of ``kind``."""
+        known = self._records.by_configuration(kind)
+        return [item for item in wanted if item.name not in known]
+
+    def _visits_due(self, plan: Sequence[Configuration]) -> list[tuple[int, Configuration]]:
+        return due_visits(plan, self._repeats, self._records.of("time"))
+
+    def run(self) -> bool:
+        """The reference, masks in the order of the plan, times in rounds, columns.  False: interrupted by the user."""
         for measure in (self._measure_reference, self._measure_masks, self._measure_times, self._measure_columns):
-            with suppress(OutOfTime):
+            try:
                 measure()
+            except OutOfTime:
+                continue
+            except KeyboardInterrupt:
+                return False
+        return True
 
     @cached_property
     def _pairs(self) -> PairChannels:
         return PairChannels(self._subject, self._subject.baseline)
 
+    def _words_of(self, light: Light) -> str:
+        return pack(self._pairs.masks(light))
+
+    def _words_of_render(self, render: Render) -> str:
+        return self._words_of(render_light(render, self._subject.baseline, self._subject.sample.frames))
+
     def _measure_reference(self) -> None:
-        subject, known = self._subject, self._records.of("reference")
-        if subject.reference == PATH_TRACED:
-            self._trace_reference(known[-1] if known else {"samples": 0, "seconds": 0.0})
-        elif not known and subject.series is not None:
-            self._report(f"reference: {subject.series.reference.name}")
-            series = subject.series
-            light = render_light(series.reference, subject.baseline, subject.sample.frames)
-            found = {"samples": series.reference.samples, "words": pack(self._pairs.masks(light)), "halves": None}
-            if series.second is not None:
-                second = render_light(series.second, subject.baseline, subject.sample.frames)
-                found["halves"] = [found["words"], pack(self._pairs.masks(second))]
-            self._add("reference", found)
-        elif not known:
-            self._report("reference: highest quality")
-            words = PairChannels(subject, subject.plan.highest, light=True).masks()
-            self._add("reference", {"samples": None, "words": pack(words), "halves": None})
+        known, wanted = self._records.reference, self._subject.reference
+        if wanted.kind == PATH_TRACED:
+            self._trace_reference(known or {"samples": 0, "seconds": 0.0})
+        elif known is None:
+            series = wanted.series
+            self._report(f"reference: {'highest quality' if series is None else series.reference.name}")
+            self._records.add("reference", self._raster_reference() if series is None else self._render_masks(series))
+
+    def _raster_reference(self) -> dict[str, Any]:
+        words = PairChannels(self._subject, self._subject.plan.highest, light=True).masks()
+        return {"samples": None, "words": pack(words), "halves": None}
+
+    def _render_masks(self, series: SampleCountSeries) -> dict[str, Any]:
+        words = self._words_of_render(series.reference)
+        halves = None if series.second is None else [words, self._words_of_render(series.second)]
+        return {"samples": series.reference.samples, "words": words, "halves": halves}
 
     def _trace_reference(self, known: Mapping[str, Any]) -> None:
         """Trace until the samples that were asked for, or the reference's share of the time, are reached.
@@ -346,8 +352,8 @@ class Measurements:
         Without a given number each half has a power of two: a Sobol sequence is balanced there, and two runs of the
         same length usually end at the same number, with the same masks.
         """
-        subject, limit = self._subject, self._request.time_limit
-        total = subject.samples or (SAMPLES if limit is None else math.inf)
+        subject, limit = self._subject, self._time_limit
+        total = subject.reference.samples or (SAMPLES if limit is None else math.inf)
         wanted = math.ceil(0.5 * total) if total < math.inf else total  # of a half
         share = math.inf if limit is None else REFERENCE_SHARE * limit
         if known["samples"] and (known["samples"] >= 2 * wanted or known["seconds"] + known["next_seconds"] > share):
@@ -360,12 +366,12 @@ class Measurements:
             count, seconds, ahead, series = 1, 0.0, 0.0, []  # count: samples of a half
             while count <= wanted and seconds + ahead <= share:
                 ahead = 2.0 * self._trace_up_to(count, traced)
-                halves = [pack(self._pairs.masks(traced.light(half))) for half in HALVES]
+                halves = [self._words_of(traced.light(half)) for half in HALVES]
                 series.append({"samples": traced.samples, "halves": halves})
                 seconds = time.monotonic() - started
                 count = min(2 * count, wanted) if count < wanted else math.inf
             found = series[-1] | {"seconds": seconds, "next_seconds": ahead, "before": series[-2:-1]}
-            self._add("reference", found | {"words": pack(self._pairs.masks(traced.light()))})
+            self._records.add("reference", found | {"words": self._words_of(traced.light())})
         finally:
             traced.release()
 
@@ -382,18 +388,20 @@ class Measurements:
     def _measure_masks(self) -> None:
         for render in self._renders_due:
             self._report(f"masks: {render.name}")
-            self._add("masks", self._masks_of_render(render))
-        for configuration in self._masks_due:
-            first = configuration.name == BASELINE  # without it there is no answer
-            if not first and self._deadline.left(MASK_SHARE) < self._seconds_of_masks(configuration):
+            found = {"samples": render.samples, "frame_ms": list(render.frame_ms), "clock": render.clock}
+            words = self._words_of_render(render)
+            self._records.add("masks", {"configuration": render.name, "words": words, **found})
+        for c in self._masks_due:
+            first = c.name == BASELINE  # without it there is no answer
+            if not first and self._deadline.left(MASK_SHARE) < self._seconds_of_masks(c):
                 continue
-            self._report(f"masks: {configuration.name}")
-            words = self._masks(configuration, (lambda: None) if first else partial(self._deadline.check, MASK_SHARE))
-            self._add("masks", {"configuration": configuration.name, "words": pack(words)})
+            self._report(f"masks: {c.name}")
+            words = self._masks(c, (lambda: None) if first else partial(self._deadline.check, MASK_SHARE))
+            self._records.add("masks", {"configuration": c.name, "words": pack(words)})
 
     def _seconds_of_masks(self, configuration: Configuration) -> float:
         """How long path-traced masks take, by the reference, which traces the same pixels; 0 of others."""
-        known = self._records.of("reference")[-1]
+        known = self._records.reference
         if not configuration.traced or not known.get("seconds"):
             return 0.0
         return configuration.settings.lighting.path_samples * known["seconds"] / known["samples"]
@@ -402,40 +410,35 @@ class Measurements:
         subject = self._subject
         if configuration.on_cpu:
             return PairChannels(subject, configuration.settings, light=True, check=check).masks()
-        if configuration.traced and self._subject.reference != HIGHEST_QUALITY:
+        if configuration.traced and subject.reference.kind != HIGHEST_QUALITY:
             return traced_masks(subject, self._pairs, configuration.settings, check)
         return rendered_masks(subject, configuration.settings, configuration.without, check)
 
-    def _masks_of_render(self, render: Render) -> dict[str, Any]:
-        light = render_light(render, self._subject.baseline, self._subject.sample.frames)
-        found = {"configuration": render.name, "words": pack(self._pairs.masks(light))}
-        return found | {"samples": render.samples, "frame_ms": list(render.frame_ms), "clock": render.clock}
-
     def _measure_times(self) -> None:
         """The visits that are due, round by round, all configurations in turn, of those whose masks are known."""
-        masks, subject = {r["configuration"] for r in self._records.of("masks")}, self._subject
+        masks, subject = self._records.by_configuration("masks"), self._subject
         plan = [c for c in subject.plan.configurations if c.name in masks or not c.comparable]
 
         def open_one(c: Configuration) -> OpenConfiguration:
             return OpenConfiguration(subject.gpu, subject.scene, subject.camera, c, self._now, self._deadline.check)
 
         with subject.gpu, Pool(open_one, subject.gpu.software) as pool:
-            for number, configuration in due_visits(plan, self._request.repeats, self._records.of("time")):
+            for number, c in self._visits_due(plan):
                 self._deadline.check()
-                if self._too_long(configuration):
+                if self._too_long(c):
                     continue
-                self._report(f"round {number + 1} of {self._request.repeats}: {configuration.name}")
+                self._report(f"round {number + 1} of {self._repeats}: {c.name}")
                 with OtherWork() as work:
-                    found = pool.visit(configuration)
-                tag = {"configuration": configuration.name, "round": number}
-                self._add("time", tag | {"seconds": work.seconds, "other_seconds": work.other_seconds} | found)
+                    found = pool.visit(c)
+                busy = {"seconds": work.seconds, "other_seconds": work.other_seconds}
+                self._records.add("time", {"configuration": c.name, "round": number, **busy, **found})
 
     def _too_long(self, configuration: Configuration) -> bool:
         """Whether a visit of path-traced light would take more than half of the time that is left, as far as other
         visits tell."""
         if not configuration.traced:
             return False
-        known = {r["configuration"]: r["frame_ms"] for r in self._records.of("time")}
+        known = {name: visit["frame_ms"] for name, visit in self._records.by_configuration("time").items()}
         counts = {c.name: c.settings.lighting.path_samples for c in self._subject.plan.configurations if c.traced}
         per_sample = [known[name] / n for name, n in counts.items() if name in known]
         ms = known.get(configuration.name, counts[configuration.name] * max(per_sample, default=0.0))
@@ -443,15 +446,12 @@ class Measurements:
         return 1e-3 * frames * ms > 0.5 * self._deadline.left()
 
     def _measure_columns(self) -> None:
-        for configuration in self._columns_due:
-            self._deadline.check()
-            self._report(f"columns: {configuration.name}")
-            check = self._deadline.check
-            found = measure_columns(self._subject.scene, self._subject.camera, configuration.settings, check)
-            self._add("columns", {"configuration": configuration.name} | found)
-
-    def _add(self, kind: str, record: Mapping[str, Any]) -> None:
-        self._records.add({"kind": kind, **record})
+        subject, check = self._subject, self._deadline.check
+        for c in self._columns_due:
+            check()
+            self._report(f"columns: {c.name}")
+            found = measure_columns(subject.scene, subject.camera, c.settings, check)
+            self._records.add("columns", {"configuration": c.name, **found})
 
     def _report(self, what: str, count: bool = True) -> None:
         self._progress(Step(self._done, self._total, what))

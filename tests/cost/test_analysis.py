@@ -173,7 +173,6 @@ POINTS = [point("baseline", 40, 18.0, 1.0), point("cheap", 200, 2.0), point("exa
 def test_within_chooses_the_fastest():
     choice = choose([*POINTS, point("render", 0, 3.0, usable=False)], within=5.0)
     assert (choice.point.name, choice.faster.name, choice.finer.name) == ("baseline", "cheap", "exact")
-    assert "baseline" in choice.words and "exact" in choice.words
 
 
 def test_budget_includes_the_spread():
@@ -223,7 +222,7 @@ def test_the_recommendation_is_kept_when_noisy_times_are_measured_again():
     assert found == {"fast"}
 
 
-@pytest.mark.parametrize(("limits", "nearest"), [({"budget_ms": 1.0}, "cheap"), ({"within": 0.1}, "exact")])
-def test_nothing_meets_the_limits(limits, nearest):
+@pytest.mark.parametrize("limits", [{"budget_ms": 1.0}, {"within": 0.1}])
+def test_nothing_meets_the_limits(limits):
     choice = choose(POINTS, **limits)
-    assert choice.point is None and nearest in choice.words
+    assert choice.point is None and (choice.faster.name, choice.finer.name) == ("cheap", "exact")
