@@ -61,6 +61,8 @@ docs/benchmark.md defines every number."""
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the results.")
 @click.option("--workers", type=int, metavar="N", help="Worker processes.  [default: one per core]")
 @click.option("--engine", metavar="NAME", help="dask://HOST:PORT or dask-local.  [default: worker processes]")
+@click.option("--time-limit", type=click.FloatRange(min=0.0, min_open=True), default=1800.0, show_default=True,
+              metavar="SECONDS", help="A method that takes longer for a frame has failed.")  # fmt: skip
 def run(
     methods: tuple[str, ...],
     suite: str,
@@ -68,6 +70,7 @@ def run(
     out: Path,
     workers: int | None,
     engine: str | None,
+    time_limit: float,
 ) -> int:
     """Run METHODs on a suite and write scorecards to DIR; without METHOD, all built-in ones.
 
@@ -80,7 +83,9 @@ def run(
     from taubench_gl.report.benchmark import benchmark_tables
 
     try:
-        done = run_benchmark(read_suite(suite).part(cases), methods, out, engine=engine, workers=workers, say=_say)
+        done = run_benchmark(
+            read_suite(suite).part(cases), methods, out, engine=engine, workers=workers, limit=time_limit, say=_say
+        )
     except KeyboardInterrupt:
         _error(f"interrupted; finished units are in {out}: the same command continues")
         raise click.exceptions.Exit(EXIT_INTERRUPTED) from None

@@ -3,6 +3,7 @@ path-traced reference."""
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -39,43 +40,63 @@ class UnitTime:
         return self.frames + self.reference
 
 
+@dataclass(frozen=True, slots=True)
+class _Cost:
+    """Seconds to begin a unit, to begin each further seed, and per pixel of a frame."""
+
+    begin: float = 0.0
+    seed: float = 0.0
+    pixel: float = 0.0
+
+    def of(self, case: Case) -> float:
+        per_frame = self.pixel * case.size[0] * case.size[1]
+        return self.begin + (case.seeds - 1) * self.seed + case.seeds * case.frames * per_frame
+
+
 def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[UnitTime]:
     """One entry per unit, in their order, for one worker.
 
     What is traced for the estimate is stored and counts.  Raises TaubenchError.
     """
-    of_kind: dict[tuple[object, ...], tuple[float, float]] = {}
+    of_kind: dict[tuple[object, ...], _Cost] = {}
     out = []
     for unit in units:
         case = unit.case
         kind = (case.scene.source, case.input, case.light_samples, case.vpl_samples, case.reference_samples)
         if kind not in of_kind:
             say(f"{case.id}: measuring {FRAMES} frames")
+            if not of_kind:
+                _measured(unit)  # a worker loads libraries once, not for every unit
             of_kind[kind] = _measured(unit)
-        start, pixel = of_kind[kind]
-        frames = case.seeds * (start + pixel * case.size[0] * case.size[1] * case.frames)
-        out.append(UnitTime(unit, frames, _tracing(case)))
+        out.append(UnitTime(unit, of_kind[kind].of(case) if applicable(case, unit.entries) else 0.0, _tracing(case)))
     return out
 
 
-def _measured(unit: BenchmarkUnit) -> tuple[float, float]:
-    """Seconds to begin a seed, and per pixel of a frame, with all methods of ``unit`` that apply."""
+def _measured(unit: BenchmarkUnit) -> _Cost:
+    """Costs of all methods of ``unit`` that apply, from a few small frames."""
     specs = applicable(unit.case, unit.entries)
     if not specs:
-        return 0.0, 0.0
+        return _Cost()
     case = _small(unit.case)
-    pairs: list[float] = []
-    started = time.perf_counter()
+    times = [time.perf_counter()]
     evaluate_methods(
         scene_file(case.scene),
         specs,
         case.settings,
-        progress=lambda done: pairs.append(done.frame_seconds),
+        on_frame=lambda frame: times.append(time.perf_counter()),
         **{**case.request, "statistics": False},
     )
-    start = (time.perf_counter() - started - sum(pairs)) / case.seeds
-    # The last frames: a second seed has its reference in memory, and the shaders are compiled.
-    return start, min(pairs[-(FRAMES - 1) :]) / (case.size[0] * case.size[1])
+    return cost_of(times, time.perf_counter(), case)
+
+
+def cost_of(times: Sequence[float], end: float, case: Case) -> _Cost:
+    """``times``: when the evaluation began, and when each frame of each seed was done; ``end``: when all was."""
+    spent = [after - before for before, after in itertools.pairwise(times)]
+    # Of the last frames: shaders are compiled, and the reference of a second seed is in memory.
+    frame = min(spent[-(case.frames - 1) :])
+    seed = spent[case.frames] - frame if case.seeds > 1 else 0.0
+    begin = spent[0] - frame + end - times[-1]
+    return _Cost(max(begin, 0.0), max(seed, 0.0), frame / (case.size[0] * case.size[1]))
 
 
 def _small(case: Case) -> Case:

@@ -25,16 +25,19 @@ from taubench_gl.benchmark.output import write_results
 from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
 from taubench_gl.benchmark.speed import BASELINE
 from taubench_gl.benchmark.suite import Suite
-from taubench_gl.benchmark.unit import FAILED, BenchmarkUnit, Entry
+from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry
 from taubench_gl.data_files import read_json
 from taubench_gl.datasets.scene_cache import sha256_of
-from taubench_gl.errors import GraphicsError, OutputError, SettingsError
+from taubench_gl.errors import GraphicsError, OutputError, SceneError, SettingsError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.pathtraced.references import duration_text
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.loading import builtin_methods
+
+LIMIT_SIGNAL = "SIGALRM"
+"""What ends a worker process at the limit (``BenchmarkUnit.limit``)."""
 
 RUN_FILE, UNITS, LOGS = "run.json", "units", "logs"
 Say = Callable[[str], None]
@@ -61,12 +64,14 @@ def run_benchmark(
     *,
     engine: str | Engine | None = None,
     workers: int | None = None,
+    limit: float | None = None,
     say: Say = lambda line: None,
 ) -> dict[str, Any]:
     """Run the missing units of ``suite`` in the folder ``out`` and write the results.  -> benchmark.json.
 
     Results do not depend on engine, workers or the order of units.  ``engine``: as for ``run_batch``, or an Engine;
-    ``workers`` None: one process per core.  Raises TaubenchError.
+    ``workers`` None: one process per core; ``limit``: seconds that a frame of all methods may take in a worker
+    process.  Raises TaubenchError.
     """
     entries, folder = entries_of(methods), Path(out)
     workers = available_cores() if workers is None and engine is None else workers
@@ -76,7 +81,11 @@ def run_benchmark(
     output_folder(folder)
     with FolderLock(folder):
         _require_own(folder, suite, entries, writing=True)
+        for entry in entries:
+            if entry.label in builtin_methods() and Path(entry.label).exists():
+                say(f"{entry.label} is the built-in method; write ./{entry.label} for the files of this folder")
         units, results = plan(suite, entries, say), Results(folder)
+        units = [replace(unit, limit=limit if named else None) for unit in units]
         with made as running:
             say(f"{suite.name}: {len(suite.cases)} cases in {len(units)} units on {running.describe()}")
             _Driver(units, results, say).run(running)
@@ -184,13 +193,15 @@ class _Driver:
     _pending: deque[BenchmarkUnit] = field(default_factory=deque)
     _in_flight: int = 0
     _lost: dict[tuple[str, str], int] = field(default_factory=dict)
+    _alone: set[str] = field(default_factory=set)
     _done: int = 0
     _seconds: float = 0.0
     _measured: int = 0  # images that took ``_seconds``
     _left: int = 0  # images of units that are not finished
 
     def run(self, engine: Engine) -> None:
-        """Raises GraphicsError if no worker with OpenGL is left; finished units are kept."""
+        """Raises GraphicsError if no worker with OpenGL is left, SceneError if one has another scene; finished units
+        are kept."""
         self.results.clear_failures()
         for unit in self.units:
             if missing := self.results.missing(unit):
@@ -205,7 +216,7 @@ class _Driver:
             for slot in engine.idle():
                 if not self._pending:
                     break
-                engine.submit(slot, self._pending.popleft())
+                engine.submit(slot, self._next())
                 self._in_flight += 1
             if not self._in_flight:
                 hint = "finished units are kept; run it again on a machine with OpenGL"
@@ -215,11 +226,29 @@ class _Driver:
                     why = event.message
                 self._handle(event, engine.width())
 
+    def _next(self) -> BenchmarkUnit:
+        """The next unit; methods that have ended a worker are in units of their own."""
+        unit = self._pending.popleft()
+        alone = [entry for entry in unit.entries if entry.label in self._alone]
+        if not alone or len(unit.entries) == 1:
+            return unit
+        others = tuple(entry for entry in unit.entries if entry not in alone)
+        parts = [(entry,) for entry in alone] + ([others] if others else [])
+        self._pending.extendleft(replace(unit, entries=part) for part in parts)
+        return self._pending.popleft()
+
     def _handle(self, event: Event, width: int) -> None:
         unit = event.unit
         if unit is None:
             return
+        if isinstance(event, Lost) and LIMIT_SIGNAL in event.reason:
+            reason = f"a frame took longer than {unit.limit:g} s (--time-limit)"
+            event = replace(event, reason=reason, attempts=ATTEMPTS)
+        if isinstance(event, Lost) and len(unit.entries) == 1:
+            self._alone.add(unit.entries[0].label)
         self._in_flight -= 1
+        if isinstance(event, Failed) and OTHER_SCENE in event.message:
+            raise SceneError(event.message)  # the fault of a machine, not of the methods
         if isinstance(event, Finished):
             self.results.save(unit, event.data)
             self._finished(unit, json.loads(event.data)["times"].get("seconds", 0.0), width)
@@ -233,8 +262,9 @@ class _Driver:
         elif isinstance(event, Lost | Failed):
             reason = event.reason if isinstance(event, Lost) else event.message
             self._left -= unit.images
+            self._done += 1
             self.results.fail(unit, reason)
-            self.say(f"{unit.job}, {unit.name}: failed: {reason}")
+            self.say(f"{self._count()} {unit.job}, {unit.name}: failed: {reason}")
 
     def _attempt(self, unit: BenchmarkUnit, event: Lost) -> int:
         self._lost[unit.key] = self._lost.get(unit.key, 0) + event.attempts
@@ -249,5 +279,8 @@ class _Driver:
         self._left -= unit.images
         left = self._seconds / self._measured * self._left / max(width, 1)
         rest = f"; about {duration_text(left)} left" if self._pending or self._in_flight else ""
-        total = self._done + len(self._pending) + self._in_flight
-        self.say(f"{self._done}/{total} {unit.job}, {unit.name}: {seconds:.1f} s{rest}")
+        self.say(f"{self._count()} {unit.job}, {unit.name}: {seconds:.1f} s{rest}")
+
+    def _count(self) -> str:
+        """``3/14``: finished and all units."""
+        return f"{self._done}/{self._done + len(self._pending) + self._in_flight}"

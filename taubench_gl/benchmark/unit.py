@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import signal
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,7 @@ DIVERGED = 100.0
 """A method diverges if the mean absolute radiance of an image is more than this times the largest one of any input or
 reference so far.  A blend of input and history is at most 1."""
 
+OTHER_SCENE = "is not the scene of this benchmark"
 FAILED, INAPPLICABLE = "failed", "not applicable"
 
 
@@ -73,12 +76,16 @@ def _files_sha256(path: Path, root: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkUnit:
-    """A unit as ``batch`` engines run it.  ``sha256``: of the scene's file, which the worker checks."""
+    """A unit as ``batch`` engines run it.  ``sha256``: of the scene's file, which the worker checks.
+
+    ``limit``: seconds without a frame after which SIGALRM ends the worker process; None: no limit.
+    """
 
     case: Case
     entries: tuple[Entry, ...]
     sha256: str
     positions: None = None
+    limit: float | None = None
 
     @property
     def job(self) -> str:
@@ -114,13 +121,32 @@ class BenchmarkUnit:
         path = scene_file(self.case.scene)
         if sha256_of(path) != self.sha256:
             hint = "the files or versions of this machine are other ones; clear its cache, or run everything on one"
-            raise SceneError("is not the scene of this benchmark", where=str(path), hint=hint)
-        open_context(self.case.settings)
-        result = evaluate_case(self.case, self.entries, path)
+            raise SceneError(OTHER_SCENE, where=str(path), hint=hint)
+        with _limited(self.limit) as restart:
+            open_context(self.case.settings)
+            result = evaluate_case(self.case, self.entries, path, restart)
         for entry in self.entries:
             result["methods"][entry.label]["sha256"] = entry.sha256
         result["times"]["seconds"] = time.perf_counter() - started
         return (json.dumps(result, allow_nan=False) + "\n").encode()
+
+
+@contextmanager
+def _limited(seconds: float | None) -> Iterator[Callable[[], None]]:
+    """The yielded function starts the time again.  A signal also ends a process that waits in a driver or library."""
+
+    if seconds is None:
+        yield lambda: None
+        return
+
+    def restart() -> None:
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+    restart()
+    try:
+        yield restart
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 @dataclass(slots=True)
@@ -139,8 +165,13 @@ class _Divergence:
                 self.found.setdefault(label, what + "the largest of any input or reference")
 
 
-def evaluate_case(case: Case, entries: Sequence[Entry], path: Path) -> dict[str, Any]:
-    """The result of ``entries`` on a case, as JSON holds it.  All times are in the block ``times``."""
+def evaluate_case(
+    case: Case, entries: Sequence[Entry], path: Path, on_frame: Callable[[], None] = lambda: None
+) -> dict[str, Any]:
+    """The result of ``entries`` on a case, as JSON holds it.  All times are in the block ``times``.
+
+    ``on_frame`` is called after every frame.
+    """
     refused = {entry.label: why for entry in entries if (why := inapplicable(case, entry))}
     methods: dict[str, Any] = {label: {"state": INAPPLICABLE, "reason": why} for label, why in refused.items()}
     out: dict[str, Any] = {"case": case.id, "methods": methods, "times": {"methods": {}}}
@@ -148,10 +179,13 @@ def evaluate_case(case: Case, entries: Sequence[Entry], path: Path) -> dict[str,
     if not specs:
         return out
     divergence = _Divergence()
+
+    def look(evaluated: EvaluatedFrame) -> None:
+        on_frame()
+        divergence.add(evaluated)
+
     try:
-        done = evaluate_methods(
-            path, specs, case.settings, on_frame=divergence.add, **{**case.request, "statistics": False}
-        )
+        done = evaluate_methods(path, specs, case.settings, on_frame=look, **{**case.request, "statistics": False})
     except MethodError as error:  # none could be loaded
         if len(specs) > 1:
             raise

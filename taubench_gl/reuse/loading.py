@@ -112,8 +112,7 @@ def _from_file(path: Path, name: str | None) -> Method:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # user code can raise anything and exit
         del sys.modules[module_name]
-        line = f" (line {error.lineno})" if isinstance(error, SyntaxError) else ""
-        raise MethodError(f"cannot be run: {type(error).__name__}: {error}{line}", where=str(path)) from error
+        raise MethodError(f"cannot be run: {type(error).__name__}: {error}", where=str(path)) from error
     found = _class_in(module, name, str(path))
     method = method_from_class(found, f"{path}:{name}" if name else str(path))
     # A file with one method has the name of the file: the class is often called Method.

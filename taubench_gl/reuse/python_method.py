@@ -174,7 +174,7 @@ class PythonSteps:
             return function()
         except MethodError:
             raise
-        except Exception as error:  # user code can raise anything; other methods continue
+        except (Exception, SystemExit) as error:  # user code can raise anything and exit; other methods continue
             frames = traceback.extract_tb(error.__traceback__)
             at = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
             why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

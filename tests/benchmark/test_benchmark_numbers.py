@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.animation import FileCamera, Poser, camera_of_run
+from taubench_gl.benchmark.estimate import cost_of
 from taubench_gl.benchmark.merge import tracks_of
 from taubench_gl.benchmark.ranking import CaseValues, ranked
 from taubench_gl.benchmark.scenes import scene_file
@@ -235,3 +236,16 @@ def test_the_mean_of_errors_without_a_common_scale_is_geometric():
     assert over_cases("relmse", (0.01, 100.0)) == pytest.approx(1.0)
     assert over_cases("flip", (0.25, 0.75)) == pytest.approx(0.5)
     assert over_cases("flip", ()) is None
+
+
+def test_estimated_costs_of_known_times():
+    """A unit that takes 3 s to begin, 2 s for each further seed, and 0.5 s for a small frame."""
+    case = next(case for case in read_suite("quick").cases if case.seeds == 5)
+    small = dataclasses.replace(case, frames=3, seeds=2, size=(80, 45))
+    frames = [3.5, 0.5, 0.5, 2.5, 0.5, 0.5]
+    times = np.cumsum([0.0, *frames])
+    cost = cost_of(times, times[-1] + 1.0, small)
+    assert cost.of(small) == pytest.approx(sum(frames) + 1.0)
+    assert cost.of(case) == pytest.approx(3.0 + 1.0 + 4 * 2.0 + 5 * 8 * 0.5 * 4)  # four times the pixels
+    alone = dataclasses.replace(small, seeds=1)
+    assert cost_of(times[:4], times[3] + 1.0, alone).of(alone) == pytest.approx(5.5)

@@ -13,13 +13,15 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.batch.engines import InProcess
+from taubench_gl.benchmark import run as run_module
 from taubench_gl.benchmark.compare import compared
 from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.output import load_benchmark
 from taubench_gl.benchmark.run import UNITS, plan, run_benchmark
 from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import Entry
-from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.errors import OutputError, SceneError, SettingsError
+from taubench_gl.paths import ASSETS
 
 SUITE = """schema = "suite/1"
 name = "tiny"
@@ -42,6 +44,7 @@ reference_samples = 1
 BROKEN = {
     "fails": "raise ValueError('on purpose')",
     "nan": "return np.full_like(frame['radiance'], np.nan)",
+    "exits": "raise SystemExit(3)",
     "diverges": "self.factor *= np.float32(1e3); return frame['radiance'] * self.factor",
 }
 CLASS = """import numpy as np
@@ -140,6 +143,25 @@ def test_a_dask_scheduler_gives_equal_bits(suite_file, whole, tmp_path):
     assert values_of(found) == values_of(whole[0])
 
 
+def test_a_worker_with_another_scene_is_refused(tmp_path, monkeypatch):
+    """The scene changes after its hash was taken; no method is to blame."""
+    (tmp_path / "scene.glb").write_bytes((ASSETS / "demo.glb").read_bytes())
+    (tmp_path / "suite.toml").write_text(SUITE.replace('"demo"', '"scene.glb"').replace("rotation = [0.0, 6.0]\n", ""))
+    units = run_module.plan
+
+    def changed(*args):
+        found = units(*args)
+        with (tmp_path / "scene.glb").open("ab") as file:
+            file.write(b" ")
+        return found
+
+    monkeypatch.setattr(run_module, "plan", changed)
+    with pytest.raises(SceneError) as found:
+        run_benchmark(read_suite(tmp_path / "suite.toml"), ("none",), tmp_path / "out", engine=InProcess())
+    assert "scene.glb" in str(found.value) and "\n" not in str(found.value)
+    assert not list((tmp_path / "out").glob("units/*")) and not (tmp_path / "out" / "benchmark.json").exists()
+
+
 @pytest.mark.long
 def test_parts_of_two_processes_merge_in_any_order(suite_file, whole, tmp_path):
     """Two commands at once, each with some cases and its own folder; their units are copied into one."""
@@ -173,10 +195,25 @@ def test_methods_that_fail_are_last_and_the_others_untouched(suite_file, whole, 
     assert {Path(entry["method"]).stem for entry in ranking[2:]} == {*BROKEN, "missing"}
     reasons = {Path(entry["method"]).stem: entry["reason"] for entry in ranking[2:]}
     assert "on purpose" in reasons["fails"] and "NaN" in reasons["nan"] and "diverges" in reasons["diverges"]
-    assert {(e["rank"], e["last_rank"]) for e in ranking[2:]} == {(3, 6)}
+    assert "SystemExit" in reasons["exits"]
+    assert {(e["rank"], e["last_rank"]) for e in ranking[2:]} == {(3, 3 + len(BROKEN))}
     for label in METHODS:
         assert found["methods"][label] == whole[0]["methods"][label]
     assert found["rankings"]["noisy"]["flip"]["differences"] == whole[0]["rankings"]["noisy"]["flip"]["differences"]
+
+
+@pytest.mark.long
+def test_methods_that_end_or_stop_their_worker_are_last_and_the_others_untouched(suite_file, whole, tmp_path):
+    """One is killed, and one waits where Python runs no other thread."""
+    lines = {"killed": "os.kill(os.getpid(), 9)", "waits": "ctypes.PyDLL(None).sleep(1000)"}
+    for name, line in lines.items():
+        (tmp_path / f"{name}.py").write_text("import ctypes\nimport os\n" + CLASS.format(line=line))
+    texts = [*METHODS, *(str(tmp_path / f"{name}.py") for name in lines)]
+    found = run_benchmark(read_suite(suite_file), texts, tmp_path / "out", workers=2, limit=30.0)
+    reasons = {Path(e["method"]).stem: e["reason"] for e in found["rankings"]["noisy"]["flip"]["ranking"][2:]}
+    assert set(reasons) == set(lines) and "SIGKILL" in reasons["killed"] and "30 s" in reasons["waits"]
+    for label in METHODS:
+        assert found["methods"][label] == whole[0]["methods"][label]
 
 
 def test_a_folder_belongs_to_one_suite(suite_file, whole, tmp_path):
