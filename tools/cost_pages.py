@@ -1,7 +1,7 @@
 """Writes docs/cost-measured.md and its figures from the studies of tools/cost_study: ``cost_pages.py OUT DOCS``.
 
 OUT/NAME are the studies of all scenes, OUT/again/NAME the same ones run again, OUT/answers/NAME, NAME-again and
-NAME-longer those at 480x270.  docs/cost-optuna.json is the record of a search by Optuna's sampler.
+NAME-longer those at 480x270, OUT/optuna.json the record of a search.  A section without studies in OUT is kept.
 """
 
 from __future__ import annotations
@@ -43,20 +43,21 @@ were timed one at a time, so it has fewer rounds."""
 
 def main() -> int:
     out, docs = Path(sys.argv[1]), Path(sys.argv[2])
+    page = docs / "cost-measured.md"
     studies, again, answers = read(out), read(out / "again"), read(out / "answers")
-    parts = [
-        ABOUT,
-        "## Levels",
-        level_table(),
-        figure(docs),
-        "## Recommendations on all scenes",
-        *scene_table(studies, again),
-    ]
-    parts += ["## The defaults", defaults_text(studies)]
-    parts += ["## Answers of five minutes at 480x270", *map(answer_text, answers, answers.values())]
-    record = json.loads((docs / "cost-optuna.json").read_text(encoding="utf-8"))
-    parts += ["## A search instead of declared configurations", optuna_table(record)]
-    (docs / "cost-measured.md").write_text("\n\n".join(map(str.strip, parts)) + "\n", encoding="utf-8")
+    search = out / "optuna.json"
+    written: dict[str, list[str]] = {
+        "Levels": [level_table(), figure(docs)],
+        "Recommendations on all scenes": scene_table(studies, again) if studies else [],
+        "The defaults": [defaults_text(studies)] if studies else [],
+        "Answers of five minutes at 480x270": [answer_text(*item) for item in answers.items()],
+        "A search instead of declared configurations": optuna_parts(search) if search.exists() else [],
+    }
+    kept = dict(part.split("\n\n", 1) for part in page.read_text(encoding="utf-8").split("\n## ")[1:])
+    parts = [ABOUT]
+    for title, lines in written.items():
+        parts += [f"## {title}", *(lines or [kept[title]])]
+    page.write_text("\n\n".join(map(str.strip, parts)) + "\n", encoding="utf-8")
     return 0
 
 
@@ -198,21 +199,26 @@ def level_table() -> str:
     return table(["ms/frame", "of balanced", *columns, "differs from the defaults"], rows, about)
 
 
-def optuna_table(record: Study) -> str:
+def optuna_parts(path: Path) -> list[str]:
     """How often the sampler found something that beats a declared configuration of the front."""
+    record = json.loads(path.read_text(encoding="utf-8"))
     rows = [
-        [r["scene"], str(r["seconds"]), str(r["trials"]), f"{r['declared_beaten']} of {r['declared']}",
+        [r["scene"], "x".join(map(str, r["size"])), f"{r['samples']} spp; {three(r['floor'])} %", str(r["seconds"]),
+         str(r["measured"]), str(r["tried"]), f"{len(r['beaten'])} of {r['front']}",
          f"{r['found_beaten']} of {r['found']}"]
         for r in record["scenes"]
     ]  # fmt: skip
-    wins = sum(1 for r in record["scenes"] if r["declared_beaten"])
+    wins = sum(1 for r in record["scenes"] if r["beaten"])
     about = (
-        f"Optuna {record['optuna']}, TPE with two objectives, for the seconds below, about as long as the declared "
-        f"configurations had; {record['date']}, {record['about']}. It would be part of `cost` if it beat a declared "
-        f"configuration beyond noise on three of five scenes; it was tried on {len(rows)} and did on {wins}."
+        f"Optuna {record['optuna']}, TPE with two objectives and all accuracy parameters but the method of light, for "
+        f"the CPU time of the declared configurations: their masks and three rounds. It would be part of `cost` if it "
+        f"beat a declared configuration of the front beyond noise on three of five scenes; it did on {wins} of "
+        f"{len(rows)} and is left out. Both fronts were timed together afterwards, in three interleaved rounds."
     )
-    heads = ["seconds", "trials", "declared ones beaten", "found ones beaten by declared ones"]
-    return f"{about}\n\n{table(heads, rows, 'Fronts timed together afterwards, in interleaved rounds')}"
+    heads = ["size", "reference; noise floor", "CPU s", "declared", "tried", "declared ones beaten",
+             "found ones beaten by declared ones"]  # fmt: skip
+    dates = ", ".join(dict.fromkeys(r["date"] for r in record["scenes"]))
+    return [about, table(heads, rows, f"Optuna against declared configurations, {dates}")]
 
 
 if __name__ == "__main__":

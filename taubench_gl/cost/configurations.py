@@ -99,23 +99,12 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) ->
     named = [name for name in chosen if name in PARAMETERS]
     inapplicable = {name: reason for name in named if (reason := PARAMETERS[name].inapplicable(context))}
     active = tuple(name for name in named if name not in inapplicable)
-    found = [Configuration(BASELINE, BASELINE, {}, context.baseline)]
-    if LEVEL_SET in chosen:
-        found = _levels(context)
     highest = _highest_quality(active, context)
-    found.append(highest)
-    if COMBINATION_SET in chosen:
-        found += _combinations(context)
+    found = _levels(context) if LEVEL_SET in chosen else [Configuration(BASELINE, BASELINE, {}, context.baseline)]
+    found += [highest, *(_combinations(context) if COMBINATION_SET in chosen else ())]
     for name in active:
         found += _single_changes(name, context, inapplicable)
-    if EFFECT_SET in chosen:
-        found += [
-            Configuration(f"without {e}", "effect", {}, context.baseline, without=(e,), title=f"without {e}")
-            for e in EFFECTS
-            if e in context.effects and context.effects[e].enabled
-        ]
-        found.append(Configuration(EVERYTHING, "effect", {}, context.baseline.replace(effects="all"), title=EVERYTHING))
-    found = _without_repetition(found)
+    found = _without_repetition([*found, *(_effects(context) if EFFECT_SET in chosen else ())])
     if len(found) == 1:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
@@ -165,15 +154,15 @@ def _highest_quality(active: Sequence[str], context: StudyContext) -> Configurat
 
 
 def _single_changes(name: str, context: StudyContext, inapplicable: dict[str, str]) -> list[Configuration]:
+    """Reasons why values have no effect are added to ``inapplicable``."""
     parameter, out = PARAMETERS[name], []
     for value in parameter.values:
         if value == parameter.value_in(context.baseline):
             continue
-        reason = parameter.inapplicable_value(context, value)
-        if reason:
+        if reason := parameter.inapplicable_value(context, value):
             inapplicable[f"{name}={value}"] = reason
             continue
-        role = {"accuracy": "single"}.get(parameter.kind, parameter.kind)
+        role = "single" if parameter.kind == "accuracy" else parameter.kind
         role = "path_traced" if str(value).startswith(TRACED) else role
         out.append(configuration(role, {name: value}, context.baseline))
     return out
@@ -188,17 +177,22 @@ def _combinations(context: StudyContext) -> list[Configuration]:
             for n, v in combination.items()
             if v != PARAMETERS[n].value_in(context.baseline) and not PARAMETERS[n].inapplicable(context)
         }
-        if values and not any(_inapplicable_beside(values, n, context) for n in values):
-            out.append(configuration("combined", values, context.baseline))
+        whole = configuration("combined", values, context.baseline)
+        # Whether a value has an effect is asked beside the others, its own included: it may depend on them.
+        together = replace(context, baseline=whole.settings)
+        if values and not any(PARAMETERS[n].inapplicable_value(together, v) for n, v in values.items()):
+            out.append(whole)
     return out
 
 
-def _inapplicable_beside(values: Mapping[str, Any], name: str, context: StudyContext) -> str | None:
-    """Why the value of ``name`` is inapplicable together with the others."""
-    settings = context.baseline
-    for other, value in values.items():
-        settings = settings if other == name else PARAMETERS[other].apply(settings, value)
-    return PARAMETERS[name].inapplicable_value(replace(context, baseline=settings), values[name])
+def _effects(context: StudyContext) -> list[Configuration]:
+    """Each effect of the scene left out, and every effect on."""
+    on = [name for name in EFFECTS if name in context.effects and context.effects[name].enabled]
+    out = [
+        Configuration(f"without {e}", "effect", {}, context.baseline, without=(e,), title=f"without {e}") for e in on
+    ]
+    whole = context.baseline.replace(effects="all")
+    return [*out, Configuration(EVERYTHING, "effect", {}, whole, title=EVERYTHING)]
 
 
 def configuration(role: str, values: Mapping[str, Any], baseline: Settings) -> Configuration:

@@ -149,18 +149,7 @@ def cost(
     ``clock``: of CLOCKS; ``now`` replaces it.  Raises TaubenchError.
     """
     baseline = (settings or Settings()).replace(**overrides)
-    columns = (OVERALL, *baseline.metrics.columns)
-    for fault, what, hint in (
-        (within is not None and not within >= 0, f"within is {within}", "give percent of the pixels, at least 0"),
-        (budget_ms is not None and not budget_ms > 0, f"budget is {budget_ms} ms", "give milliseconds above 0"),
-        (time_limit is not None and not time_limit > 0, f"time limit is {time_limit} s", "give a time above 0"),
-        (repeats < 1, f"repeats is {repeats}", "give 1 or more; 3 for a spread"),
-        (choose_for not in columns, f"no column is named {choose_for!r}", f"choose from {', '.join(columns)}"),
-        (clock not in CLOCKS, f"no clock is named {clock!r}", f"choose from {', '.join(CLOCKS)}"),
-        (parameters is not None and not parameters, "no parameter is given", f"choose from {', '.join(PARAMETERS)}"),
-    ):
-        if fault:
-            raise SettingsError(what, hint=hint)
+    _check(baseline, parameters, within, budget_ms, choose_for, repeats, time_limit, clock)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **baseline.sequence.reading)
     series = find_series(reference) if reference is not None and is_sequence(reference) else None
@@ -184,6 +173,25 @@ def cost(
     study.choose(within, budget_ms, choose_for)
     study.requested_lighting, study.out = requested, out
     return study
+
+
+def _check(
+    baseline: Settings, parameters: Sequence[str] | None, within: float | None, budget_ms: float | None,
+    choose_for: str, repeats: int, time_limit: float | None, clock: str,
+) -> None:  # fmt: skip
+    """Raises SettingsError for arguments of ``cost`` that mean nothing."""
+    columns = (OVERALL, *baseline.metrics.columns)
+    for fault, what, hint in (
+        (within is not None and not within >= 0, f"within is {within}", "give percent of the pixels, at least 0"),
+        (budget_ms is not None and not budget_ms > 0, f"budget is {budget_ms} ms", "give milliseconds above 0"),
+        (time_limit is not None and not time_limit > 0, f"time limit is {time_limit} s", "give a time above 0"),
+        (repeats < 1, f"repeats is {repeats}", "give 1 or more; 3 for a spread"),
+        (choose_for not in columns, f"no column is named {choose_for!r}", f"choose from {', '.join(columns)}"),
+        (clock not in CLOCKS, f"no clock is named {clock!r}", f"choose from {', '.join(CLOCKS)}"),
+        (parameters is not None and not parameters, "no parameter is given", f"choose from {', '.join(PARAMETERS)}"),
+    ):
+        if fault:
+            raise SettingsError(what, hint=hint)
 
 
 def make_subject(
