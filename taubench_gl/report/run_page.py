@@ -85,7 +85,7 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
         ),
         data=data,
         live=any(run["images"] and run["images"]["planes"] for run in data["runs"]),
-        title=" and ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
+        title=", ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
         several=len(runs) > 1,
         runs=[_run_view(s, label, f"upset{i}") for i, (s, label) in enumerate(zip(summaries, labels, strict=True))],
         tables=to_html(run_tables(summaries), scroll=True),

@@ -65,6 +65,9 @@ def load_scene(
     """
     if not str(path):
         raise SceneError("the path is empty", hint="give a scene file, a folder of numbered .obj files, or exr:DIR")
+    if str(path).startswith("exr:"):
+        hint = "give the scene that they show; exr:DIR is for 'evaluate', 'view' and 'reuse evaluate --input'"
+        raise SceneError("path-traced frames are not a scene to draw", where=str(path), hint=hint)
     if is_sequence(str(path)):
         from taubench_gl.scene.obj.reader import read_obj_sequence
 

@@ -1,129 +1,256 @@
-"""Commands and Python examples of the pages run, with the demo scene in place of scene.glb and at a small size."""
+"""Commands and Python examples of the pages run, on the demo scene and at a small size."""
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import sys
+import warnings
+from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 import pytest
 from test_docs_examples import PAGES, ROOT, blocks, command_lines, words_of
 
 from taubench_gl.apps.cli import cli, main
 
 NAMES = {page: str(page.relative_to(ROOT)) for page in PAGES}
+sys.path.append(str(ROOT / "tests" / "pathtraced"))
 
 LEFT_OUT = {
     r"^view|--view": "opens a window: tests/viewer",
-    r"exr:|^reference (render|check|compare)|-file renders": "reads renderings of other programs: tests/pathtraced",
-    r"\.(blend|fbx|usdc|zip|csv|gltf)\b": "needs a file that is not shipped: tests/scene_formats, tests/datasets",
-    r"museum|zero-day|my-scene|mine\.toml|valley": "needs a scene that is not shipped: tests/datasets",
-    r"dask|--workers|^batch|^benchmark (?!compare)|^paper": "takes minutes: tests/batch, benchmark, paper",
-    r"^demo --all|^selftest( --json.*)?$": "takes minutes: tests/demos, tests/selftest",
-    r"^reference clear": "removes references of the cache: tests/pathtraced",
-    r"--preset|^cost .*--(parameters|for|time-limit)": "needs minutes of a study: tests/cost, tests/test_tour.py",
-    r"path-traced@": "takes minutes: tests/reuse",
+    r"^convert|^reference render|\.(fbx|zip)\b": "needs Blender, or a file that may not be shipped: tests/pathtraced, "
+    "tests/datasets",
+    r"bart-museum|^scenes get": "downloads: tests/datasets",
+    r"^reference clear \w": "the key of an example: tests/pathtraced",
+    r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
+    r"dask://": "needs a cluster: tests/batch",
+    r"exr:(engine|one-sample)|--mapping falcor|^cost .*exr:": "reads renderings of other programs: tests/pathtraced, "
+    "tests/reuse, tests/cost",
+    r"^paper|^scenes make|^benchmark (?!compare)": "takes minutes: tests/paper, tests/datasets, tests/benchmark",
+    r"^demo --all|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
     r"osmesa": "a driver that may be missing: tools/test --driver",
-    r"my.method|my_test|methods/reject": "a method of the reader: tests/reuse, tests/reject",
-    r"^(report|compare) .*(reuse|out/|both)": "runs of the reader: tests/report",
 }
-"""Command lines that do not run here (regular expressions), and what tests them."""
+"""Examples that do not run here (regular expressions of command lines), and what tests them."""
 
 SMALL = {
-    "--size": "64x36", "--frames": "0:3", "--seconds": "0.25", "--reference-spp": "4", "--time-limit": "5s",
-    "--reference-samples": "4", "--repeats": "1",
+    "--size": "64x36", "--frames": "0:3", "--reference-spp": "4", "--time-limit": "5s", "--reference-samples": "4",
+    "--repeats": "1",
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
 
-PYTHON = {
-    "README.md": [
-        ('out="results")', 'out="results", size="64x36", frames=range(3))'),
-        ('size="640x360", frames=range(0, 24)', 'size="64x36", frames=range(3)'),
-        ("pair.explain(320, 180)", "pair.explain(32, 18)"),
+LESS = {"path-traced@1024": "path-traced@8", "yaw=0:12:7": "yaw=0:12:3", "64": "4"}
+"""Words in place of those of the page."""
+
+FIRST = {
+    r"^batch (status|resume|report) results": ["batch run spec.toml --out results"],
+    r"^batch report batch": ["batch run batch.toml --out batch"],
+    r"^(report|compare|view) .*\bresults\b": ["evaluate scene.glb --out results"],
+    r"\bother-results\b": ["evaluate scene.glb --reprojection motion --out other-results"],
+    r"\bout/": ["evaluate scene.glb --out out/sponza", "evaluate scene.glb --reprojection motion --out out/bistro"],
+    r"\breuse-results\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-results"],
+    r"\breuse-a\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-a"],
+    r"\breuse-b\b": ["reuse evaluate scene.glb --methods none,taa_clamp --out reuse-b"],
+    r"study/preset": [
+        "cost scene.glb --out study --columns frustum,position,normal --parameters storage,pairs --time-limit 2m"
     ],
+    r"exr:frames": ["export scene.glb --out frames --format exr"],
+    r"^reference compare": [
+        "evaluate scene.glb --out raster --save masks,channels",
+        "export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks",
+        "evaluate exr:frames --mapping taubench --camera-file frames/camera.json --out traced --save masks,channels",
+    ],
+    r"(?<!new )my-method": ["reuse new my-method"],
+    r"\./my_method\b": ["reuse new my_method"],
+    r"methods/reject_": ["reject method --tests position --out methods"],
+    r"training/": ["export scene.glb --out training --format zarr --channels all"],
+}
+"""Commands that write what an example (regular expression) reads."""
+
+QUICK = (
+    r"^(inspect scene.glb|completion|scenes|benchmark|reference (check|list|clear)|demo$|reject list)"
+    r"|^reuse (list|show|new)|^stress .*headset"
+)
+"""Examples of the normal run; tests/test_tour.py runs those of the tour in their order."""
+
+PYTHON = {
+    "README.md": {
+        'out="results")': 'out="results", size="64x36", frames=range(3))',
+        'size="640x360", frames=range(0, 24)': 'size="64x36", frames=range(3)',
+        "pair.explain(320, 180)": "pair.explain(32, 18)",
+    },
+    "docs/cost.md": {"width=480, height=270": "width=64, height=36, frames=(0, 3)", "time_limit=300": "time_limit=5"},
+    "docs/demos.md": {"size=(640, 360)": "size=(160, 90)"},
+    "docs/export.md": {"num_workers=2": "num_workers=0"},
+    "docs/reuse-evaluation.md": {
+        "width=640, height=360": "width=64, height=36",
+        "frames=(0, 48)": "frames=(0, 4)",
+        'input="noisy+jittered"': 'input="noisy+jittered", reference=4',
+    },
 }
 """Pages whose Python examples run, and what is replaced in them."""
 
-QUICK = ("docs/commands/inspect.md", "docs/commands/completion.md", "docs/reuse.md")
-LONG = ("README.md", "docs/commands/report.md", "docs/commands/scenes.md", "docs/commands/stress.md")
-"""Pages whose examples run; tests/test_tour.py runs those of the tour."""
+PYTHON_ELSEWHERE = {
+    "docs/api.md": "tests/test_api.py",
+    "docs/reuse.md": "tests/reuse/test_reuse_guide.py, test_python_routes.py",
+    "docs/batch.md": "needs SLURM and Kubernetes",
+}
 
 
-def reason_of(words: list[str]) -> str | None:
+def reason_of(line: str) -> str | None:
     """Why a command line does not run here."""
-    return next((why for pattern, why in LEFT_OUT.items() if re.search(pattern, " ".join(words))), None)
+    return next((why for pattern, why in LEFT_OUT.items() if re.search(pattern, line)), None)
 
 
-def lines_of(page: Path) -> list[list[str]]:
-    return [words for words in map(words_of, command_lines(page)) if reason_of(words) is None]
+def examples() -> dict[str, str]:
+    """Each different command line of the pages that runs, and the first page that has it."""
+    found: dict[str, str] = {}
+    for page in PAGES:
+        for line in map(" ".join, map(words_of, command_lines(page))):
+            if reason_of(line) is None:
+                found.setdefault(line, NAMES[page])
+    return found
 
 
-def reduced(words: list[str]) -> list[str]:
-    """The arguments with the values of SMALL for the options that the command has."""
+def reduced(words: list[str], kept: Collection[str]) -> list[str]:
+    """The arguments with LESS, and with the values of SMALL for the options that the command has, but for ``kept``."""
     command: click.Command = cli
     for word in words:
-        if not isinstance(command, click.Group) or word not in command.commands:
+        if not isinstance(command, click.Group):
             break
-        command = command.commands[word]
+        command = command.commands.get(word) or command.commands.get("run", command)
     known = {name for parameter in command.params for name in parameter.opts}
     if words[0] == "selftest":
         return words  # its cases need their sizes
     small = SMALL | ({"--size": "160x90"} if words[0] == "demo" else {})
-    return words + [text for name, value in small.items() if name in known for text in (name, value)]
+    if any(word.startswith("exr:") for word in words) or (words[0] == "stress" and "--sweep" not in words):
+        del small["--size"]
+    if words[0] == "export" and "--reference-spp" not in words:
+        del small["--reference-spp"]  # it asks for training pairs
+    return [LESS.get(word, word) for word in words] + [
+        text for name, value in small.items() if name in known - set(kept) for text in (name, value)
+    ]
 
 
-def run(words: list[str]) -> None:
+def run(words: list[str], kept: Collection[str] = ()) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(reduced(words))
+        main(reduced(words, kept))
     assert ended.value.code in (0, None), " ".join(words)
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The current folder: the demo scene under the names of the pages, two runs, and a recorded benchmark."""
-    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setenv("TAUBENCH_SCENES", str(tmp_path / "scenes"))
-    shutil.copytree(ROOT / "assets", tmp_path / "assets")
-    shutil.copy(ROOT / "assets" / "demo.glb", tmp_path / "scene.glb")
+def write_inputs(folder: Path) -> None:
+    """What examples read and no command of the program writes."""
+    from exr_files import blender_frame, view_at
+    from exr_files import write as write_exr
+    from pygltflib import GLTF2
+
+    from taubench_gl.pathtraced.cameras import camera_file_text
+
+    shutil.copytree(ROOT / "assets", folder / "assets")
+    for name in ("scene", "board", "a"):
+        shutil.copy(ROOT / "assets" / "demo.glb", folder / f"{name}.glb")
     for name in ("mine", "theirs"):
-        (tmp_path / name).mkdir()
-        shutil.copy(ROOT / "docs" / "benchmark-quick.json", tmp_path / name / "benchmark.json")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+        (folder / name).mkdir()
+        shutil.copy(ROOT / "docs" / "benchmark-quick.json", folder / name / "benchmark.json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the buffer goes into a file of its own
+        for name in ("scene.gltf", "b.gltf"):
+            GLTF2().load(str(ROOT / "assets" / "demo.glb")).save(str(folder / name))
+    for name in ("spec.toml", "batch.toml"):
+        (folder / name).write_text('scenes = ["scene.glb"]\nsize = "64x36"\nframes = "0:3"\n')
+    (folder / "mine.toml").write_text('[my-scene]\ntitle = "Mine"\nformat = "gltf"\n')
+    (folder / "headset.csv").write_text(
+        "time,x,y,z,qx,qy,qz,qw\n" + "".join(f"{i / 60},{0.01 * i},1.6,5,0,0,0,1\n" for i in range(31))
+    )
+    (folder / "renders").mkdir()
+    for i in range(3):
+        write_exr(folder / "renders" / f"{i:04d}.exr", blender_frame((0.02 * i, 1.0, 5.0), seed=i)[0])
+    cameras = {i: view_at(0.02 * i) for i in range(3)}
+    (folder / "renders" / "camera.json").write_text(camera_file_text(cameras, 24.0, (12, 8)))
+    accumulate = blocks(ROOT / "docs" / "reuse.md", "python")[0]
+    (folder / "my_method.py").write_text(accumulate.replace("class Accumulate", "class Variant"))
+    (folder / "my_test").mkdir()
+    for language in ("toml", "glsl"):
+        (text,) = blocks(ROOT / "docs" / "reject.md", language)
+        (folder / "my_test" / f"test.{language}").write_text(text)
 
 
-def check(page: Path) -> None:
-    lines = lines_of(page)
-    if any({"results", "other-results"} & set(words) for words in lines):
-        for name in ("results", "other-results"):
-            run(["evaluate", "scene.glb", "--out", name])
-    for words in lines:
-        if "--out" in words and words[0] != "report":  # lines of a page may stand for each other
-            shutil.rmtree(words[words.index("--out") + 1], ignore_errors=True)
-        run(words)
-    if NAMES[page] in PYTHON:
-        names: dict[str, object] = {"__name__": "example"}
-        for text in blocks(page, "python"):
-            for old, new in PYTHON[NAMES[page]]:
-                text = text.replace(old, new)
-            exec(compile(text, NAMES[page], "exec"), names)
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[Path]]:
+    """prepared(example) -> folders whose contents the example reads; each is written once."""
+    made: dict[tuple[str, ...], Path] = {}
+
+    def folders(line: str) -> list[Path]:
+        found = [()] + [tuple(commands) for pattern, commands in FIRST.items() if re.search(pattern, line)]
+        for commands in found:
+            if commands not in made:
+                folder = tmp_path_factory.mktemp("prepared")
+                if commands:
+                    for name in ("scene.glb", "spec.toml", "batch.toml"):
+                        os.symlink(made[()] / name, folder / name)
+                else:
+                    write_inputs(folder)
+                with pytest.MonkeyPatch.context() as patch:
+                    patch.chdir(folder)
+                    for command in commands:
+                        run(command.split(), kept=command.split())
+                made[commands] = folder
+        return [made[commands] for commands in found]
+
+    return folders
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_examples_run(name: str, folder: Path):
-    check(ROOT / name)
+@pytest.fixture
+def ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, prepared) -> Callable[[str], None]:
+    """ready(example) fills the current folder with what it reads."""
+
+    def fill(line: str) -> None:
+        monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+        here = tmp_path / "here"
+        for folder in prepared(line):
+            shutil.copytree(folder, here, dirs_exist_ok=True)
+        monkeypatch.chdir(here)
+
+    return fill
+
+
+def marked(line: str) -> Any:
+    return pytest.param(line, id=line, marks=() if re.search(QUICK, line) else pytest.mark.long)
+
+
+@pytest.mark.parametrize("line", [marked(line) for line in examples()])
+def test_examples_run(line: str, ready):
+    ready(line)
+    words = line.split()
+    if "out/*" in words:  # the shell's work
+        words = words[: words.index("out/*")] + ["out/sponza", "out/bistro"] + words[words.index("out/*") + 1 :]
+    run(words)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", LONG)
-def test_more_examples_run(name: str, folder: Path):
-    check(ROOT / name)
+@pytest.mark.parametrize("name", PYTHON)
+def test_python_examples_run(name: str, ready):
+    texts = blocks(ROOT / name, "python")
+    ready("\n".join(texts))
+    names: dict[str, object] = {"__name__": "example"}
+    for text in texts:
+        for old, new in PYTHON[name].items():
+            text = text.replace(old, new)
+        exec(compile(text, name, "exec"), names)
+    if name == "docs/export.md":
+        assert np.isfinite(np.asarray(names["error"])).all()
 
 
-def test_what_is_left_out_exists_and_what_is_replaced_is_there():
+def test_what_is_left_out_or_replaced_exists():
     lines = [" ".join(words_of(line)) for page in PAGES for line in command_lines(page)]
-    assert [pattern for pattern in LEFT_OUT if not any(re.search(pattern, line) for line in lines)] == []
+    for pattern in (*LEFT_OUT, QUICK, *LESS, *FIRST):
+        texts = [*lines, *(text for page in PAGES for text in blocks(page, "python"))]
+        assert any(re.search(pattern, text) for text in texts), pattern
     for name, replaced in PYTHON.items():
         text = "\n".join(blocks(ROOT / name, "python"))
-        assert text and all(old in text for old, _ in replaced), name
+        assert text and all(old in text for old in replaced), name
+    assert {NAMES[page] for page in PAGES if blocks(page, "python")} == PYTHON.keys() | PYTHON_ELSEWHERE.keys()

@@ -37,3 +37,13 @@ def test_empty_name(tmp_path: Path, monkeypatch):
     with pytest.raises(SceneError) as caught:
         load_scene("")
     assert caught.value.where is None
+
+
+@pytest.mark.parametrize("name", ["exr:renders", "exr:", "exr:renders/name*.exr"])
+def test_path_traced_frames_are_no_scene(tmp_path: Path, monkeypatch, name: str):
+    """Also where a folder has that name."""
+    (tmp_path / "exr:renders").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError) as caught:
+        load_scene(name)
+    assert caught.value.where == name and "evaluate" in caught.value.hint and "\n" not in str(caught.value)

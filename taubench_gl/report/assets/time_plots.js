@@ -51,7 +51,7 @@ function makePlots(box, state) {
       const frame = first + Math.round(offset);
       if (frame <= last) root.append(text(x(frame), bottom + 20, frame, { "text-anchor": "middle" }));
     }
-    if (width > 560) root.append(text(width - right, bottom + 20, "frame", { "text-anchor": "end" }));
+    if (width > 560) root.append(text(left - 16, bottom + 20, "frame", { "text-anchor": "end" }));
     run.cuts.forEach((frame, i) => {
       if (frame < first || frame > last) return;
       root.append(svg("line", { class: "cut", x1: x(frame), x2: x(frame), y1: 26, y2: bottom }));
