@@ -319,6 +319,11 @@ class LightingSettings(_Group):
         "each",
         _one_of(PATTERNS),
     )
+    bidirectional: bool = _setting(
+        False,
+        "path-traced indirect light also by paths from point and spot lights; less noise where one is close to a "
+        "surface, more time per sample",
+    )
     seed: int = _setting(
         0, "seed of the sample pattern of path-traced light", _at_least(0, "an integer from 0 to 2^31 - 1", 2**31 - 1)
     )

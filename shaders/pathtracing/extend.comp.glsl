@@ -91,7 +91,14 @@ void main() {
     s.n = x.normal;
     s.v = -ray.direction;
     vec3 g = x.geometric_normal;
-    Lobes light = next_event(s, x.position, g, of_emitter, sample_numbers_of(pixel, vertex, ENVIRONMENT_PUNCTUAL), 0);
+    vec2 before = vec2(origin.w, hit.t * hit.t / max(abs(dot(g, ray.direction)), 1.0e-12));
+    Lobes light = next_event(s, x.position, g, of_emitter, sample_numbers_of(pixel, vertex, ENVIRONMENT_PUNCTUAL), 0, before);
+#if BIDIRECTIONAL
+    if (vertex < LAST_VERTEX - 1) {
+        Lobes connected = connect(local, s, x.position, g);
+        light = Lobes(light.diffuse + connected.diffuse, light.glossy + connected.glossy);
+    }
+#endif
     contribute_indirect(local, throughput * (light.diffuse + light.glossy));
     vec4 u = sample_numbers_of(pixel, vertex, SCATTER);
     BrdfSample next = sample_brdf(s, u.xyz);

@@ -45,7 +45,12 @@ float punctual_reach(LightRecord light, vec3 p) {
     return max(length(light.position.xyz - p) - LIGHT_GAP * size, 0.0);
 }
 
-LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep) {
+#if BIDIRECTIONAL
+#include "pathtracing/connection.glsl"
+#endif
+
+// ``before``: as of scattered_weight; x = 0: the point was not found by sampling a BRDF.
+LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep, vec2 before) {
     LightRay r = NO_LIGHT;
     float total = 0.0, target = 0.0;
     int chosen = -1;
@@ -54,11 +59,14 @@ LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep) {
         int row = i;
         float pdf = 1.0;
 #else
-        int row = choose_light((float(i) + pick) / float(P.lights.y), P.lights.x);
+        int row = choose_light((float(i) + pick) / float(P.lights.y), P.lights.x, 0);
         float pdf = light_choice[row].y * float(P.lights.y);
 #endif
         Incident arriving = incident(light_record(row), p);
         if (!faces(s, g, arriving.l)) continue;
+#if BIDIRECTIONAL
+        if (before.x > 0.0) arriving.radiance *= scattered_weight(before, subpath_pdf(row, light_record(row), p, g));
+#endif
         Lobes f = evaluate_brdf(s, arriving.l);
         float reflected = luminance((f.diffuse + f.glossy) * arriving.radiance);
         if (!(reflected > 0.0)) continue;
@@ -159,15 +167,16 @@ LightRay environment_ray(Surface s, vec3 p, vec3 g, vec2 u) {
 
 const int FROM_PUNCTUAL = 0, FROM_EMITTERS = 1, FROM_ENVIRONMENT = 2;
 
-// Light that one sample of each kind of source sends to the viewer.  ``sources``: of SOURCES, from ``first``.
-Lobes next_event(Surface s, vec3 p, vec3 g, vec4 of_emitter, vec4 of_others, int first) {
+// Light that one sample of each kind of source sends to the viewer.  ``sources``: of SOURCES, from ``first``; ``before``: as of
+// punctual_ray.
+Lobes next_event(Surface s, vec3 p, vec3 g, vec4 of_emitter, vec4 of_others, int first, vec2 before) {
     Lobes sum = Lobes(vec3(0.0), vec3(0.0));
 #if SOURCES > 0
     for (int i = first; i < SOURCES; ++i) { // one loop, so that the shadow ray is compiled once
         LightRay ray = NO_LIGHT;
         int source = SOURCE_KINDS[i];
 #if PUNCTUAL
-        if (source == FROM_PUNCTUAL) ray = punctual_ray(s, p, g, of_others.z, of_others.w);
+        if (source == FROM_PUNCTUAL) ray = punctual_ray(s, p, g, of_others.z, of_others.w, before);
 #endif
 #if EMITTERS
         if (source == FROM_EMITTERS) ray = emitter_ray(s, p, g, of_emitter);

@@ -22,10 +22,10 @@ void main() {
     }
     CameraVertex x = camera_vertex(local);
     vec4 origin_pdf = vec4(0.0), direction_alive = vec4(0.0);
-    Lobes direct = Lobes(vec3(0.0), vec3(0.0)), first = direct;
+    Lobes direct = Lobes(vec3(0.0), vec3(0.0)), first = direct, connected = direct;
     if (x.lit) {
         direct = next_event(x.surface, x.p, x.g, sample_numbers_of(pixel, 0, EMITTER),
-                            sample_numbers_of(pixel, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL);
+                            sample_numbers_of(pixel, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL, vec2(0.0));
         direct = Lobes(finite_or_counted(direct.diffuse), finite_or_counted(direct.glossy));
         BrdfSample next = sample_brdf(x.surface, sample_numbers_of(pixel, 0, SCATTER).xyz);
         if (next.pdf > 0.0 && faces(x.surface, x.g, next.l)) {
@@ -34,6 +34,12 @@ void main() {
             origin_pdf = vec4(offset_origin(x.p, x.g, next.l), next.pdf);
             direction_alive = vec4(next.l, float(luminance(first.diffuse + first.glossy) > 0.0));
         }
+#if BIDIRECTIONAL
+        connected = connect(local, x.surface, x.p, x.g);
+        connected = Lobes(finite_or_counted(connected.diffuse), finite_or_counted(connected.glossy));
+        add_state(local, INDIRECT_DIFFUSE, vec4(connected.diffuse, 0.0));
+        add_state(local, INDIRECT_GLOSSY, vec4(connected.glossy, 0.0));
+#endif
         add_state(local, DIRECT_DIFFUSE, vec4(direct.diffuse, 0.0));
         add_state(local, DIRECT_GLOSSY, vec4(direct.glossy, 0.0));
     }
@@ -41,5 +47,5 @@ void main() {
     store_state(local, DIRECTION_ALIVE, direction_alive);
     store_state(local, THROUGHPUT, vec4(1.0));
     store_state(local, FIRST_DIFFUSE, vec4(first.diffuse, luminance(direct.diffuse + direct.glossy)));
-    store_state(local, FIRST_GLOSSY, vec4(first.glossy, 0.0));
+    store_state(local, FIRST_GLOSSY, vec4(first.glossy, luminance(connected.diffuse + connected.glossy)));
 }

@@ -16,6 +16,11 @@ const int INDIRECT_GLOSSY = 8; // xyz: sum; w: samples whose first bounce hit a 
 const int EXACT_DIFFUSE = 9;   // xyz: direct light of all punctual lights, diffuse lobe
 const int EXACT_GLOSSY = 10;   // xyz: glossy lobe
 const int FIRST_POINT = 11;    // xyz: where the paths start
+// With BIDIRECTIONAL, the end of the light subpath:
+const int LIT_POINT = 12;      // xyz: relative to the camera; w: row of the light, < 0: none
+const int LIT_GEOMETRIC = 13;  // xyz: unit normal of the triangle; w: metallic
+const int LIT_NORMAL = 14;     // xyz: shading normal; w: roughness squared
+const int LIT_COLOR = 15;      // xyz: base color; w: specular
 
 ivec2 local_pixel() { return ivec2(gl_GlobalInvocationID.xy); }
 

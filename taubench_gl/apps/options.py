@@ -368,7 +368,8 @@ def light_options(command: Any) -> Any:
 
 
 def path_options(command: Any) -> Any:
-    """``--light``, and the samples of path-traced light: ``--spp``, ``--bounces``, ``--pattern``, ``--seed``."""
+    """``--light``, and the samples of path-traced light: ``--spp``, ``--bounces``, ``--bidirectional``, ``--pattern``,
+    ``--seed``."""
     return with_options(
         command,
         of_settings(
@@ -388,6 +389,12 @@ def path_options(command: Any) -> Any:
             show_default=False,
         ),
         of_settings("--bounces", "Most bounces of a path; 1: direct light alone.", metavar="N"),
+        of_settings(
+            "--bidirectional",
+            "Path-traced indirect light also by paths from point and spot lights: less noise where one is close to a "
+            "surface, more time per sample.",
+            is_flag=True,
+        ),
         of_settings(
             "--pattern",
             "Sample pattern of path-traced light.  fixed: the same numbers in every pixel and frame, so that noise is "

@@ -96,7 +96,7 @@ def _open_request(source: str, options: dict[str, Any]) -> Any:
 
     names = ("size", "frames", "camera", "scene", "animations", "strict", "fps", "reprojection", "sampling",
              "thresholds", "unit_scale", "culling", "blend", "textures", "columns", "effects", "light_unit", "exposure",
-             "environment", "light", "spp", "bounces", "pattern", "seed",
+             "environment", "light", "spp", "bounces", "bidirectional", "pattern", "seed",
              "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
     settings = settings_from({name: options[name] for name in names})
     path_traced = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}

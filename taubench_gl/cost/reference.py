@@ -31,7 +31,13 @@ def reference_light(settings: Settings) -> Settings:
     All pixels and frames have the same numbers: noise that a surface point has in both frames of a pair is no change,
     so masks converge much sooner than with other numbers in each.
     """
-    light = {"light": "path-traced", "indirect": "auto", "pattern": "fixed", "bounces": MAX_BOUNCES}
+    light = {
+        "light": "path-traced",
+        "indirect": "auto",
+        "pattern": "fixed",
+        "bounces": MAX_BOUNCES,
+        "bidirectional": True,
+    }
     return at_pixel_centers(settings).replace(**light, spp=PART, storage="float")
 
 

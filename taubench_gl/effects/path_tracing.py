@@ -59,10 +59,15 @@ def traced_effects(enabled: Mapping[str, Any] | frozenset[str]) -> frozenset[str
 
 
 def cost_text(lighting: LightingSettings) -> str:
-    """Samples, bounces and rays of a pixel: each bounce has a ray to a light and a ray to the next surface."""
+    """Samples, bounces and rays of a pixel: each bounce has a ray to a light and a ray to the next surface.
+
+    Bidirectional paths also have one from a light, and one from each vertex but the last to where that ends.
+    """
     spp, bounces = lighting.path_samples, lighting.bounces
     paths = f"{spp} {lighting.pattern} sample{'s' * (spp > 1)} of up to {bounces} bounce{'s' * (bounces > 1)}"
-    return f"{paths}, up to {2 * spp * bounces:,} rays a pixel"
+    if lighting.bidirectional:
+        paths = f"{paths}, bidirectional"
+    return f"{paths}, up to {(2 + lighting.bidirectional) * spp * bounces:,} rays a pixel"
 
 
 def notes(scene: Scene, settings: Settings, enabled: frozenset[str]) -> list[str]:

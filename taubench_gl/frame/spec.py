@@ -15,7 +15,7 @@ from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import indirect_method
 from taubench_gl.effects.lighting import Environment, Sun, environment_of
 from taubench_gl.effects.path_tracing import emitters, method_of, traced_effects, traced_sources
-from taubench_gl.frame.lights import light_kinds, significant_lights
+from taubench_gl.frame.lights import KINDS, light_kinds, significant_lights
 from taubench_gl.frame.materials import MaterialKey, material_key
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import Face, faces_of, map_sizes
@@ -172,6 +172,12 @@ class FrameSpec:
     @property
     def seed(self) -> int:
         return self.settings.lighting.seed
+
+    @property
+    def bidirectional(self) -> bool:
+        """Whether paths are connected with light subpaths: asked for, two bounces, and a light at a place."""
+        lights = set(self.light_kinds) - {KINDS.index("directional")} if "punctual" in self.path_traced_sources else ()
+        return self.settings.lighting.bidirectional and self.bounces > 1 and bool(lights)
 
     @cached_property
     def environment(self) -> Environment:

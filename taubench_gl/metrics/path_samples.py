@@ -21,6 +21,9 @@ BLOCKS_PER_VERTEX = 3
 VERTICES = 13
 """Vertices that have numbers: the camera's and one for each of up to 12 bounces."""
 
+SUBPATH_VERTEX = VERTICES - 1
+"""The vertex whose numbers for scattering light subpaths have: the last one does not scatter."""
+
 _BITS = 30
 
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taubench_gl.metrics.brdf_sampling import brdf_pdf, sample_brdf
+from taubench_gl.metrics.brdf_sampling import basis_around, brdf_pdf, sample_brdf
 from taubench_gl.metrics.environment import lookup
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
-from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, sample_table
+from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, SUBPATH_VERTEX, sample_table
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
@@ -27,6 +27,23 @@ ROULETTE_FROM, LEAST_SURVIVAL = 3, 0.05
 """First vertex at which paths may end by chance, and the least probability with which they go on."""
 
 _GAP = 1e-5  # rays start and end this share of the coordinates, which came from float32, away from surfaces
+
+
+@dataclass(frozen=True)
+class LightSegments:
+    """Where light subpaths of one segment start: a row for each light."""
+
+    position: Array  # (L, 3) relative to the camera
+    axis: Array  # (L, 3) unit, where the light shines
+    least_cosine: Array  # (L,) to the axis; -1: in all directions
+    choice: Array  # (L, 2) metrics.stochastic.light_choice; probability 0: no light at a place
+
+    def pdf(self, row: int, p: Array, n: Array) -> Array:
+        """Per square meter, choice included, of a subpath of light ``row`` that ends at ``p``, which it sees.  (n,)."""
+        to_light = self.position[row] - p
+        d2 = np.sum(to_light**2, axis=1)
+        cosine = np.abs(np.sum(to_light * n, axis=1)) / np.sqrt(d2)
+        return float(self.choice[row, 1]) * cosine / (2.0 * np.pi * (1.0 - self.least_cosine[row]) * d2)
 
 
 @dataclass(frozen=True)
@@ -48,6 +65,7 @@ class TraceScene:
     sky: Array = field(default_factory=lambda: np.zeros(3))  # radiance of a uniform environment
     environment: Array | None = None  # equirectangular radiance (h, 2 h, 3)
     choice: Array | None = None  # metrics.environment.direction_choice of it
+    segments: LightSegments | None = None  # of ``lights``, for bidirectional paths
 
     def material(self, rows: Array) -> SurfaceMaterial:
         """Of triangles ``rows`` (n,)."""
@@ -122,6 +140,11 @@ def trace(
         diffuse, glossy = _next_event(scene, points, normals, to_viewer, material, numbers, 0, first_source)
         sums["direct_diffuse"] += diffuse
         sums["direct_glossy"] += glossy
+        lit = _subpath(scene, numbers(SUBPATH_VERTEX, SCATTER)) if scene.segments and bounces > 1 else None
+        if lit is not None:
+            diffuse, glossy = _connect(scene, lit, points, normals, to_viewer, material)
+            sums["indirect_diffuse"] += diffuse
+            sums["indirect_glossy"] += glossy
         direction, pdf, diffuse, glossy, alive = _scatter(material, normals, to_viewer, numbers(0, SCATTER))
         throughput, origin = np.ones((n, 3)), _above(points, normals)
         for vertex in range(1, bounces + 1):
@@ -148,7 +171,12 @@ def trace(
             if vertex == bounces or not alive.any():
                 break
             here = scene.material(safe)
-            lobes = _next_event(scene, point, normal, -direction, here, numbers, vertex, 0)
+            cosine = np.abs(np.sum(normal * direction, axis=1))
+            before = pdf, np.where(hit, distance, 0.0) ** 2 / np.maximum(cosine, 1e-12)
+            lobes = _next_event(scene, point, normal, -direction, here, numbers, vertex, 0, before)
+            if lit is not None and vertex < bounces - 1:
+                connected = _connect(scene, lit, point, normal, -direction, here)
+                lobes = lobes[0] + connected[0], lobes[1] + connected[1]
             arrived = np.where(alive[:, None], throughput * (lobes[0] + lobes[1]), 0.0)
             sums["indirect_diffuse"] += arrived * diffuse
             sums["indirect_glossy"] += arrived * glossy
@@ -182,12 +210,16 @@ def _next_event(
     numbers: Callable[[int, int], Array],
     vertex: int,
     first_source: int,
+    before: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
-    """Diffuse and glossy light of one sample of each kind of source, (n, 3) each."""
+    """Diffuse and glossy light of one sample of each kind of source, (n, 3) each.
+
+    ``before``: pdf of the direction at the vertex before (n,), and what turns a pdf per area here into one there (n,).
+    """
     u = numbers(vertex, ENVIRONMENT_PUNCTUAL)
     arriving = []
     if scene.lights and first_source == 0:
-        arriving.append(_punctual(scene, p, n, v, material, u[2], u[3]))
+        arriving.append(_punctual(scene, p, n, v, material, u[2], u[3], before))
     if len(scene.emitter_triangles):
         arriving.append(_emitter(scene, p, n, v, material, numbers(vertex, EMITTER)))
     if scene.environment is not None:
@@ -202,8 +234,60 @@ def _next_event(
     return sums
 
 
+def _subpath(scene: TraceScene, u: Array) -> tuple[int, int, Array, Array] | None:
+    """Light, triangle, point (1, 3) and normal (1, 3) that faces the light, of the end of a light subpath."""
+    segments = scene.segments
+    if not segments.choice.any():
+        return None
+    light = int(np.searchsorted(segments.choice[:, 0].astype(np.float64), u[0], side="right"))
+    cosine = 1.0 + (segments.least_cosine[light] - 1.0) * u[1]
+    sine, around = np.sqrt(1.0 - cosine**2), 2.0 * np.pi * u[2]
+    local = np.array([sine * np.cos(around), sine * np.sin(around), cosine])
+    axis = segments.axis[light]
+    direction = (local @ np.stack([*basis_around(axis), axis]))[None]
+    position = segments.position[light][None]
+    origin = position + _GAP * np.abs(position).max() * direction
+    (row,), (distance,) = closest_hit(scene.triangles, origin, direction, np.full(1, np.inf))
+    if row < 0:
+        return None
+    a, b, c = scene.triangles[row]
+    normal = _unit(np.cross(b - a, c - a))
+    return light, row, origin + distance * direction, np.where(direction @ normal > 0, -normal, normal)[None]
+
+
+def _connect(
+    scene: TraceScene, lit: tuple[int, int, Array, Array], p: Array, n: Array, v: Array, material: SurfaceMaterial
+) -> tuple[Array, Array]:
+    """Diffuse and glossy light (n, 3) that the end of a light subpath sends to the viewer over surfaces at ``p``."""
+    light, row, end, normal = lit
+    origin = _above(p, n)
+    towards = end - origin
+    d2 = np.sum(towards**2, axis=1)
+    direction = _unit(towards)
+    to_light, radiance, _ = scene.lights[light](end)
+    reflected = evaluate_brdf(scene.material(np.full(len(p), row)), normal, -direction, to_light)
+    cosine = -np.sum(normal * direction, axis=1)
+    facing = (np.sum(n * direction, axis=1) > 0) & (cosine > 0) & (np.sum(normal * to_light, axis=1) > 0)
+    area = scene.segments.pdf(light, end, normal)
+    total = brdf_pdf(material, n, v, direction) + area * d2 / np.where(facing, cosine, 1.0)
+    span = _above(end, normal) - origin
+    hit, _ = closest_hit(scene.triangles, origin, _unit(span), np.linalg.norm(span, axis=1) * (1.0 - 1e-6))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sent = (reflected[0] + reflected[1]) * radiance / total[:, None]
+    sent = np.where((facing & (hit < 0))[:, None], sent, 0.0)
+    diffuse, glossy = (lobe * sent for lobe in evaluate_brdf(material, n, v, direction))
+    return diffuse, glossy
+
+
 def _punctual(
-    scene: TraceScene, p: Array, n: Array, v: Array, material: SurfaceMaterial, pick: float, keep: float
+    scene: TraceScene,
+    p: Array,
+    n: Array,
+    v: Array,
+    material: SurfaceMaterial,
+    pick: float,
+    keep: float,
+    before: tuple[Array, Array] | None,
 ) -> tuple[Array, Array, Array]:
     """Direction, radiance over the probability, distance: resampled importance sampling."""
     count = len(scene.lights)
@@ -219,13 +303,16 @@ def _punctual(
             row = int(np.searchsorted(cumulative, (i + pick) / scene.candidates, side="right"))
             pdf = float(scene.light_choice[row, 1]) * scene.candidates
         direction, radiance, distance = chosen_of[row]
+        if scene.segments and before is not None:  # balance heuristic against connections with light subpaths
+            total_pdf = before[0] + scene.segments.pdf(row, p, n) * before[1]
+            radiance = radiance * (before[0] / np.where(total_pdf > 0, total_pdf, 1.0))[:, None]
         lobes = evaluate_brdf(material, n, v, direction)
         reflected = (lobes[0] + lobes[1]) * radiance @ LUMINANCE
         weight = np.where(reflected > 0, reflected / pdf, 0.0)
-        before, total = total, total + weight
+        so_far, total = total, total + weight
         take = (weight > 0) & (keep * total < weight)
         with np.errstate(divide="ignore", invalid="ignore"):
-            scaled = np.where(take, keep * total / weight, (keep * total - weight) / before)
+            scaled = np.where(take, keep * total / weight, (keep * total - weight) / so_far)
         keep = np.where(weight > 0, scaled, keep)
         target = np.where(take, reflected, target)
         for slot, value in zip(out, (direction, radiance, distance), strict=True):

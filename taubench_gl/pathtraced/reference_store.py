@@ -35,7 +35,7 @@ HALVES = 2
 
 IDENTITY = (
     "width", "height", "fps", "culling", "blend", "textures", "animation", "scene", "light_unit", "environment",
-    "bounces", "seed",
+    "bounces", "bidirectional", "seed",
 )  # fmt: skip
 """Settings that radiance depends on.  The camera is part of every frame's name, exposure multiplies afterwards."""
 

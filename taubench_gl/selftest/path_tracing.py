@@ -196,6 +196,40 @@ def sphere_light(bench: Bench) -> Outcome:
     return scalar(0.5 * 10.0 / 25.0, float(frame["direct"][..., 0].mean()), relative=True)
 
 
+def between_boards(h: float, gap: float, half: float) -> float:
+    """Irradiance below the center of a white square board, over the intensity of a lamp ``h`` from it, ``gap`` above.
+
+    The lamp shines on the board alone.  Gauss-Legendre in the inverse hyperbolic sine of each coordinate.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(128)
+    end = np.arcsinh(half / h)
+    x, w = h * np.sinh(end * nodes), weights * end * h * np.cosh(end * nodes)
+    r2 = x[:, None] ** 2 + x**2
+    return float(w @ (h / (r2 + h * h) ** 1.5 * gap**2 / (r2 + gap**2) ** 2) @ w / np.pi)
+
+
+@case(
+    "lamp-at-a-board",
+    what="a lamp 1 cm below a board 3 m above a wall: indirect radiance below it, bidirectional, against an integral",
+    elsewhere="paths from the camera find the bright spot behind the lamp once in 100,000 samples",
+    here="paths from the lamp find it too; the balance heuristic counts nothing twice",
+    tolerance=1e-2,
+    source=RANDOM,
+)
+def lamp_at_a_board(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.5))), translation=(0.0, 0.0, -10.0))
+    b.node(mesh=b.mesh(quad(2, 2, material=_matte(b, 0.8))), translation=(0.0, 0.0, -7.0))
+    b.light(translation=(0.0, 0.0, -7.01), intensity=5.0)
+    b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=8.0, zfar=50.0)
+    scene = b.build()
+    both, alone = (bench.traced(scene, spp=256, bounces=2, bidirectional=on)["indirect"] for on in (True, False))
+    expected = 5.0 * 0.5 / np.pi * 0.8 * between_boards(0.01, 3.0, 2.0)
+    missed = float(alone[..., 0].mean())
+    naive = Naive("from the camera alone", missed, abs(1.0 - missed / expected))
+    return scalar(expected, float(both[..., 0].mean()), naive, relative=True)
+
+
 @case(
     "masked-leaf",
     what="a leaf above a wall, its left half cut out by alpha, below a distant light: shadowed pixels",

@@ -311,7 +311,7 @@ def live_settings(given: Settings, live: Live) -> Settings:
 
 _RUN_SETTINGS = (
     "fps", "reprojection", "sampling", "unit_scale", "culling", "blend", "textures", "effects", "light_unit",
-    "exposure", "light", "spp", "bounces", "pattern", "seed",
+    "exposure", "light", "spp", "bounces", "bidirectional", "pattern", "seed",
     "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes",
     "light_error", "storage",
 )  # fmt: skip

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from taubench_gl.animation import choose_camera
+from taubench_gl.frame.passes.pathtracing import subpath_choice
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
-from taubench_gl.metrics.path_tracing import PathLight, TraceScene, trace
+from taubench_gl.metrics.path_tracing import LightSegments, PathLight, TraceScene, trace
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y
@@ -22,8 +23,13 @@ SIZE = (24, 16)
 LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
 
 
-def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True, on: range | None = None) -> Scene:
-    """A room or an open stage with a glossy box, a metal board and lights.  ``on``: of the lights; None: all."""
+def room(
+    *, lights: int = 0, emitter: float = 0.0, closed: bool = True, on: range | None = None, spots: bool = False
+) -> Scene:
+    """A room or an open stage with a glossy box, a metal board and lights.
+
+    ``on``: of the lights; None: all.  ``spots``: every second light is one.
+    """
     b = SceneBuilder()
     matte = b.material(base_color=(0.8, 0.6, 0.4, 1.0), metallic=0.0, specular=0.0, double_sided=True)
     glossy = b.material(base_color=(0.3, 0.5, 0.9, 1.0), metallic=0.0, roughness=0.5, double_sided=True)
@@ -39,7 +45,10 @@ def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True, on: rang
         b.node(mesh=b.mesh(quad(0.7, 0.4, material=lamp)), translation=(0.3, 1.6, -0.5), rotation=turn_x(80.0))
     for i in range(lights):
         at = -2.0 + 4.0 * ((i * 0.37) % 1.0), 0.4 + ((i * 0.61) % 1.0), -2.0 + 3.0 * ((i * 0.23) % 1.0)
-        b.light(translation=at, color=(1.0, 0.7 + 0.02 * i, 0.5), intensity=3.0 + i if on is None or i in on else 0.0)
+        intensity, spot = 3.0 + i if on is None or i in on else 0.0, {}
+        if spots and i % 2:
+            spot = {"kind": "spot", "inner_cone": 0.3, "outer_cone": 1.1}
+        b.light(translation=at, color=(1.0, 0.7 + 0.02 * i, 0.5), intensity=intensity, **spot)
     b.camera(translation=(0.1, 0.2, 2.6), rotation=turn_x(-8.0), yfov=np.radians(60.0))
     return b.build()
 
@@ -76,14 +85,16 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
     emission = np.array([m.emissive for m in rows])
     emitters = np.flatnonzero(emission.any(axis=1))
     area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
-    power = (area * (emission @ LUMINANCE))[emitters]
-    lights = []
-    for node in scene.light_nodes.tolist():
-        light = scene.lights[scene.nodes.light[node]]
-        position = state.world[node, :3, 3] - view.position
-        lights.append(_arriving(light, position))
-    choice = light_choice(np.array([max(light.color) * light.intensity for light in _lights(scene)]))
+    emitted = (area * (emission @ LUMINANCE))[emitters]
+    positions = state.world[scene.light_nodes, :3, 3] - view.position
+    lights = [_arriving(light, at) for light, at in zip(_lights(scene), positions, strict=True)]
+    power = np.array([max(light.color) * light.intensity for light in _lights(scene)])
+    choice = light_choice(power)
     sources = {"sky": np.asarray(options.pop("sky", (0.0, 0.0, 0.0)))}
+    if options.pop("bidirectional", False):
+        least = np.array([np.cos(light.outer_cone) if light.kind == "spot" else -1.0 for light in _lights(scene)])
+        axes = np.broadcast_to([0.0, 0.0, -1.0], positions.shape)
+        sources |= {"segments": LightSegments(positions, axes, least, light_choice(power * (1.0 - least)))}
     if (image := options.pop("image", None)) is not None:
         sources |= {"environment": image, "choice": direction_choice(image)}
     traced = TraceScene(
@@ -97,7 +108,7 @@ def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLig
         choice,
         8,
         emitters,
-        np.cumsum(power) / power.sum() if len(power) else np.zeros(0),
+        np.cumsum(emitted) / emitted.sum() if len(emitted) else np.zeros(0),
         **sources,
     )
     shown = frame["position"][..., 3] > 0
@@ -144,6 +155,85 @@ def test_punctual_lights_all_and_by_power(gpu, lights):
     exact = lights <= 4 * SAMPLES
     traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, first_source=int(exact))
     assert_same(frame, traced, shown, SAMPLES, exact=exact)
+
+
+@pytest.mark.parametrize("lights", [3, 40])
+def test_bidirectional_paths(gpu, lights):
+    scene = room(lights=lights, spots=True)
+    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES, bidirectional=True)
+    exact = lights <= 4 * SAMPLES
+    options = {"samples": SAMPLES, "bounces": BOUNCES, "first_source": int(exact)}
+    traced, shown = reference(scene, frame, bidirectional=True, **options)
+    assert_same(frame, traced, shown, SAMPLES, exact=exact)
+    alone, _ = reference(scene, frame, **options)
+    assert abs(alone.indirect_diffuse.mean() / traced.indirect_diffuse.mean() - 1.0) > 0.01, "other paths"
+
+
+def blocks(gpu, scene: Scene, samples: int, count: int, **given) -> Array:
+    """Means (count, h, w, 3) of indirect light over ``samples`` independent samples each."""
+    chosen = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), "pattern": "independent"}
+    settings = Settings(width=SIZE[0], height=SIZE[1], spp=samples, **(chosen | given))
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions())
+    try:
+        source.draw(0)
+        out = []
+        for number in range(count):
+            source.trace(number, 0, samples)
+            out.append(source.read("indirect")[..., :3].astype(np.float64))
+    finally:
+        source.release()
+    return np.stack(out)
+
+
+def lamp_at_the_wall() -> Scene:
+    """The room with a lamp 2 cm from a wall and a spot 3 cm above the glossy box."""
+    b = SceneBuilder()
+    matte = b.material(base_color=(0.8, 0.6, 0.4, 1.0), metallic=0.0, specular=0.0, double_sided=True)
+    glossy = b.material(base_color=(0.3, 0.5, 0.9, 1.0), metallic=0.0, roughness=0.5, double_sided=True)
+    b.node(mesh=b.mesh(box((3.0, 2.0, 3.0), inside=True, material=matte)))
+    b.node(mesh=b.mesh(box((0.6, 0.8, 0.5), material=glossy)), translation=(-0.9, -1.2, -1.0))
+    b.light(translation=(-2.98, 0.3, -1.0), intensity=3.0)
+    b.light(
+        translation=(-0.9, -0.37, -1.0),
+        rotation=turn_x(-90.0),
+        kind="spot",
+        inner_cone=0.2,
+        outer_cone=1.0,
+        intensity=9.0,
+    )
+    b.camera(translation=(0.1, 0.2, 2.6), rotation=turn_x(-8.0), yfov=np.radians(60.0))
+    return b.build()
+
+
+def test_bidirectional_paths_have_the_same_mean(gpu):
+    """Pixels have independent numbers, so the image's mean has a standard error; both lights are near no surface."""
+    scene, count = room(lights=2, spots=True), 24
+    found = [blocks(gpu, scene, 8, count, bounces=4, bidirectional=on).mean(axis=(1, 2)) for on in (False, True)]
+    mean, error = zip(*((f.mean(axis=0), f.std(axis=0, ddof=1) / np.sqrt(count)) for f in found), strict=True)
+    assert np.all(np.abs(mean[0] - mean[1]) < 4 * np.hypot(*error)), (mean, error)
+    assert np.all(np.hypot(*error) < 0.01 * mean[0])
+
+
+def test_variance_of_bidirectional_paths_falls_with_the_samples(gpu):
+    """As 1 / N or, because samples are stratified, faster: near lamps too, where that of BRDF sampling does not."""
+
+    def variance(samples: int, on: bool) -> float:
+        return float(
+            blocks(gpu, lamp_at_the_wall(), samples, 12, bounces=3, bidirectional=on).var(axis=0, ddof=1).mean()
+        )
+
+    few, many = variance(4, True), variance(16, True)
+    assert many < few / 4 * 1.25
+    assert many < variance(16, False) / 10
+
+
+def test_lights_of_subpaths_are_chosen_by_what_they_send():
+    """A point light, a spot of a sixteenth of the sphere, a directional light."""
+    spots = np.array([[0.0, 0.0, 0.0, 0.0], [2.0, -2.0 * 0.875, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    choice = subpath_choice(np.array([3.0, 3.0, 1000.0]), np.array([0.0, 1.0, 2.0]), spots)
+    expected = light_choice(np.array([16.0, 1.0, 0.0]))
+    np.testing.assert_allclose(choice, expected, rtol=1e-6)
+    assert choice[2, 1] == 0.0
 
 
 def test_exact_light_is_the_sum_over_its_lights(gpu):

@@ -14,6 +14,7 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment, seen_of
+from taubench_gl.frame.lights import KINDS as LIGHT_KINDS
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
 from taubench_gl.frame.passes.lighting import KINDS, SURFACE
 from taubench_gl.frame.raytracing.attributes import HitAttributes
@@ -26,7 +27,7 @@ from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import CompiledCompute
 from taubench_gl.metrics.environment import CELLS, direction_choice
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
-from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, VERTICES, sample_table
+from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, SUBPATH_VERTEX, VERTICES, sample_table
 from taubench_gl.metrics.stochastic import light_choice
 
 Array = np.ndarray
@@ -40,8 +41,8 @@ PATH = Struct(
     Field("numbers", "uvec4", "x: frame, y: seed"),
     Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
 )
-LAYERS = 12
-"""Layers of the path state."""
+LAYERS, SUBPATH_LAYERS = 12, 4
+"""Layers of the path state, and those that light subpaths add."""
 
 CANDIDATES = 8
 """Most lights that compete for one light sample.  As many lights are all evaluated at the camera's vertex."""
@@ -68,7 +69,7 @@ TABLE_ROWS = 256
 COUNTS = ("non_finite",)
 """Counters of ``path_counts``: contributions that were not finite."""
 
-TRACED = ("anchor", "exact", "start", "extend")
+TRACED = ("anchor", "exact", "subpath", "start", "extend")
 """Passes that trace rays."""
 
 
@@ -85,6 +86,16 @@ def exact_punctual(spec: FrameSpec) -> bool:
     return "punctual" in spec.path_traced_sources and few and not spec.shading.one_light
 
 
+def subpath_choice(power: Array, kinds: Array, spots: Array) -> Array:
+    """Probabilities of the lights of light subpaths, as ``light_choice``: power times the solid angle they shine into.
+
+    ``power`` (N,); ``kinds`` (N,) and ``spots`` (N, 4): of the light table.  Directional lights have none.
+    """
+    cone = spots[:, 0] > 0.0
+    least = np.where(cone, -spots[:, 1] / np.where(cone, spots[:, 0], 1.0), -1.0)
+    return light_choice(np.where(kinds == LIGHT_KINDS.index("directional"), 0.0, power * (1.0 - least)))
+
+
 def tile_size(spec: FrameSpec) -> tuple[int, int]:
     """Pixels that are traced together."""
     if spec.pixel_list:
@@ -94,14 +105,14 @@ def tile_size(spec: FrameSpec) -> tuple[int, int]:
 
 
 def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
-    """Passes by name: exact, start, extend, resolve."""
+    """Passes by name: anchor, exact, subpath, start, extend, resolve."""
     sources = spec.path_traced_sources
     if not sources:
         return {}
     image = "environment" in sources and spec.environment.kind == "image"
     kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
-    tile = tile_size(spec)
-    state = Resource.texture("path_state", (tile[0], LAYERS * tile[1]), label="paths")
+    tile, layers = tile_size(spec), LAYERS + SUBPATH_LAYERS * spec.bidirectional
+    state = Resource.texture("path_state", (tile[0], layers * tile[1]), label="paths")
     counts = Resource.buffer("path_counts", 4 * len(COUNTS), label="paths")
 
     def values(frame: FrameContext) -> dict:
@@ -131,6 +142,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
             GLOSSY="glossy" in spec.enabled,
             INDEPENDENT=spec.pattern == "independent",
             PUNCTUAL="punctual" in sources,
+            BIDIRECTIONAL=spec.bidirectional,
             EMITTERS="emitters" in sources,
             ENVIRONMENT="environment" in sources,
             SOURCES=len(kinds),
@@ -144,6 +156,8 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
             f"const float LIGHT_GAP = {LIGHT_GAP};",
             f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
         )
+        if spec.bidirectional:
+            p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
         if kinds:
             p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
         p.use(lookup(spec, "sample_table", "rgba32ui"))
@@ -158,6 +172,8 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
     out = {"anchor": make("anchor").use(*spec.channels("position"))}
     if exact_punctual(spec):
         out["exact"] = make("exact").use(*spec.channels(*SURFACE))
+    if spec.bidirectional:
+        out["subpath"] = make("subpath")
     out["start"] = make("start").use(*spec.channels(*SURFACE)).allocate(state, counts)
     if vertices(spec):
         out["extend"] = make("extend")
@@ -240,7 +256,8 @@ class PathTracing:
         self.tables["path_counts"].clear()
         if "punctual" in spec.path_traced_sources:
             count = max(len(spec.light_kinds), 1)
-            self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=8 * count, dynamic=True)
+            reserved = 8 * count * (1 + spec.bidirectional)
+            self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
         self.structure = SceneStructure(renderer, alpha_test="alpha_mask" in spec.enabled)
         self.attributes = HitAttributes(renderer, hit_options(spec))
         for name in TRACED:
@@ -271,8 +288,12 @@ class PathTracing:
         self.attributes.update(frame)
         frame.tables |= self.structure.resources | self.attributes.resources
         if "light_choice" in self.tables:
-            power = frame.light_rows["color"][: len(self._spec.light_kinds), :3].max(axis=-1)
-            self.tables["light_choice"].write(light_choice(power).tobytes() or bytes(8))
+            lights = frame.light_rows[: len(self._spec.light_kinds)]
+            power = lights["color"][:, :3].max(axis=-1)
+            words = light_choice(power).tobytes()
+            if self._spec.bidirectional:
+                words += subpath_choice(power, lights["direction"][:, 3], lights["spot"]).tobytes()
+            self.tables["light_choice"].write(words or bytes(8))
         self.trace(frame, frame.resources)
 
     def trace(self, frame: FrameContext, resources: dict) -> None:
@@ -305,6 +326,8 @@ class PathTracing:
                 passes["exact"].run(frame, resources, **where, first_light=first)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
+            if "subpath" in passes:
+                passes["subpath"].run(frame, resources, **where, sample_row=row)
             passes["start"].run(frame, resources, **where, sample_row=row, samples_before=k)
             for vertex in range(1, vertices(self._spec) + 1):
                 passes["extend"].run(frame, resources, **where, sample_row=row, vertex=vertex)
