@@ -223,7 +223,7 @@ def lamp_at_a_board(bench: Bench) -> Outcome:
     b.light(translation=(0.0, 0.0, -7.01), intensity=5.0)
     b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=8.0, zfar=50.0)
     scene = b.build()
-    both, alone = (bench.traced(scene, spp=256, bounces=2, bidirectional=on)["indirect"] for on in (True, False))
+    both, alone = (bench.traced(scene, spp=128, bounces=2, bidirectional=on)["indirect"] for on in (True, False))
     expected = 5.0 * 0.5 / np.pi * 0.8 * between_boards(0.01, 3.0, 2.0)
     missed = float(alone[..., 0].mean())
     naive = Naive("from the camera alone", missed, abs(1.0 - missed / expected))
