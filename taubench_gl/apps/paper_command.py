@@ -64,11 +64,13 @@ def paper(
     from taubench_gl.apps.batch_screen import BatchScreen
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.screen import show_tables
+    from taubench_gl.batch.run import make_engine
     from taubench_gl.paper.estimate import announce, estimate
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
     from taubench_gl.paper.study import PaperOptions, plan, results_of, run_jobs
 
+    make_engine(engine, workers, out, lambda event: None)  # refuses what there is not before anything is drawn
     options = PaperOptions(size, light, spp, tuple(dict.fromkeys(lobes)), quick)
     found = find_scenes(scenes, out / "scenes", resolve)
     for name, why in found.missing.items():

@@ -19,6 +19,8 @@ def require_comparable(a: Summary, b: Summary) -> None:
     if any(a["suite"][name] != b["suite"][name] for name in SAME_SUITE):
         one, other = (f"{s['suite']['version']} {s['suite']['name']} ({s['suite']['sha256'][:8]})" for s in (a, b))
         raise OutputError(f"the suites are {one} and {other}", hint="run the same suite for both")
+    if set(a["cases"]) != set(b["cases"]):
+        raise OutputError("the cases are not the same in both", hint="is one of the files damaged?")
     for case, entry in a["cases"].items():
         if entry["sha256"] != b["cases"][case]["sha256"]:
             hint = "another version made another scene; run one of them again"
@@ -39,11 +41,13 @@ def compared(a: Summary, b: Summary) -> dict[str, Any]:
     if versions[0] != versions[1]:
         notes.append(f"other version of taubench-gl: {versions[0]} and {versions[1]}")
     labels = list(dict.fromkeys([*a["methods"], *b["methods"]]))
+    for name, own, other in (("A", a, b), ("B", b, a)):
+        if only := [label for label in own["methods"] if label not in other["methods"]]:
+            notes.append(f"in {name} only: {', '.join(only)}")
     rows = []
     for label in labels:
         both = [s["methods"].get(label) for s in (a, b)]
         if None in both:
-            notes.append(f"{label} is in {'B' if both[0] is None else 'A'} only")
             continue
         if both[0]["sha256"] != both[1]["sha256"]:
             notes.append(f"{label} has other files in A and B")
@@ -56,7 +60,7 @@ def _row(label: str, track: str, one: Summary, other: Summary, measures: Summary
     values: dict[str, Any] = {}
     for name in HEADLINES:
         if name in measures:
-            pair = [t["mean"][name] if t["state"] == "done" else None for t in (one, other)]
+            pair = [t["mean"].get(name) if t["state"] == "done" else None for t in (one, other)]
             values[name] = {"a": pair[0], "b": pair[1], "difference": None if None in pair else pair[1] - pair[0]}
     states = {t["state"]: t["reason"] for t in (one, other) if t["state"] != "done"}
     return {"method": label, "track": track, "measures": values, "states": states}

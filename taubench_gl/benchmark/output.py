@@ -26,12 +26,33 @@ class _Suite(msgspec.Struct):
     sha256: str
 
 
+class _Case(msgspec.Struct):
+    sha256: str
+    track: str
+
+
+class _Track(msgspec.Struct):
+    state: str
+    reason: str | None
+    mean: dict[str, float | None] = {}
+
+
+class _Method(msgspec.Struct):
+    sha256: str | None
+    tracks: dict[str, _Track]
+
+
+class _Measure(msgspec.Struct):
+    unit: str
+    better: str
+
+
 class _Benchmark(msgspec.Struct):
     schema: str
     suite: _Suite
-    measures: dict[str, Any]
-    cases: dict[str, dict[str, Any]]
-    methods: dict[str, dict[str, Any]]
+    measures: dict[str, _Measure]
+    cases: dict[str, _Case]
+    methods: dict[str, _Method]
     rankings: dict[str, dict[str, Any]]
     speeds: dict[str, Any]
     times: dict[str, Any]
@@ -59,4 +80,9 @@ def load_benchmark(path: str | Path) -> dict[str, Any]:
         checked(values, _Benchmark)
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(file), hint="is the file damaged?") from None
+    tracks = {case["track"] for case in values["cases"].values()}
+    if lost := next((label for label, one in values["methods"].items() if set(one["tracks"]) != tracks), None):
+        raise OutputError(
+            f"method {lost} has not the tracks of the cases", where=str(file), hint="is the file damaged?"
+        )
     return values

@@ -245,9 +245,41 @@ def test_comparison_refuses_other_suites_and_marks_other_drivers(whole, tmp_path
     next(iter(changed["cases"].values()))["sha256"] = "0" * 64
     with pytest.raises(OutputError):
         compared(summary, changed)
-    (tmp_path / "x.json").write_text('{"schema": "taubench-gl/benchmark/1"}')
+    fewer = summary | {"cases": dict(list(summary["cases"].items())[1:])}
     with pytest.raises(OutputError):
-        load_benchmark(tmp_path / "x.json")
+        compared(summary, fewer)
+
+
+def test_comparison_of_different_methods_names_them(whole):
+    summary = json.loads(json.dumps(whole[0]))
+    other = summary | {"methods": {"none": summary["methods"]["none"], "mine": summary["methods"]["taa_clamp"]}}
+    found = compared(summary, other)
+    assert {row["method"] for row in found["rows"]} == {"none"}
+    assert ["taa_clamp" in note for note in found["notes"]] == ["ideal-masks" in note for note in found["notes"]]
+    assert ["mine" in note for note in found["notes"]] == [False, True]
+
+
+def test_a_damaged_result_is_one_error(whole, tmp_path):
+    good, text = json.loads(json.dumps(whole[0])), json.dumps(whole[0])
+    without_tracks = json.loads(text)
+    without_tracks["methods"]["none"]["tracks"].popitem()
+    no_means = json.loads(text)
+    no_means["methods"]["none"]["tracks"]["noisy"]["mean"] = [1.0]
+    damaged = [
+        "", text[: len(text) // 2], "[]", "null", "\0", '{"schema": "taubench-gl/benchmark/1"}',
+        json.dumps(good | {"schema": "taubench-gl/benchmark/0"}), json.dumps(without_tracks), json.dumps(no_means),
+        json.dumps(good | {"methods": {"none": 1}}), json.dumps(good | {"cases": {"a": {}}}),
+    ]  # fmt: skip
+    file = tmp_path / "x.json"
+    for content in damaged:
+        file.write_text(content)
+        with pytest.raises(OutputError) as found:
+            load_benchmark(file)
+        assert "x.json" in str(found.value)
+    file.write_text(text)
+    assert compared(load_benchmark(file), good)["rows"]
+    with pytest.raises(OutputError):
+        load_benchmark(tmp_path)  # a folder without benchmark.json
 
 
 def test_a_recorded_cell_of_the_quick_suite_comes_out_again():

@@ -185,6 +185,13 @@ def test_an_interrupted_run_continues(tmp_path, monkeypatch):
     assert (out / "paper.html").exists()
 
 
+@pytest.mark.parametrize("option", [("--engine", "no"), ("--workers", "0")])
+def test_an_engine_that_is_not_there_is_refused_before_anything_is_made(tmp_path, option):
+    done = run(*SMALL, *option, "--out", tmp_path / "out")
+    assert isinstance(done.exception, SettingsError)
+    assert not (tmp_path / "out").exists()
+
+
 def test_estimate_draws_a_few_frames_and_stops(tmp_path):
     out = tmp_path / "out"
     done = run("eternal-valley-fps", "--out", out, *SMALL, "--light", "path-traced", "--spp", "2", "--estimate")
