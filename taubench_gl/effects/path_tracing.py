@@ -65,9 +65,9 @@ def cost_text(lighting: LightingSettings) -> str:
     """
     spp, bounces = lighting.path_samples, lighting.bounces
     paths = f"{spp} {lighting.pattern} sample{'s' * (spp > 1)} of up to {bounces} bounce{'s' * (bounces > 1)}"
-    if lighting.bidirectional:
-        paths = f"{paths}, bidirectional"
-    return f"{paths}, up to {(2 + lighting.bidirectional) * spp * bounces:,} rays a pixel"
+    both = lighting.bidirectional and lighting.light == "path-traced"  # other methods trace no punctual lights
+    paths += ", bidirectional" * both
+    return f"{paths}, up to {(2 + both) * spp * bounces:,} rays a pixel"
 
 
 def notes(scene: Scene, settings: Settings, enabled: frozenset[str]) -> list[str]:

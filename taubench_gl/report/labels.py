@@ -95,7 +95,7 @@ def _light_method(settings: Summary, effects: Summary) -> list[str]:
     samples = f"{settings['spp']} " if settings.get("spp") else ""
     plural = "" if settings.get("spp") == 1 else "s"
     pattern = f"{samples}{settings.get('pattern', 'fixed')} sample{plural} per pixel"
-    if settings.get("bidirectional"):
+    if settings.get("bidirectional") and not of:
         pattern += ", bidirectional"
     return [f"light of{of} path-traced ({pattern})" if of else f"light path-traced ({pattern})"]
 
