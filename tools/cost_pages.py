@@ -36,9 +36,7 @@ ABOUT = """# Cost studies: measurements
 
 Written by `DOCS=1 tools/cost_study`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
 were chosen with results on the demo, so the demo is no independent test of either. Fewer than three rounds separate no
-configurations by time. A noise floor that does not fall from half the samples to all of them says that few paths carry
-much of the light: errors near it say little. The answer of the demo `again` was measured before frames above 100 ms
-were timed one at a time, so it has fewer rounds."""
+configurations by time."""
 
 
 def main() -> int:
