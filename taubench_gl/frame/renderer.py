@@ -71,7 +71,8 @@ class Renderer:
         self.history = self.new_history()
         self.frame: FrameContext | None = None
         """The frame drawn last."""
-        self._views: dict[float, tuple[FrameState, View]] = {}
+        self._poses: dict[float, FrameState] = {}
+        self._views: dict[float, View] = {}
 
     def new_history(self) -> History:
         """More render targets for ``draw``; the caller releases them."""
@@ -83,13 +84,21 @@ class Renderer:
         A pure function of (scene, camera, time).  The last two values are kept by their time, because a frame's
         previous pose is most often the last frame's.
         """
+        state = self._pose(time)
         if time not in self._views:
-            state = self.poser.sample(time)
             while len(self._views) > 1:
                 del self._views[next(iter(self._views))]
+            self._views[time] = self.camera.view_at(state)
+        return state, self._views[time]
+
+    def _pose(self, time: float) -> FrameState:
+        if time not in self._poses:
+            state = self.poser.sample(time)
+            while len(self._poses) > 1:
+                del self._poses[next(iter(self._poses))]
             state.world.flags.writeable = state.visible.flags.writeable = False
-            self._views[time] = state, self.camera.view_at(state)
-        return self._views[time]
+            self._poses[time] = state
+        return self._poses[time]
 
     def draw(
         self,
@@ -106,14 +115,11 @@ class Renderer:
         """
         timer, history = self.context.timer, history or self.history
         with timer.measure("pose"):
-            state, view = self.view(time)
-            if jitter_px is not None:
-                view = replace(view, jitter_px=np.asarray(jitter_px, dtype=np.float64))
-            before, before_view = self.view(previous_time) if self._previous else (state, view)
-            if views is not None:
-                view, before_view = views
+            state = self._pose(time)
+            before = self._pose(previous_time) if self._previous else state
+            view, before_view = views or self._own_views(time, previous_time, jitter_px)
             if self.scene.replacements:
-                self._table.mark_cuts(state, before if self._previous else self.view(previous_time)[0])
+                self._table.mark_cuts(state, before if self._previous else self._pose(previous_time))
         history.advance()
         mirrored = np.zeros(len(self._posed), dtype=bool)
         if self._deform is not None:
@@ -131,6 +137,13 @@ class Renderer:
         with timer.measure("gbuffer"):
             self._gbuffer.run(self.frame)
         return history.current
+
+    def _own_views(self, time: float, previous_time: float, jitter_px: np.ndarray | None) -> tuple[View, View]:
+        """Current and previous view of the camera, the current one moved by ``jitter_px``."""
+        view = self.view(time)[1]
+        if jitter_px is not None:
+            view = replace(view, jitter_px=np.asarray(jitter_px, dtype=np.float64))
+        return view, self.view(previous_time)[1] if self._previous else view
 
     def _seen(self, view: View, placement: Placement) -> np.ndarray:
         """Draws that may be in the image, (D,) bool.  Posed ones always: the bounds of a pose are expensive."""

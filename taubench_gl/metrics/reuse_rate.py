@@ -11,6 +11,7 @@ Color is not part of a rate, because it depends on the tone map.  Sky that repro
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -46,13 +47,9 @@ def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, 
     With ``reusable_pixels(...)[rate]`` the values add up to all pixels.
     """
     words, pixels = occupied(mask_histogram)
-    remaining = (words & int(RATE_BITS[rate])) != 0
-    out = {}
-    for bit, name in _reasons_of(rate):
-        applies = remaining & ((words & int(bit)) != 0)
-        out[name] = int(pixels[applies].sum())
-        remaining &= ~applies
-    return out
+    counts = np.zeros(len(_reasons_of(rate)) + 1, dtype=np.int64)
+    np.add.at(counts, _first_reason(rate)[words], pixels)
+    return {name: count for (_, name), count in zip(_reasons_of(rate), counts.tolist())}
 
 
 def unmeasured_rates(reasons: Mapping[str, str]) -> dict[str, str]:
@@ -161,10 +158,23 @@ class ReuseStats:
 
 def occupied(mask_histogram: Array) -> tuple[Array, Array]:
     """Reason words that occur, a few dozen of the 65536, and their pixels.  (65536,) -> two (n,) int64."""
-    words = np.flatnonzero(mask_histogram)
-    return words, np.asarray(mask_histogram)[words].astype(np.int64)
+    pixels = np.asarray(mask_histogram)
+    words = np.flatnonzero(pixels != 0)  # of the comparison: five times as fast as of the integers
+    return words, pixels[words].astype(np.int64)
 
 
+@cache
+def _first_reason(rate: str) -> Array:
+    """Index of the reason of each word in ``_reasons_of(rate)``, one past the end without any.  (65536,) int64."""
+    words, reasons = np.arange(1 << 16), _reasons_of(rate)
+    out = np.full(1 << 16, len(reasons))
+    for index, (bit, _) in reversed(list(enumerate(reasons))):
+        out[(words & int(bit)) != 0] = index
+    out[(words & int(RATE_BITS[rate])) == 0] = len(reasons)
+    return out
+
+
+@cache
 def _reasons_of(rate: str) -> list[tuple[Reason, str]]:
     """Bits and names of the reasons of a rate, in order."""
     shown = REUSE_REASONS.items()

@@ -130,8 +130,7 @@ class Viewer(ViewerModel):
         self.state.playing = True
         for i in range(frames + 3):
             start = time.perf_counter()
-            s = self.state
-            s.frame = s.frame + 1 if s.frame < s.last else s.first
+            self.state.frame = self.state.next_frame
             self.tick(0.0)
             present()
             self.gpu.finish()

@@ -89,6 +89,7 @@ class ViewerEngine:
     _exact: ExactMasks | None = None
     _exact_key: Any = None  # of the masks beside which exact reasons were found
     _range_key: Any = None
+    _probe_place: tuple[tuple[int, int], tuple[float, float]] | None = None  # pixel after a change of size, its place
     _last: Shot | None = None  # of the user's camera at the last update
     _before: Shot | None = None  # the previous shot of that update
     _frozen: dict[str, Shot | None] = field(default_factory=lambda: {"current": None, "previous": None})
@@ -133,16 +134,28 @@ class ViewerEngine:
         shown |= NAMES if state.probe is not None else frozenset()  # playback is faster without
         self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
         changed = self._drawn_feed.show(previous, current)
+        if changed:
+            self.gpu.flush()  # it is drawn while light is prepared
         self.shots = previous, current
         first = self._first(state, previous, current)
         mask_key = (previous.key, current.key, first, coarse, tuple(sorted(state.thresholds.items())))
-        if changed or mask_key != self._mask_key:
+        evaluate = changed or mask_key != self._mask_key
+        if evaluate:
             self.drawn.pairs += changed
-            self._evaluate(state, Reason.FIRST if first else 0)
+            self._submit(state, Reason.FIRST if first else 0)
             self._mask_key, self._exact_key = mask_key, None
         self._find_exact(state)
         self._refine(state, current, channel)
-        self._update_image(state)
+        try:
+            self._update_image(state)
+        finally:
+            if evaluate:
+                self._count()  # while the image is drawn
+
+    def prepare(self, state: ViewerState) -> None:
+        """While the GPU draws: pose the frame that playback shows next."""
+        if state.playing and state.camera == "file" and self.feed.free:
+            self.feed.file_shot(state.next_frame)
 
     def _refine(self, state: ViewerState, shot: Shot, channel: str) -> None:
         try:
@@ -213,9 +226,11 @@ class ViewerEngine:
         self._display.release()
         self._display = Display(self.gpu, size)
         if state.probe is not None:
-            state.probe = tuple(
-                min(int((p + 0.5) * n / old), n - 1) for p, n, old in zip(state.probe, size, state.size)
-            )
+            if self._probe_place is None or self._probe_place[0] != state.probe:  # the user chose another pixel
+                self._probe_place = state.probe, tuple((p + 0.5) / n for p, n in zip(state.probe, state.size))
+            place = self._probe_place[1]
+            state.probe = tuple(min(int(at * n), n - 1) for at, n in zip(place, size))
+            self._probe_place = state.probe, place
         state.size = size
         if self._observer is not None:
             self._observer.release()
@@ -255,19 +270,26 @@ class ViewerEngine:
         """Whether there is no history: the first frame with the file camera."""
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
-    def _evaluate(self, state: ViewerState, declared: int) -> None:
+    def _submit(self, state: ViewerState, declared: int) -> None:
+        """Compare the pair: mask and motion, and the counts that ``_count`` reads."""
         previous, current = self.shots
         self.pair = reprojection(current.view, previous.view, *self.feed.size)
         coarse = self._lights.active is not None
-        self._lights.draw(state, self.feed, self.shots)  # before the counts, which wait for the geometry
+        self._lights.draw(state, self.feed, self.shots)  # before the masks, which wait for the geometry
         self._active = self._lights.evaluator if coarse else self._evaluator
-        counts = self._active.compare(self.pair, declared=declared, thresholds=state.thresholds)
+        self._active.submit(self.pair, declared=declared, thresholds=state.thresholds)
+        if coarse:
+            self._lights.submit(state, self.shots, declared)
+
+    def _count(self) -> None:
+        """Read the counts of the pair compared last."""
+        counts = self._active.read()
         self.counts = counts_of(counts.mask_histogram)
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.unmeasured = self.source.unmeasured
-        if coarse:
-            self._add_light(self._lights.compare(state, self.shots, declared))
+        if self._lights.active is not None:
+            self._add_light(self._lights.read())
         self.drawn.masks += 1
 
     def _add_light(self, counts: Counts) -> None:

@@ -136,7 +136,7 @@ def apply_theme() -> None:
         (col.frame_bg, FIELD, 1), (col.frame_bg_hovered, lighter, 1), (col.frame_bg_active, lightest, 1),
         (col.button, FIELD, 1), (col.button_hovered, lighter, 1), (col.button_active, lightest, 1),
         (col.header, PANEL, 0), (col.header_hovered, FIELD, 1), (col.header_active, lighter, 1),
-        (col.slider_grab, ACCENT, 0.45), (col.slider_grab_active, ACCENT, 1), (col.check_mark, ACCENT, 1),
+        (col.slider_grab, ACCENT, 0.45), (col.slider_grab_active, ACCENT, 0.65), (col.check_mark, ACCENT, 1),
         (col.separator, FIELD, 1), (col.scrollbar_bg, PANEL, 0), (col.scrollbar_grab, FIELD, 1),
         (col.plot_histogram, ACCENT, 0.8),
     ):  # fmt: skip

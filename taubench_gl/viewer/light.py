@@ -82,10 +82,14 @@ class CoarseLight:
             self._evaluator = PairEvaluator(self._context, self.source, self._feed.settings, images=True)
         self._feed.show(*shots)
 
-    def compare(self, shots: tuple[Shot, Shot], declared: int, thresholds: Mapping[str, float]) -> Counts:
-        """Counts of the pair drawn, of fewer pixels."""
+    def submit(self, shots: tuple[Shot, Shot], declared: int, thresholds: Mapping[str, float]) -> None:
+        """Compare the pair drawn."""
         pair = reprojection(shots[1].view, shots[0].view, *self._feed.size)
-        return self._evaluator.compare(pair, declared=declared, thresholds=thresholds)
+        self._evaluator.submit(pair, declared=declared, thresholds=thresholds)
+
+    def read(self) -> Counts:
+        """Counts of the pair compared last, of fewer pixels."""
+        return self._evaluator.read()
 
     def release(self) -> None:
         for part in (self._evaluator, self._context, self._feed):
@@ -208,9 +212,13 @@ class Lights:
             self._coarse = CoarseLight(self._gpu, feed, self.active, self._timer)
         self._coarse.draw(shots, state.switched_off)
 
-    def compare(self, state: ViewerState, shots: tuple[Shot, Shot], declared: int) -> Counts:
-        """Counts of the pair drawn with ``active`` light."""
-        return self._coarse.compare(shots, declared, state.thresholds)
+    def submit(self, state: ViewerState, shots: tuple[Shot, Shot], declared: int) -> None:
+        """Compare the pair drawn with ``active`` light."""
+        self._coarse.submit(shots, declared, state.thresholds)
+
+    def read(self) -> Counts:
+        """Counts of the pair compared last with ``active`` light."""
+        return self._coarse.read()
 
     @property
     def coarse(self) -> CoarseLight | None:

@@ -174,8 +174,13 @@ class ViewerState:
         if self.clock < 1.0:
             return
         self.clock = min(self.clock - 1.0, 1.0)
+        self.frame = self.next_frame
+
+    @property
+    def next_frame(self) -> int:
+        """The frame after this one in playback."""
         low, high = self.range
-        self.frame = self.frame + 1 if low <= self.frame < high else low
+        return self.frame + 1 if low <= self.frame < high else low
 
     def _flicker(self, seconds: float) -> None:
         if self.comparison != "flicker":

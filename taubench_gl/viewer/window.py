@@ -46,6 +46,8 @@ class Window:
             raise GraphicsError(f"no window can be opened: {self._why('no OpenGL 4.5')}", hint=_NO_DISPLAY)
         glfw.make_context_current(self.handle)
         glfw.swap_interval(1 if vsync else 0)
+        self._size = glfw.get_framebuffer_size(self.handle)  # asking in each frame would wait for the window system
+        glfw.set_framebuffer_size_callback(self.handle, lambda _, w, h: setattr(self, "_size", (w, h)))
         glfw.set_window_size_limits(self.handle, *MIN_SIZE, glfw.DONT_CARE, glfw.DONT_CARE)
         try:
             keep = _WindowContext(self.handle)
@@ -109,10 +111,11 @@ class Window:
         if title != self._title:
             glfw.set_window_title(self.handle, title)
             self._title = title
-        size = glfw.get_framebuffer_size(self.handle)
         framebuffer = self.gpu.ctx.detect_framebuffer(0)
-        framebuffer.viewport = (0, 0, *size)
-        viewer.draw(_Screen(framebuffer, size))
+        framebuffer.viewport = (0, 0, *self._size)
+        viewer.draw(_Screen(framebuffer, self._size))
+        self.gpu.flush()
+        viewer.engine.prepare(viewer.state)
         glfw.swap_buffers(self.handle)
 
     def close(self) -> None:

@@ -28,7 +28,7 @@ def test_reprojection_sampling_and_size_change_live(drive):
         row[n] for n in ("pixels", "frustum", "position", "normal")
     ]
     driven.run("expect image.width == 48\nexpect probe == 15,10\nset scale 1\nset reprojection camera")
-    driven.run("set sampling nearest\nexpect image.width == 96")
+    driven.run("set sampling nearest\nexpect image.width == 96\nexpect probe == 30,20")
     row = evaluate_scene(DEMO, QUIET.replace(frames=(7, 9))).frames[0]
     assert driven.engine.counts["position"] == row["position"]
 

@@ -129,6 +129,7 @@ def _angle(stage: Stage, before: Array, cell: int) -> Parameter:
     return Parameter(
         "angle of the turn", "°", tuple(map(float, ANGLES)), "of the pixels are wrongly reused without the test of w",
         "%", tuple(wrong), shares, slacks,
-        "area of the polygon of directions whose opposite the previous camera saw; ± the pixels on its edge",
+        "area of the polygon of directions whose opposite the previous camera saw; ± the pixels on its edge, "
+        "which at 180° are the outermost of the image",
         start=len(ANGLES) - 1, images=tuple(images), note="History without the test of w; checkerboard: none.",
     )  # fmt: skip
