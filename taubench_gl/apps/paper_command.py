@@ -20,6 +20,7 @@ Examples:
   taubench-gl paper --out paper --quick
   taubench-gl paper --out paper --workers 4
   taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
+  taubench-gl paper --out paper --quick --light raster,path-traced --pixels 700
   taubench-gl paper --out paper --light path-traced --estimate"""
 )
 @click.argument("scenes", nargs=-1, metavar="[SCENE]...")
@@ -34,6 +35,12 @@ Examples:
 )
 @click.option("--spp", type=int, metavar="N", help="Samples per pixel of path-traced light.  [default: 256]")
 @click.option(
+    "--pixels",
+    type=int,
+    metavar="N",
+    help="Path-traced light at N random pixels of each pair instead of all, with confidence intervals.",
+)
+@click.option(
     "--lobe", "lobes", type=click.Choice(LOBES), multiple=True, help="Also measure this lobe apart; may be repeated."
 )
 @click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Size of the images of Table 4.")
@@ -45,6 +52,7 @@ def paper(
     quick: bool,
     light: tuple[str, ...],
     spp: int | None,
+    pixels: int | None,
     lobes: tuple[str, ...],
     size: tuple[int, int],
     only_estimate: bool,
@@ -68,10 +76,10 @@ def paper(
     from taubench_gl.paper.estimate import announce, estimate
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
-    from taubench_gl.paper.study import PaperOptions, plan, results_of, run_jobs
+    from taubench_gl.paper.study import PaperOptions, plan, results_of, run_jobs, run_pixels
 
     make_engine(engine, workers, out, lambda event: None)  # refuses what there is not before anything is drawn
-    options = PaperOptions(size, light, spp, tuple(dict.fromkeys(lobes)), quick)
+    options = PaperOptions(size, light, spp, tuple(dict.fromkeys(lobes)), quick, pixels)
     found = find_scenes(scenes, out / "scenes", resolve)
     for name, why in found.missing.items():
         _say(f"not measured: {name}: {why}")
@@ -84,7 +92,9 @@ def paper(
     try:
         with BatchScreen() as screen:
             failed = run_jobs(jobs, out, max((one.seconds for one in times), default=None), **how, listener=screen)
-        results = results_of(jobs, out, failed)
+            runs, failed_pixels = run_pixels(jobs, out, screen)
+            failed |= failed_pixels
+        results = results_of(jobs, out, failed, runs)
         tables, files = write_study(results, jobs, found, options, out)
     except KeyboardInterrupt:
         _say("interrupted; finished pairs are kept: repeat the command to continue")

@@ -7,7 +7,7 @@ compared.  The pixels are drawn at random from whole frames, so a share of them 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,8 +187,11 @@ class PairChannels:
 
     def masks(self, light: Light | None = None) -> Array:
         """Mask words (n,) uint32, lit by ``light``, or as the settings say."""
+        return np.concatenate([words for words, _ in self.comparisons(light)])
+
+    def comparisons(self, light: Light | None = None) -> Iterator[tuple[Array, dict[str, Array]]]:
+        """Of each pair the mask words (m,) of its pixels and their distances by feature (m,), as of ``PairMasks``."""
         metrics = self._settings.metrics
-        out = []
         for pair in self._pairs:
             before, now = (
                 dict(c) if light is None else self._lit(c, light(pair.frame - 1 + k))
@@ -203,8 +206,8 @@ class PairChannels:
                 reprojection=self._mode,
                 exposure=self._settings.lighting.exposure_factor,
             )
-            out.append(found.mask[pair.at[:, 1], pair.at[:, 0]])
-        return np.concatenate(out)
+            columns, rows = pair.at.T
+            yield found.mask[rows, columns], {name: image[rows, columns] for name, image in found.distances.items()}
 
     def _lit(self, channels: Mapping[str, Array], light: tuple[Array, Array]) -> dict[str, Array]:
         """``channels`` with the radiance of ``light``; where there is no surface, the color of the background."""

@@ -12,7 +12,8 @@ from taubench_gl.batch.merge import job_positions
 from taubench_gl.batch.spec import Job
 from taubench_gl.batch.store import Store
 from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, frame_schedule, sampled_pairs
-from taubench_gl.paper.study import RUNS, SceneJobs
+from taubench_gl.paper.pixels import PixelRun
+from taubench_gl.paper.study import PIXELS, RUNS, SceneJobs
 from taubench_gl.pathtraced.references import duration_text
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -49,7 +50,11 @@ def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
         loaded: Scene | None = None
         raster: float | None = None
         for light, job in scene.images.items():
-            label, counted = f"{scene.scene.label}, {light}", _counted(store, job)
+            label = f"{scene.scene.label}, {light}"
+            if job is scene.at_pixels:
+                found += _at_pixels(label, PixelRun(job, scene.pixels, out / PIXELS))
+                continue
+            counted = _counted(store, job)
             if counted is not None and counted.pairs == 0:
                 continue
             if counted is not None and counted.seconds is not None:
@@ -70,6 +75,16 @@ def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
                 reason = f"timed at {small[0]}x{small[1]} with {PROBES[0]} and {PROBES[1]} samples"
             found.append(Estimate(label, pairs, drawn * seconds, reason))
     return found
+
+
+def _at_pixels(label: str, pairs: PixelRun) -> list[Estimate]:
+    """Of the pairs counted before; else some are counted now, and kept."""
+    if pairs.missing and not pairs.seconds:
+        pairs.count(pairs.missing[0])
+    left = sum(map(len, pairs.missing))
+    if not left:
+        return []
+    return [Estimate(label, left, sum(pairs.seconds) / len(pairs.seconds), "measured in counted pairs")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,14 +75,18 @@ def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: 
     for result, scene in zip(results, jobs, strict=True):
         if not result.images:
             continue
-        light = list(result.images)[-1]  # path-traced where it was asked for: it has the better indirect light
+        whole = [light for light in result.images if scene.images[light] is not scene.at_pixels]
+        if not whole:
+            notes.append(f"No figures of {result.scene.label}: they are of whole images, as of --light raster.")
+            continue
+        light = whole[-1]  # path-traced where it was asked for: it has the better indirect light
         run, job = result.images[light], scene.images[light]
         stem = f"{result.scene.name}-{job.id[-8:]}".replace(".", "-")
         files = place / f"{stem}-figure-1.png", place / f"{stem}-figure-2.png"
         try:
             drawn += draw_figures(job.scene, run, job.settings, result.scene.label, files)
         except TaubenchError as error:
-            notes.append(f"no figures of {result.scene.label}: {error}")
+            notes.append(f"No figures of {result.scene.label}: {error}")
     return drawn, notes
 
 
@@ -152,6 +156,7 @@ def values_of(
         "citation": paper_numbers()["citation"],
         "quick": options.quick,
         "size": list(options.size),
+        "pixels": options.pixels,
         "scenes": scenes,
         "missing": found.missing,
         "thresholds": {

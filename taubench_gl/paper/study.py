@@ -7,16 +7,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.batch.driver import Listener
 from taubench_gl.batch.run import run_batch
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
 from taubench_gl.batch.store import Store
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.paper.pixels import PixelRun
 from taubench_gl.paper.scenes import Found, PaperScene
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import Settings
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
+
+PIXELS = "pixels"
+"""The pairs at random pixels, there too."""
 
 LIGHTS = ("raster", "path-traced")
 CAMERA = "camera"
@@ -32,13 +37,17 @@ UNIT_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class PaperOptions:
-    """``lights``: of LIGHTS; ``spp``: of path-traced light, None: the default; ``quick``: QUICK_PAIRS of the pairs."""
+    """``lights``: of LIGHTS; ``spp``: of path-traced light, None: the default; ``quick``: QUICK_PAIRS of the pairs.
+
+    ``pixels``: random ones of each pair with path-traced light; None: whole images.
+    """
 
     size: tuple[int, int] = SIZE
     lights: tuple[str, ...] = ("raster",)
     spp: int | None = None
     lobes: tuple[str, ...] = ()
     quick: bool = False
+    pixels: int | None = None
 
     def __post_init__(self) -> None:
         for light in self.lights:
@@ -48,19 +57,42 @@ class PaperOptions:
             raise SettingsError("no light is given", hint=f"choose from {', '.join(LIGHTS)}")
         if self.spp is not None and "path-traced" not in self.lights:
             raise SettingsError("samples per pixel are of path-traced light", hint="give --light path-traced")
+        if self.pixels is not None:
+            if "path-traced" not in self.lights:
+                raise SettingsError("random pixels are of path-traced light", hint="give --light path-traced")
+            if self.pixels < 2:
+                raise SettingsError(
+                    f"{self.pixels} random pixels have no interval", hint="give at least 2, such as 256"
+                )
+            if self.lobes:
+                raise SettingsError("lobes are measured in whole images", hint="leave out --lobe or --pixels")
 
 
 @dataclass(frozen=True, slots=True)
 class SceneJobs:
-    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by light."""
+    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by light.
+
+    ``pixels``: of path-traced light, which is then no part of the batch.
+    """
 
     scene: PaperScene
     camera: Job
     images: dict[str, Job]
+    pixels: int | None = None
 
     @property
     def all(self) -> tuple[Job, ...]:
         return (self.camera, *self.images.values())
+
+    @property
+    def at_pixels(self) -> Job | None:
+        """The job at random pixels."""
+        return None if self.pixels is None else self.images["path-traced"]
+
+    @property
+    def batch(self) -> tuple[Job, ...]:
+        """The jobs of whole images."""
+        return tuple(job for job in self.all if job is not self.at_pixels)
 
 
 @dataclass(slots=True)
@@ -86,17 +118,20 @@ def jobs_of(scene: PaperScene, options: PaperOptions) -> SceneJobs:
         own: dict[str, Any] = {"width": width, "height": height, "light": light}
         own |= {"pairs": QUICK_PAIRS} if options.quick else {}
         own |= {"spp": options.spp} if light == "path-traced" and options.spp is not None else {}
-        images[light] = _job(scene, f"table 4, {light}", Settings(**scene.settings | own), options.lobes)
-    return SceneJobs(scene, _job(scene, "tables 1 to 3", activity), images)
+        of_pixels = options.pixels if light == "path-traced" else None
+        images[light] = _job(scene, f"table 4, {light}", Settings(**scene.settings | own), options.lobes, of_pixels)
+    return SceneJobs(scene, _job(scene, "tables 1 to 3", activity), images, options.pixels)
 
 
-def _job(scene: PaperScene, part: str, settings: Settings, lobes: tuple[str, ...] = ()) -> Job:
-    written = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}"
+def _job(
+    scene: PaperScene, part: str, settings: Settings, lobes: tuple[str, ...] = (), pixels: int | None = None
+) -> Job:
+    written = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}" + ("" if pixels is None else f"{pixels}-pixels")
     return Job(job_id(written, settings), scene.path, settings, {"part": part}, lobes=lobes)
 
 
 def spec_of(jobs: list[SceneJobs]) -> BatchSpec:
-    return BatchSpec("paper", tuple(job for scene in jobs for job in scene.all))
+    return BatchSpec("paper", tuple(job for scene in jobs for job in scene.batch))
 
 
 def run_jobs(jobs: list[SceneJobs], out: Path, seconds: float | None, **how: Any) -> dict[str, str]:
@@ -109,8 +144,37 @@ def run_jobs(jobs: list[SceneJobs], out: Path, seconds: float | None, **how: Any
     return run_batch(spec_of(jobs), out / RUNS, **how).failed
 
 
-def results_of(jobs: list[SceneJobs], out: Path, failed: Mapping[str, str]) -> list[SceneResult]:
-    """The finished runs of ``jobs`` in the batch of ``out``.  Raises OutputError for a damaged one."""
+def run_pixels(jobs: list[SceneJobs], out: Path, listener: Listener) -> tuple[dict[str, Run], dict[str, str]]:
+    """Count what is missing of the jobs at random pixels, in this process.  -> job -> run, job -> why it failed."""
+    runs: dict[str, Run] = {}
+    failed: dict[str, str] = {}
+    for scene in jobs:
+        job = scene.at_pixels
+        if job is None:
+            continue
+        try:
+            pairs = PixelRun(job, scene.pixels, out / PIXELS)
+            missing = pairs.missing
+            listener.job_known(job, pairs.total - sum(map(len, missing)), pairs.total)
+            for part in missing:
+                pairs.count(part)
+                listener.pairs_done(job, len(part))
+            runs[job.id] = pairs.result()
+        except TaubenchError as error:
+            failed[job.id] = str(error)
+            listener.job_failed(job, failed[job.id])
+        else:
+            listener.job_finished(job)
+    return runs, failed
+
+
+def results_of(
+    jobs: list[SceneJobs], out: Path, failed: Mapping[str, str], runs: Mapping[str, Run]
+) -> list[SceneResult]:
+    """The finished runs of ``jobs``: those at random pixels are ``runs``, the others are in the batch of ``out``.
+
+    Raises OutputError for a damaged one.
+    """
     store, results = Store(out / RUNS), []
     for scene in jobs:
         result = SceneResult(scene.scene)
@@ -119,7 +183,7 @@ def results_of(jobs: list[SceneJobs], out: Path, failed: Mapping[str, str]) -> l
             if job.id in failed:
                 result.failed[part] = failed[job.id]
                 continue
-            run = load_run(store.job(job.id))
+            run = runs[job.id] if job.id in runs else load_run(store.job(job.id))
             if part == CAMERA:
                 result.camera = run
             else:

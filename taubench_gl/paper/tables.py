@@ -125,14 +125,15 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
             summary = run.summary
             entries = [summary["discard"].get(name) or {} for name in COLUMNS]
             values = [entry.get("mean_percent") for entry in entries]
-            row = table_row(f"{result.scene.label}, {light}", values, summary, *(e.get("reason") for e in entries))
+            label = f"{result.scene.label}, {light}"
+            if pixels := summary.get("sampling", {}).get("pixels"):
+                label += f", {pixels} pixels of each pair"
+            row = table_row(label, values, summary, *(e.get("reason") for e in entries))
             marks = {i: _light_note(light) for i, name in enumerate(COLUMNS) if name in result.scene.fitted}
             rows += [_marked(row, {i: text for i, text in marks.items() if values[i] is not None})]
             rows.append(_difference(values, paper))
-            notes.append(f"{result.scene.label}, {light}: {lighting_text(summary)}; {conditions(summary)}")
-            notes += [
-                f"{result.scene.label}, {light}: {n}" for n in summary["notes"] if quick and "95 % intervals" in n
-            ]
+            notes.append(f"{label}: {lighting_text(summary)}; {conditions(summary)}")
+            notes += [f"{label}: {n}" for n in summary["notes"] if "95 % intervals" in n]
     settings = paper_numbers()["settings"]
     notes.append(
         f"Paper: path-traced with {settings['samples_per_pixel']} samples per pixel and {settings['bounces']} bounces "
