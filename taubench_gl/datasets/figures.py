@@ -111,11 +111,13 @@ def clip(rng: np.random.Generator, seconds: float) -> tuple[Array, Array]:
     return times, out
 
 
-def add_figures(w: Writer, rng: np.random.Generator, places: list[tuple[float, float]], seconds: float) -> list[tuple]:
-    """A figure at each position (x, z).  Returns animation tracks for ``Writer.animation``."""
-    colors = ((0.45, 0.12, 0.10), (0.10, 0.20, 0.42), (0.36, 0.32, 0.12), (0.16, 0.30, 0.18))
+def add_figures(w: Writer, rng: np.random.Generator, places: list[tuple[float, float]], seconds: float,
+                albedo: float) -> list[tuple]:  # fmt: skip
+    """A figure at each position (x, z); ``albedo``: factor on their colors.  -> tracks for ``Writer.animation``."""
+    colors = albedo * np.array([(0.45, 0.12, 0.10), (0.10, 0.20, 0.42), (0.36, 0.32, 0.12), (0.16, 0.30, 0.18)])
     meshes = [
-        w.mesh("figure", w.primitive(body(), w.material(f"cloth {i}", c, roughness=0.8))) for i, c in enumerate(colors)
+        w.mesh("figure", w.primitive(body(), w.material(f"cloth {i}", c, roughness=0.8)))
+        for i, c in enumerate(colors.tolist())
     ]
     clips = [clip(rng, seconds) for _ in range(CLIPS)]
     inverse = np.tile(np.eye(4), (BONES, 1, 1))

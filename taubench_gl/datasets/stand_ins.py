@@ -1,8 +1,8 @@
 """Procedural stand-ins for the paper's two EternalValley scenes.
 
-A stand-in has exactly the paper's Table 1 row, and its Table 2 and 3 rows at the capture rate of 60 fps.  Its lights
-and recorded exposure give about the paper's light columns of Table 4 at 1920x1080.  Everything else, the geometry in
-particular, is original and CC0, so the rest of its Table 4 row differs from the paper's.
+A stand-in has exactly the paper's Table 1 row, and its Table 2 and 3 rows at the capture rate of 60 fps.  Its lights,
+albedos and recorded exposure give about the paper's light columns of Table 4, path-traced at 1920x1080.  Everything
+else, the geometry in particular, is original and CC0, so the rest of its Table 4 row differs from the paper's.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ class StandIn:
     debris: int
     yfov: float  # degrees
     reach: float  # meters along the valley that the camera and the events cover
-    exposure: float  # recorded in the file: with it, light has about the paper's light columns at 1920x1080
+    albedo: float  # factor on all colors: with it, indirect light has about the paper's column at 1920x1080
+    exposure: float  # recorded in the file: with it, direct light has
     seed: int
 
     @property
@@ -64,8 +65,10 @@ class StandIn:
 STAND_INS = {
     s.name: s
     for s in (
-        StandIn("eternal-valley-fps", "EternalValleyFPS", FPS, 32, 73, 360, 200, 57, 30, 30, 60.0, 132.0, 0.98, 11),
-        StandIn("eternal-valley-vr", "EternalValleyVR", VR, 34, 63, 370, 190, 66, 25, 30, 75.0, 34.0, 0.74, 12),
+        StandIn(
+            "eternal-valley-fps", "EternalValleyFPS", FPS, 32, 73, 360, 200, 57, 30, 30, 60.0, 132.0, 0.82, 1.04, 11
+        ),
+        StandIn("eternal-valley-vr", "EternalValleyVR", VR, 34, 63, 370, 190, 66, 25, 30, 75.0, 34.0, 0.65, 1.02, 12),
     )
 }
 
@@ -92,7 +95,7 @@ def build(recipe: StandIn) -> Writer:
     seconds = float(path.times[-1])
     events = _Events(recipe, path, rng)
     places = [events.place() for _ in range(recipe.armatures)]
-    w.animation("figures", *figures.add_figures(w, rng, places, seconds))
+    w.animation("figures", *figures.add_figures(w, rng, places, seconds, recipe.albedo))
     w.animation("shots", *add_shots(w, rng, recipe, events, seconds))
     w.animation("flashes", *add_flashes(w, rng, recipe, events))
     w.animation("carried lights", *add_carried(w, rng, recipe, events, seconds))
@@ -117,8 +120,8 @@ def _begin(recipe: StandIn) -> tuple[Writer, np.random.Generator, CameraPath]:
     rng = np.random.default_rng(recipe.seed)
     x = -100.0 if recipe.reach > 100 else 10.0
     begin = (x, float(valley.middle(x)) + 12.0)
-    obstacles = valley.build_valley(w, rng, begin)
-    valley.add_lanterns(w, rng, recipe.lanterns, obstacles)
+    obstacles = valley.build_valley(w, rng, begin, recipe.albedo)
+    valley.add_lanterns(w, rng, recipe.lanterns, obstacles, recipe.albedo)
     return w, rng, generate(recipe.camera, valley.ValleySpace(obstacles, begin, -90.0, recipe.reach))
 
 
@@ -153,17 +156,13 @@ def _switched(birth: int, death: int, fps: float) -> tuple[list[float], Array]:
     return [t for t, _ in keys], np.repeat([[s] for _, s in keys], 3, axis=1)
 
 
-def _glow(w: Writer, name: str, color: tuple[float, float, float]) -> int:
-    return w.material(name, color, emissiveFactor=list(color))
-
-
 def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _Events, seconds: float) -> Tracks:
     """Projectiles: a ball and its light that appear, fly and disappear."""
     fps, tracks = recipe.camera.fps, []
     kinds = []
     for name, color in (("fire", (1.0, 0.45, 0.15)), ("frost", (0.35, 0.65, 1.0)), ("venom", (0.45, 1.0, 0.3))):
         light = w.light(type="point", name=name, color=list(color), intensity=48.0, range=12.0)
-        kinds.append((w.mesh(name, w.primitive(sphere(0.14, 6, 9), _glow(w, name, color))), light))
+        kinds.append((w.mesh(name, w.primitive(sphere(0.14, 6, 9), valley.glowing(w, name, color))), light))
     for i in range(recipe.shots):
         mesh, light = kinds[i % len(kinds)]
         life = int(rng.integers(24, 72))
@@ -201,7 +200,7 @@ def add_carried(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _E
     """Floating lights that exist all the time."""
     color = (0.9, 0.85, 0.6)
     light = w.light(type="point", name="wisp", color=list(color), intensity=12.0, range=9.0)
-    mesh = w.mesh("wisp", w.primitive(sphere(0.1, 6, 9), _glow(w, "wisp", color)))
+    mesh = w.mesh("wisp", w.primitive(sphere(0.1, 6, 9), valley.glowing(w, "wisp", color)))
     tracks = []
     for i in range(recipe.carried):
         x, z = events.place()
@@ -235,7 +234,7 @@ def add_debris(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _Ev
     """Stones that are repeatedly thrown up, rotate and fall."""
     shape = valley.rock(7)
     shape = {**shape, "POSITION": shape["POSITION"] * 0.28}
-    mesh = w.mesh("stone", w.primitive(shape, w.material("stone", (1, 1, 1), roughness=0.9)))
+    mesh = w.mesh("stone", w.primitive(shape, w.material("stone", (recipe.albedo,) * 3, roughness=0.9)))
     tracks = []
     for i in range(recipe.debris):
         x, z = events.place()

@@ -231,12 +231,15 @@ def on_floor(x: Array, z: Array) -> Array:
     return (np.abs(z - middle(x)) < FLOOR_SIDE) & (np.abs(x) < FLOOR_END)
 
 
-def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, float]) -> Array:
-    """Ground, plants, rocks, huts and sun.  -> (K, 3) obstacles that a camera must avoid: x, z, radius."""
+def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, float], albedo: float) -> Array:
+    """Ground, plants, rocks, huts and sun.  -> (K, 3) obstacles that a camera must avoid: x, z, radius.
+
+    ``albedo``: factor on all colors.
+    """
     color, bumps = (w.texture(pixels) for pixels in mottled())
-    ground = w.material("ground", (1, 1, 1), roughness=0.95, texture=color, normal=bumps)
-    plain = w.material("plain", (1, 1, 1), roughness=0.9)
-    blades = w.material("grass", (1, 1, 1), roughness=0.9, doubleSided=True)
+    ground = w.material("ground", (albedo,) * 3, roughness=0.95, texture=color, normal=bumps)
+    plain = w.material("plain", (albedo,) * 3, roughness=0.9)
+    blades = w.material("grass", (albedo,) * 3, roughness=0.9, doubleSided=True)
     w.node("valley", mesh=w.mesh("valley", w.primitive(terrain(), ground)))
     taken = [(*keep_free, 9.0)]
     kinds = (
@@ -269,10 +272,18 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
     return np.array(obstacles)
 
 
-def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Array) -> None:
-    """``count`` static point lights on posts along the path and at the huts."""
-    metal = w.material("iron", (1, 1, 1), roughness=0.6)
-    glow = w.material("lantern", (1.0, 0.8, 0.5), emissiveFactor=[1.0, 0.65, 0.3])
+def glowing(w: Writer, name: str, color: tuple[float, float, float]) -> int:
+    """A material that shows ``color`` and reflects nothing.
+
+    A light hangs within centimeters of what has it: whatever that reflected would be noise of path-traced light.
+    """
+    return w.material(name, (0.0, 0.0, 0.0), metallic=1.0, emissiveFactor=list(color))
+
+
+def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Array, albedo: float) -> None:
+    """``count`` static point lights on posts along the path and at the huts; ``albedo`` of ``build_valley``."""
+    metal = w.material("iron", (albedo,) * 3, roughness=0.6)
+    glow = glowing(w, "lantern", (1.0, 0.65, 0.3))
     stand = w.mesh("post", w.primitive(post(), metal))
     flame = w.mesh("lantern", w.primitive(moved(sphere(0.11, 6, 10), (0, 2.36, 0.62)), glow))
     light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=27.0, range=14.0)
