@@ -17,15 +17,14 @@ OVERALL_COLOR = "#3b6ea8"
 
 def cost_html(study: Study) -> str:
     """The page, for the values of study.json (schema ``taubench-gl/cost/3``)."""
-    title, *about = heading(study)
     return render_page(
         "cost.html",
         styles=("cost.css",),
         scripts=("cost.js",),
         data=_figure_data(study),
-        title=title,
+        title=f"Cost study: {study['scene']['name']}",
         answer=answer(study),
-        about=about,
+        about=heading(study),
         tables=to_html(tables(study), scroll=True),
     )
 

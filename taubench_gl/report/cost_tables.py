@@ -39,10 +39,6 @@ def _chosen(study: Study) -> str:
     def wrong(p: Point, of: str = column) -> str:
         return f"{three(p['masks'][of]['percent'])} %"
 
-    def neighbor(p: Point, verb: str) -> str:
-        ratio = p["ms"]["median"] / best["ms"]["median"]
-        return f"; {ratio:.2g}x the time ({p['label']}){verb} {wrong(p)}"
-
     if best is None and faster is None:
         return "nothing has been measured yet"
     if best is None:
@@ -51,10 +47,11 @@ def _chosen(study: Study) -> str:
     words = f"Use {best['label']}: {wrong(best)} of the masks are wrong"
     worst = max(study["columns"], key=lambda c: best["masks"][c]["percent"])
     if column == OVERALL and best["masks"][worst]["percent"]:
-        words += f" ({worst} {wrong(best, worst)}, its column {best['masks'][worst]['points']:+.2f} points)"
+        changes = f"{best['masks'][worst]['points']:+.2f} points"
+        words += f" (most in {worst}: {wrong(best, worst)}, which changes that column by {changes})"
     words += f", {ms_text(best)} ms/frame"
-    words += neighbor(finer, " leaves") if finer else ""
-    words += neighbor(faster, "") if faster else ""
+    for p in filter(None, (finer, faster)):
+        words += f"; {p['ms']['median'] / best['ms']['median']:.2g}x the time ({p['label']}) leaves {wrong(p)}"
     words += "" if finer else "; nothing measured is more exact beyond noise"
     if best["masks"][column]["percent"] <= (study["reference"]["floor"].get(column) or 0.0):
         words += "; below the noise floor of the reference: --time-limit or --reference path-traced@M would tell more"

@@ -61,6 +61,17 @@ def test_the_page_starts_with_the_answer(page, values):
     assert page.locator("#plot .chosen").count() == 1
 
 
+def test_names_do_not_cover_each_other(page):
+    page.select_option("#column", "overall")
+    boxes = [name.bounding_box() for name in page.locator("#plot text.name").all()]
+    assert len(boxes) >= 2
+    for i, a in enumerate(boxes):
+        for b in boxes[:i]:
+            apart = (a["x"] >= b["x"] + b["width"], b["x"] >= a["x"] + a["width"],
+                     a["y"] >= b["y"] + b["height"], b["y"] >= a["y"] + a["height"])  # fmt: skip
+            assert any(apart)
+
+
 def test_time_axis_is_logarithmic(page, values):
     times = {p["name"]: p["ms"]["median"] for p in values["points"] if p["ms"]}
     page.select_option("#column", "position")
@@ -131,7 +142,7 @@ def test_the_answer_names_the_choice_and_its_neighbors(values):
     chosen = {"column": "position", "configuration": "baseline", "faster": "storage=half", "finer": "storage=double"}
     assert answer(study | {"chosen": chosen})[0] == (
         f"Use {labels['baseline']}: 3 % of the masks are wrong, 10 ms/frame; 2x the time ({labels['storage=double']}) "
-        f"leaves 1 %; 0.5x the time ({labels['storage=half']}) 9 %"
+        f"leaves 1 %; 0.5x the time ({labels['storage=half']}) leaves 9 %"
     )
     alone = answer(study | {"chosen": chosen | {"faster": None, "finer": None}})[0]
     assert alone.endswith("10 ms/frame; nothing measured is more exact beyond noise")

@@ -27,11 +27,28 @@ function describe(p, column) {
   return lines.join("\n");
 }
 
+// Names beside marks, inside the area, without those that would cover an earlier one.
+function writeNames(plot, names, area) {
+  const kept = [];
+  for (const name of names) {
+    const text = svg("text", { class: "name", x: name.x, y: name.y }, name.text);
+    plot.append(text);
+    let b = text.getBBox();
+    if (b.x + b.width > area.right) {
+      text.setAttribute("x", name.x - 18);
+      text.setAttribute("text-anchor", "end");
+      b = text.getBBox();
+    }
+    if (kept.some((k) => b.x < k.x + k.width && k.x < b.x + b.width && b.y < k.y + k.height && k.y < b.y + b.height)) text.remove();
+    else kept.push(b);
+  }
+}
+
 function draw() {
   const column = chooser.value, points = shownPoints(column);
   box.replaceChildren();
   if (!points.length) { status.textContent = "Nothing to show."; return; }
-  const width = clamp(box.clientWidth || 1000, 300, 1200), height = Math.max(320, Math.round(0.5 * width));
+  const width = clamp(box.clientWidth || 1000, 300, 1200), height = Math.max(320, Math.round(0.4 * width));
   const area = { left: 76, right: width - 20, top: 20, bottom: height - 52 };
   const plot = plotRoot(width, height, "Error against time, one mark per configuration", "group");
   const floor = data.floor[column] || 0, positive = points.map((p) => p.masks[column].percent).filter((e) => e > 0);
@@ -56,11 +73,12 @@ function draw() {
     const px = x(p.ms.median), py = y(error(p));
     if (p.ms.spread) plot.append(svg("line", { class: "spread", x1: x(Math.max(p.ms.median - p.ms.spread, 0.5 * p.ms.median)), x2: x(p.ms.median + p.ms.spread), y1: py, y2: py }));
     if (p.name === data.chosen) plot.append(svg("circle", { class: "chosen", cx: px, cy: py, r: 12 }));
-    if (NAMED.includes(p.role) || p.name === data.chosen) plot.append(svg("text", { class: "name", x: px + 9, y: py - 7 }, p.label));
     addMark(plot, {
       shape: SHAPES[p.role], x: px, y: py, fill: data.colors[column], label: describe(p, column), title: p.label, name: p.name, dim: !front.includes(p),
     }, () => { status.textContent = describe(p, column); });
   }
+  const named = points.filter((p) => NAMED.includes(p.role) || p.name === data.chosen).sort((a, b) => (b.name === data.chosen) - (a.name === data.chosen));
+  writeNames(plot, named.map((p) => ({ text: NAMED.includes(p.role) ? p.label : "recommended", x: x(p.ms.median) + 9, y: y(error(p)) - 7 })), area);
   status.textContent = "Point at a mark, or reach it with Tab and the arrow keys.";
 }
 
