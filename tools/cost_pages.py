@@ -198,7 +198,7 @@ def level_table() -> str:
 
 
 def optuna_parts(path: Path) -> list[str]:
-    """How often the sampler found something that beats a declared configuration of the front."""
+    """How often the sampler found something that beats a declared configuration of the front, and the record itself."""
     record = json.loads(path.read_text(encoding="utf-8"))
     rows = [
         [r["scene"], "x".join(map(str, r["size"])), f"{r['samples']} spp; {three(r['floor'])} %", str(r["seconds"]),
@@ -210,8 +210,8 @@ def optuna_parts(path: Path) -> list[str]:
     about = (
         f"Optuna {record['optuna']}, TPE with two objectives and all accuracy parameters but the method of light, for "
         f"the CPU time of the declared configurations: their masks and three rounds. It would be part of `cost` if it "
-        f"beat a declared configuration of the front beyond noise on three of five scenes; it did on {wins} of "
-        f"{len(rows)} and is left out. Both fronts were timed together afterwards, in three interleaved rounds."
+        f"beat a declared configuration of the front beyond noise on three of five scenes; it was tried on {len(rows)} "
+        f"and did on {wins}. Both fronts were timed together afterwards, in three interleaved rounds."
     )
     heads = ["size", "reference; noise floor", "CPU s", "declared", "tried", "declared ones beaten",
              "found ones beaten by declared ones"]  # fmt: skip
