@@ -89,7 +89,7 @@ PYTHON = {
     "docs/reuse-evaluation.md": {
         "width=640, height=360": "width=64, height=36",
         "frames=(0, 48)": "frames=(0, 4)",
-        'input="noisy+jittered"': 'input="noisy+jittered", reference=4',
+        'input="noisy+jittered"': 'input="noisy+jittered", reference_samples=4',
     },
 }
 """Pages whose Python examples run, and what is replaced in them."""
