@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +13,7 @@ from taubench_gl.datasets.registry import Entry, known_name
 from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
 from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
 from taubench_gl.errors import DatasetError, TaubenchError
+from taubench_gl.outputs import replacing
 from taubench_gl.report.tables import paper_numbers
 
 DATASET, STAND_IN = "dataset", "stand-in"
@@ -56,8 +59,8 @@ def paper_entries(entries: dict[str, Entry] | None = None) -> dict[str, Entry]:
 def find_scenes(names: Sequence[str], folder: Path, resolve: Resolver) -> Found:
     """The scenes that ``names`` selects; none: all of the paper.
 
-    A scene that is not in the cache has its stand-in, which is written to ``folder`` unless it is there.  A scene that
-    ``names`` holds and that is not there raises DatasetError; so does a name that is not of the paper.
+    A scene that is not in the cache has its stand-in, which is written to ``folder``.  A scene that ``names`` holds and
+    that is not there raises DatasetError; so does a name that is not of the paper.
     """
     entries = paper_entries()
     chosen = list(dict.fromkeys(known_name(entries, name) for name in names))
@@ -83,7 +86,16 @@ def _find(name: str, entry: Entry, folder: Path, resolve: Resolver) -> PaperScen
         hint = f"taubench-gl scenes get {name}, with --from FILE for a local file"
         raise DatasetError("is not in the cache and has no stand-in", where=name, hint=hint)
     file = (folder / f"{name}.glb").absolute()
-    if not file.exists():
-        make_stand_in(name, file)
+    _write_stand_in(name, file)
     rates = {"fps": entry.fps} if entry.fps is not None else {}
     return PaperScene(name, row, STAND_IN, str(file), rates, {"fps": activity["fps"]}, FITTED)
+
+
+def _write_stand_in(name: str, file: Path) -> None:
+    """Write the stand-in of this version of the package; a file that has the same bytes stays untouched."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / file.name
+        make_stand_in(name, made)
+        if not file.is_file() or made.read_bytes() != file.read_bytes():
+            with replacing(file, parents=True) as partial:
+                shutil.copyfile(made, partial)

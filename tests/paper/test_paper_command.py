@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -190,6 +191,13 @@ def test_an_engine_that_is_not_there_is_refused_before_anything_is_made(tmp_path
     done = run(*SMALL, *option, "--out", tmp_path / "out")
     assert isinstance(done.exception, SettingsError)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_stand_in_of_another_version_is_replaced(tmp_path):
+    old = tmp_path / "eternal-valley-fps.glb"
+    old.write_bytes(b"old")
+    (scene,) = find_scenes(("eternal-valley-fps",), tmp_path, resolved).scenes
+    assert Path(scene.path) == old and old.read_bytes() == DEMO.read_bytes()
 
 
 def test_estimate_draws_a_few_frames_and_stops(tmp_path):
