@@ -10,12 +10,11 @@ from typing import Any
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import plain_text, write_atomically
-from taubench_gl.settings import FIELDS, REMOVED, SELECTING, Settings
+from taubench_gl.settings import FIELDS, LEVEL_NAMES, REMOVED, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
-LEVEL_NAMES = ("draft", "fast", "balanced", "accurate", "highest")
 LEVELS = {name: Path(__file__).parent / "levels" / f"{name}.toml" for name in LEVEL_NAMES}
-"""Presets of the package by name, from the fastest to the most exact; ``balanced`` is the defaults."""
+"""Presets of the package by name."""
 
 LEVEL_FIELDS = ("storage", "light", "spp", "indirect", "indirect_samples", "probes", "shadow_size", "shadow_filter",
                 "shadow_lights", "light_error")  # fmt: skip

@@ -61,6 +61,8 @@ MAX_EXPOSURE = 1e30
 """Radiance times exposure stays within float32; 1 / ``MAX_EXPOSURE`` is the least exposure."""
 
 STORAGES = ("float", "half")
+LEVEL_NAMES = ("draft", "fast", "balanced", "accurate", "highest")
+"""Presets of the package, from the fastest to the most exact; ``balanced`` is the defaults."""
 PAIR_SAMPLES = ("all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
 MAX_SIZE = 16384

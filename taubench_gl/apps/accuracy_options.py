@@ -9,8 +9,7 @@ import click
 
 from taubench_gl.apps.options import given_options, of_settings, with_options
 from taubench_gl.errors import SettingsError
-from taubench_gl.preset import LEVEL_NAMES, LEVELS, load_preset
-from taubench_gl.settings import STORAGES, Settings
+from taubench_gl.settings import LEVEL_NAMES, STORAGES, Settings
 
 
 def accuracy_options(command: Any) -> Any:
@@ -65,6 +64,8 @@ def with_preset(options: dict[str, Any], preset: Path | None, quality: str | Non
         raise SettingsError("--preset and --quality are both given", hint="give one of them")
     if preset is None and quality is None:
         return options
+    from taubench_gl.preset import LEVELS, load_preset
+
     preset = preset or LEVELS[quality]
     values = load_preset(preset)
     given = given_options(("size", *values))
