@@ -51,7 +51,7 @@ class StandIn:
     yfov: float  # degrees
     reach: float  # meters along the valley that the camera and the events cover
     albedo: float  # factor on all colors: with it, indirect light has about the paper's column at 1920x1080
-    exposure: float  # recorded in the file: with it, direct light has
+    exposure: float  # recorded in the file: with it, direct light has about the paper's column
     seed: int
 
     @property
