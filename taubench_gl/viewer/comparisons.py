@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import moderngl
+import numpy as np
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.errors import SettingsError, TaubenchError
@@ -45,7 +46,7 @@ def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Co
         if request.reference is not None:
             settings = feed.settings.replace(frames=(None, None))
             reference = PathTracedFeed(gpu, request.reference, settings, request.options)
-            found["reference"] = PathTracedComparison(reference, feed.size, feed.frames[0])
+            found["reference"] = PathTracedComparison(reference, feed)
         if request.run is not None:
             found["run"] = run_comparison(gpu, request, feed)
         if isinstance(feed, SceneFeed):
@@ -65,7 +66,7 @@ def run_comparison(gpu: Gpu, request: OpenRequest, feed: Feed) -> Comparison:
     asked = OpenRequest(request.run, size, given=frozenset({"size", "frames"}))
     text, settings = scene_of(run, asked)
     if is_sequence(text):
-        return PathTracedComparison(PathTracedFeed(gpu, text, settings, request.options), feed.size, feed.frames[0])
+        return PathTracedComparison(PathTracedFeed(gpu, text, settings, request.options), feed)
     return RunComparison(scene_feed(gpu, text, settings, PassTimer(gpu, enabled=False)))
 
 
@@ -155,28 +156,50 @@ class MethodComparison:
         self._runner = self._inputs = self._texture = self._frame = self._error = self._key = None
 
 
-class PathTracedComparison:
-    """Path-traced frames to compare with: frame n, or n + 1 if the files count from 1.  Raises SettingsError."""
+def frame_offset(reference: Feed, shown: Feed) -> int:
+    """Number of a reference's frame minus that of the frame it shows: 1 if it counts from 1 and only that explains its
+    camera, else 0."""
+    if reference.frames[0] != 1 or shown.frames[0] != 0:
+        return 0
+    number = min(reference.frames[-1], shown.frames[-1])
+    try:
+        camera = reference.file_shot(number).view
+    except TaubenchError:  # a frame without a camera; asked for, it says so
+        return 0
 
-    def __init__(self, feed: PathTracedFeed, size: tuple[int, int], first: int):
-        if feed.size != size:
+    def distance(frame: int) -> float:
+        view = shown.file_shot(frame).view
+        moved = np.linalg.norm(view.position - camera.position) / max(shown.radius, 1e-300)
+        return float(moved + np.linalg.norm(view.world_from_view - camera.world_from_view))
+
+    return 1 if distance(number - 1) < 0.5 * distance(number) else 0
+
+
+class PathTracedComparison:
+    """Path-traced frames to compare with those of ``shown``.  Raises SettingsError."""
+
+    def __init__(self, feed: PathTracedFeed, shown: Feed):
+        if feed.size != shown.size:
             got = "x".join(map(str, feed.size))
             feed.release()
             raise SettingsError(f"the reference is {got} pixels", hint=f"give --size {got}")
         self._feed, self.name = feed, "reference"
-        self._offset = 1 if feed.frames[0] == 1 and first == 0 else 0
+        self._offset = frame_offset(feed, shown)
         self._read: int | None = None
+        self._error: TaubenchError | None = None  # of that frame
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
         number = frame + self._offset
         if channel not in self._feed.source.channels or number not in self._feed.frames:
             return None
         if number != self._read:
+            self._read, self._error = number, None
             try:
                 self._feed.source.advance(number)
-            except TaubenchError:
-                return None
-            self._read = number
+            except TaubenchError as error:
+                self._error = error
+        if self._error is not None:
+            raise self._error
         return self._feed.source.current[channel]
 
     def release(self) -> None:

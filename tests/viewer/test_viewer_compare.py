@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from viewer_tools import DEMO, QUIET
 
+from taubench_gl.animation import View
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.display import channel_rgb, color_scale
+from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
+from taubench_gl.viewer.comparisons import frame_offset
+from taubench_gl.viewer.feeds import Shot
 
 LIT = Settings(width=48, height=27, columns=("direct", "color", "position"), indirect="none", exposure=1.0)
 
@@ -134,3 +138,24 @@ def test_passes_are_timed(drive):
     driven.run("frame 8\nset section.time on\nframe 9\nframe 10\nwait 1")
     assert {"gbuffer", "masks", "image"} <= set(driven.viewer.timer.ms)
     assert "time.masks" in driven.viewer.panels.widgets
+
+
+class Moving:
+    """A feed whose camera moves by ``step`` a frame; frame ``start`` is where it begins."""
+
+    def __init__(self, frames, start, step):
+        self.frames, self._start, self._step = frames, start, step
+        self.size, self.radius = (4, 2), 10.0
+
+    def file_shot(self, frame):
+        position = np.array([self._step * (frame - self._start), 0.0, 0.0])
+        return Shot(frame, View(position, np.eye(3), Camera()))
+
+
+@pytest.mark.parametrize(
+    ("first", "start", "step", "offset"),
+    [(1, 1, 0.1, 1), (1, 0, 0.1, 0), (1, 0, 0.0, 0), (0, 0, 0.1, 0), (5, 0, 0.1, 0)],
+)
+def test_frames_of_a_reference_are_matched_by_its_camera(first, start, step, offset):
+    """Renderers count from 0 or from 1; glTF files of Blender begin with its frame 0, its renders with frame 1."""
+    assert frame_offset(Moving(range(first, 6), start, step), Moving(range(8), 0, step)) == offset
