@@ -18,11 +18,13 @@ CONFIDENCE = 1.96
 """Standard deviations beyond which two numbers differ."""
 
 BETWEEN_RUNS = 0.1
-"""Standard deviation of the log of a time from run to run, which rounds of one run do not show: memory is placed
-otherwise.  Measured: 0.08 to 0.1 on llvmpipe (14 configurations of two scenes, timed twice)."""
+"""Times that differ by less than this share may change places when they are measured again: memory is placed otherwise,
+which the rounds of one run do not show.  Measured: 5 to 11 % on llvmpipe (standard deviation of the log; 30 and 12
+configurations, timed twice)."""
 
-PAYS = 0.75
-"""By default twice the time is worth it where it leaves at most this share of the error."""
+GOOD_ENOUGH = 2.0
+"""Errors up to so many times that of the most exact configuration are good enough by default.  With the 4096 pixels of
+a study, errors of one percent or more that differ by so much differ beyond noise."""
 
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -168,9 +170,13 @@ def pareto_front(points: Sequence[Point], column: str, floor: float = 0.0) -> li
     """Points that no other one beats, fastest first.
 
     No other point is as fast and as exact as one of the front.  Of these a slower one stays only if it is more exact
-    beyond noise, and a less exact one only if it is faster beyond noise.
+    beyond noise, and a less exact one only if it is faster beyond noise.  Of points with the same masks and times that
+    do not differ the first of ``points`` is named.
     """
-    known = [p for p in points if p.time is not None and p.error(column) is not None]
+    known: list[Point] = []
+    for p in points:
+        if p.time is not None and p.error(column) is not None and not any(_same(q, p, column) for q in known):
+            known.append(p)
     known.sort(key=lambda p: (p.time.median, max(p.error(column), floor)))
     front: list[Point] = []
     least = math.inf
@@ -187,6 +193,12 @@ def pareto_front(points: Sequence[Point], column: str, floor: float = 0.0) -> li
     return front
 
 
+def _same(a: Point, b: Point, column: str) -> bool:
+    """Whether masks are wrong in the same pixels and times do not differ, within a run or between runs."""
+    near = abs(math.log(a.time.median / b.time.median)) <= BETWEEN_RUNS
+    return near and not any(_wrong_in_one(a, b, column)) and compare_times(a.time, b.time) == 0
+
+
 def _no_slower(a: Time, b: Time) -> bool:
     """Whether ``a`` replaces ``b`` at no cost: not slower by ``RULE``, and its median within the spread of ``b``, so
     that very noisy times do not count as fast."""
@@ -197,7 +209,8 @@ def _no_slower(a: Time, b: Time) -> bool:
 class Choice:
     """A recommendation, for ``column`` within the limits.  ``faster`` and ``finer``: its neighbors on the front.
 
-    ``point`` None: nothing meets the limits; then they are the ends of the front.
+    ``point`` None: nothing meets the limits; then they are the ends of the front.  ``good_enough``: without limits, the
+    error up to which the fastest is chosen, percent of the pixels.
     """
 
     column: str
@@ -206,6 +219,7 @@ class Choice:
     point: Point | None
     faster: Point | None
     finer: Point | None
+    good_enough: float | None = None
 
 
 def choose(
@@ -213,43 +227,21 @@ def choose(
     budget_ms: float | None = None,
 ) -> Choice:  # fmt: skip
     """Of the Pareto front: the fastest with an error of at most ``within``, or the most exact in ``budget_ms`` (median
-    + spread), or both limits.  Without limits: the one with the smallest error x time^0.415, as twice the time must
-    leave at most PAYS of the error; of those that do not differ from it beyond noise, the fastest.
+    + spread), or both limits.  Without limits: the fastest with at most GOOD_ENOUGH times the error of the most exact
+    configuration of all, timed or not, but without those that differ in the method of light: these have their price.
     """
-    front = pareto_front([p for p in points if p.usable], column, floor)
-    possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
-    possible = [p for p in possible if within is None or p.error(column) <= max(within, floor)]
-    if not possible:
-        return Choice(column, within, budget_ms, None, *((front[0], front[-1]) if front else (None, None)))
+    usable = [p for p in points if p.usable]
+    front = pareto_front(usable, column, floor)
+    good_enough, allowed = None, math.inf if within is None else max(within, floor)
     if within is None and budget_ms is None:
-        best = _best_trade_off(front, column, floor)
-    else:
-        best = possible[0] if within is not None else possible[-1]
+        errors = [p.error(column) for p in usable if p.role != "path_traced" and p.error(column) is not None]
+        allowed = good_enough = GOOD_ENOUGH * max(min(errors, default=0.0), floor)
+    possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
+    possible = [p for p in possible if p.error(column) <= allowed]
+    if not possible:
+        ends = (front[0], front[-1]) if front else (None, None)
+        return Choice(column, within, budget_ms, None, *ends, good_enough)
+    best = possible[0] if budget_ms is None or within is not None else possible[-1]
     i = front.index(best)
     beside = [front[j] if 0 <= j < len(front) else None for j in (i - 1, i + 1)]
-    return Choice(column, within, budget_ms, best, *beside)
-
-
-def _best_trade_off(front: Sequence[Point], column: str, floor: float) -> Point:
-    """The fastest point whose merit is not worse than the best one beyond noise."""
-    best = min(front, key=lambda p: _merit(p, front[0], column, floor)[0])
-    return next(p for p in front if _merit(p, best, column, floor)[0] <= _merit(p, best, column, floor)[1])
-
-
-def _merit(p: Point, best: Point, column: str, floor: float) -> tuple[float, float]:
-    """How much worse ``p`` is than ``best``: log of (error x time^0.415), where twice the time is worth PAYS of the
-    error; and the noise of this, CONFIDENCE standard deviations: of the pixels, the rounds, and BETWEEN_RUNS.
-
-    The noise of the reference is in every error, so what counts is the error above its floor, at least a quarter of it.
-    """
-    if p is best:
-        return 0.0, 0.0
-    one = 100.0 / len(p.masks[column].wrong)  # pixel
-    here, there = (max(q.error(column) - floor, 0.25 * floor, one) for q in (p, best))
-    noise = 2.0 * one * math.sqrt(sum(_wrong_in_one(p, best, column))) / (here + there)
-    ratios = _log_ratios(p.time, best.time)
-    spread = statistics.stdev(ratios) / math.sqrt(len(ratios)) if len(ratios) > 2 else 0.0
-    spread = math.hypot(spread, math.sqrt(2.0) * BETWEEN_RUNS)
-    price = -math.log2(PAYS)
-    worse = math.log(here / there) + price * math.log(p.time.median / best.time.median)
-    return worse, CONFIDENCE * math.hypot(noise, price * spread)
+    return Choice(column, within, budget_ms, best, *beside, good_enough)

@@ -213,5 +213,5 @@ def machine_state(visits: Sequence[Record], cores: int | None) -> dict[str, Any]
 
 def _choice_json(c: Choice) -> dict[str, Any]:
     named = {"configuration": c.point, "faster": c.faster, "finer": c.finer}
-    limits = {name: getattr(c, name) for name in ("column", "within", "budget_ms")}
+    limits = {name: getattr(c, name) for name in ("column", "within", "budget_ms", "good_enough")}
     return limits | {name: p and p.name for name, p in named.items()}

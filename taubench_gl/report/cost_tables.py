@@ -45,6 +45,8 @@ def _chosen(study: Study) -> str:
         ends = f"the fastest is {faster['label']}, {ms_text(faster)} ms/frame"
         return f"no configuration meets the limits; {ends}; the most exact is {finer['label']}, {wrong(finer)}"
     words = f"Use {best['label']}: {wrong(best)} of the masks are wrong"
+    enough = chosen.get("good_enough")
+    words += f", up to {three(enough)} % are good enough" if enough else ""
     worst = max(study["columns"], key=lambda c: best["masks"][c]["percent"])
     if column == OVERALL and best["masks"][worst]["percent"]:
         changes = f"{best['masks'][worst]['points']:+.2f} points"
@@ -122,7 +124,7 @@ def _front(study: Study) -> Table:
     column = study["chosen"]["column"] if study["chosen"] else OVERALL
     points = {p["name"]: p for p in study["points"]}
     rows = [_row(points[name], _overall(points[name], column)) for name in study["fronts"][column]]
-    title = f"Pareto front of the {column} error: nothing measured is as fast and as exact"
+    title = f"Pareto front of the {column} error: nothing measured is as fast and as exact beyond noise"
     return _table(title, (*ERROR_HEADS, "ms/frame", "of baseline", "MB"), rows)
 
 
