@@ -86,7 +86,7 @@ def _draw(found: Sequence[tuple[tuple[str, ...], float]]) -> str:
         data = UpsetData(np.array(items), sets_names=labels, items=list(range(len(items))))
         plot = Upset(
             data, sets_order=labels, sort_subsets="-cardinality", color=_INK, radius=42, fontsize=10,
-            add_intersections=False, add_sets_size=False,
+            add_intersections=False, add_sets_size=False, add_labels="left",  # the side that narrow screens show first
         )  # fmt: skip
         shares = dict(zip(member, (share for _, share in shown), strict=True))
         order = [tuple(map(bool, key)) for key in plot.subset_order]
@@ -94,7 +94,7 @@ def _draw(found: Sequence[tuple[tuple[str, ...], float]]) -> str:
         heights = np.array([shares[key] for key in order])
         plot.add_top(Numbers(heights, label="% of all pixels", **style), size=1.6, pad=0.1)
         sums = [sum(share for names, share in found if name in names) for name in used]
-        plot.add_left(Numbers(np.array(sums), label="in all, %", **style), size=1.3, pad=0.1)
+        plot.add_left(Numbers(np.array(sums), label="in all, %", **style), size=1.0, pad=0.1)
         figure, out = Figure(), io.BytesIO()
         FigureCanvasAgg(figure)  # marsilea measures its texts
         with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "taubench-gl"}):

@@ -23,7 +23,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.reuse_rate import combinations
 from taubench_gl.report.distance_planes import levels_of
 from taubench_gl.report.frame_store import LEVELS, stored_frames
-from taubench_gl.report.reusable import reusable_sentence
+from taubench_gl.report.reusable import TERMS, reusable_sentence
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.report.upset import MOST, upset_plot
 from taubench_gl.run import Run
@@ -435,6 +435,26 @@ def test_nothing_overflows_and_no_sliders_overlap(browser, both, size):
             apart = a["y"] + a["height"] <= b["y"] + 1 or b["y"] + b["height"] <= a["y"] + 1
             assert apart, (a, b)
         assert min(box["height"] for box in boxes) >= 24
+
+
+@pytest.mark.parametrize("width", [390, 360])
+def test_reasons_are_named_in_view_on_a_phone_and_all_columns_can_be_scrolled_to(browser, made, width):
+    names = {term.label for term in TERMS.values()}
+    spans = """box => [...box.querySelectorAll('.upset text, .upset path, .upset rect')].map(e => {
+        const here = e.getBoundingClientRect(), all = box.getBoundingClientRect();
+        return [e.textContent.trim(), here.left - all.left, here.right - all.left, all.width] })"""
+    for page in opened(browser, made.out / "report.html", viewport={"width": width, "height": 844}):
+        ready(page)
+        box = page.locator(".headline .wide")
+        for moved in (False, True):
+            if moved:
+                for name, edge in LOWER.items():
+                    set_threshold(page, made, name, edge)
+                counted(page)
+            shown = [span for span in box.evaluate(spans) if span[0] in names]
+            assert len(shown) > 3 and all(left >= -1 and right <= room + 1 for _, left, right, room in shown)
+            box.evaluate("node => node.scrollTo(9999, 0)")
+            assert all(right <= room + 1 for *_, right, room in box.evaluate(spans))
 
 
 def test_definitions_open_by_touch(browser, both):

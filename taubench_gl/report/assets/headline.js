@@ -97,18 +97,18 @@ function upsetPlot({ together: found }, { terms, most }, label) {
   const shown = found.slice(0, most), rows = terms.filter((term) => shown.some((one) => one.names.includes(term.name)));
   if (rows.length < 2) return null;
   const sums = rows.map((term) => found.reduce((sum, one) => sum + (one.names.includes(term.name) ? one.share : 0), 0));
-  const STEP = 38, ROW = 30, top = 150, bars = 150, left = bars + 14, right = left + STEP * shown.length;
-  const width = right + 200, height = top + ROW * rows.length + 12;
+  const STEP = 36, ROW = 30, top = 150, bars = 120, left = bars + 180, right = left + STEP * shown.length;
+  const width = right + 2, height = top + ROW * rows.length + 12;
   const root = svg("svg", { class: "upset", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label, fill: "currentColor" });
   root.style.maxWidth = `${width}px`;
   const tall = linearScale(0, Math.max(...shown.map((one) => one.share)), top - 12, 34);
-  const long = linearScale(0, Math.max(...sums), bars, 44);
+  const long = linearScale(0, Math.max(...sums), bars, 48);
   root.append(text(left - 8, 40, "% of all pixels", { "text-anchor": "end" }), text(bars, top - 12, "in all, %", { "text-anchor": "end" }));
   rows.forEach((term, k) => {
     const y = top + ROW * (k + 0.5);
     if (k % 2 === 0) root.append(svg("rect", { x: left, y: y - ROW / 2, width: right - left, height: ROW, opacity: 0.07 }));
     root.append(svg("rect", { x: long(sums[k]), y: y - ROW / 4, width: bars - long(sums[k]), height: ROW / 2 }),
-      text(long(sums[k]) - 6, y + 4, fixed(sums[k], 2), { "text-anchor": "end" }), text(right + 12, y + 4, term.label));
+      text(long(sums[k]) - 6, y + 4, fixed(sums[k], 2), { "text-anchor": "end" }), text(left - 10, y + 4, term.label, { "text-anchor": "end" }));
   });
   shown.forEach((one, k) => {
     const x = left + STEP * (k + 0.5), member = rows.map((term) => one.names.includes(term.name));
