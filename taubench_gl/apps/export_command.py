@@ -26,7 +26,7 @@ Examples:
   taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
   taubench-gl export scene.glb --out pairs --noisy-spp 1 --seeds 4 --reference-spp 1024 --size 320x180
   taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
-  taubench-gl evaluate exr:frames --mapping taubench --camera-file frames/camera.json
+  taubench-gl evaluate exr:frames
 \b
 Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
 indirect, color), lobes (direct_diffuse, direct_glossy, indirect_diffuse, indirect_glossy), flow (motion,

@@ -454,12 +454,15 @@ def path_traced_options(command: Any) -> Any:
 
 
 exr_options = (
-    click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
+    click.option(
+        "--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: that of an export, else estimated]"
+    ),
     click.option("--scene-file", metavar="SCENE", help="exr: glTF file with the camera of the frames."),
     click.option(
         "--mapping",
         metavar="NAME|FILE",
-        help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.",
+        help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.  "
+        "[default: taubench for an export, else blender]",
     ),
     click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
 )

@@ -143,13 +143,14 @@ Examples:
   taubench-gl reference check exr:renders --scene-file scene.glb --mapping falcor"""
 )
 @click.argument("spec", metavar="exr:DIR")
-@click.option("--camera-file", metavar="JSON", help="Camera sidecar.  [default: estimated]")
+@click.option("--camera-file", metavar="JSON", help="Camera sidecar.  [default: that of an export, else estimated]")
 @click.option("--scene-file", metavar="SCENE", help="glTF file with the camera of the frames.")
 @click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
 @click.option(
     "--mapping",
     metavar="NAME|FILE",
-    help="Pass names: a preset (blender, falcor, mitsuba, taubench, unity, unreal) or a TOML file.",
+    help="Pass names: a preset (blender, falcor, mitsuba, taubench, unity, unreal) or a TOML file.  "
+    "[default: taubench for an export, else blender]",
 )
 @click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
 @click.option("--fps", type=float, default=Settings().sequence.fps, show_default=True, help="Frames per second.")

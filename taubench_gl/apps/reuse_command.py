@@ -207,7 +207,7 @@ def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: i
     epilog="""\b
 Examples:
   taubench-gl reuse check-motion exr:engine --mapping unreal --scene-file scene.glb
-  taubench-gl reuse check-motion exr:frames --mapping taubench --camera-file frames/camera.json --pairs 8
+  taubench-gl reuse check-motion exr:frames --pairs 8
   taubench-gl reuse check-motion exr:frames --json""",
 )
 @click.argument("spec", metavar="exr:DIR")

@@ -87,7 +87,8 @@ def shared_options(command: Any) -> Any:
         click.option(
             "--mapping",
             metavar="NAME|FILE",
-            help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.",
+            help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.  "
+            "[default: taubench for an export, else blender]",
         ),
         click.option(
             "--seeds",

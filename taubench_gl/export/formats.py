@@ -15,6 +15,7 @@ from taubench_gl.export.channels import channel_named, stored_as
 from taubench_gl.export.frames import ExportFrame
 from taubench_gl.outputs import cannot_write, plain_text, replacing
 from taubench_gl.pathtraced.exr import write_exr
+from taubench_gl.pathtraced.passes import EXPORT_ATTRIBUTE
 
 Array = np.ndarray
 
@@ -119,7 +120,7 @@ def exr_attributes(spec: ExportSpec, frame: ExportFrame) -> dict[str, Any]:
         "taubench.frame": frame.number,
         "taubench.timeSeconds": float(frame.time_s),
         "taubench.scene": plain_text(spec.scene),
-        "taubench.positions": "relative to the camera, world axes, scene units",
+        EXPORT_ATTRIBUTE: "relative to the camera, world axes, scene units",
     }
 
 

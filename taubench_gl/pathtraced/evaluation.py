@@ -28,7 +28,13 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
-from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
+from taubench_gl.pathtraced.cameras import (
+    CAMERA_FILE,
+    FittedCamera,
+    PathTracedCamera,
+    SceneCamera,
+    SidecarCamera,
+)
 from taubench_gl.pathtraced.passes import BOUNCES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
@@ -48,7 +54,7 @@ class PathTracedOptions:
 
     camera_file: str | Path | None = None  # JSON sidecar
     scene_file: str | Path | None = None  # glTF file with the camera that rendered the images (settings choose it)
-    mapping: str | Path | None = None  # preset, or TOML or JSON file; None: blender
+    mapping: str | Path | None = None  # preset, or TOML or JSON file; None: as for PathTracedSequence.open
     layer: str | None = None  # view layer; None: the one with most passes
     lobes: tuple[str, ...] = ()  # lobes of direct and indirect to evaluate separately too
     second_seed: str | Path | None = None  # exr: of the same frames with another seed, for the noise floor
@@ -76,24 +82,26 @@ class PathTracedInput:
 def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedInput:
     """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
     sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
-    camera, fps = _choose_camera(options, settings, sequence.size)
+    camera, fps = _choose_camera(options, settings, sequence)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     return PathTracedInput(sequence, camera, settings)
 
 
 def _choose_camera(
-    options: PathTracedOptions, settings: Settings, size: tuple[int, int]
+    options: PathTracedOptions, settings: Settings, files: PathTracedSequence
 ) -> tuple[PathTracedCamera, float]:
-    """The camera and the frame rate; ``size``: of the files, pixels."""
-    sequence = settings.sequence
-    if options.camera_file is not None:
-        camera = SidecarCamera(options.camera_file)
+    """The camera and the frame rate.  Files of ``export`` have their camera in their folder."""
+    sequence, camera_file, beside = settings.sequence, options.camera_file, files.folder / CAMERA_FILE
+    if camera_file is None and options.scene_file is None and files.exported and beside.is_file():
+        camera_file = beside
+    if camera_file is not None:
+        camera = SidecarCamera(camera_file)
         return camera, camera.file.fps or sequence.fps
     if options.scene_file is not None:
         scene = load_scene(options.scene_file, **sequence.reading)
         if not len(scene.camera_nodes) and sequence.camera != ORBIT:
             raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
-        return SceneCamera(scene, choose_camera(scene, sequence.camera, size), sequence.fps), sequence.fps
+        return SceneCamera(scene, choose_camera(scene, sequence.camera, files.size), sequence.fps), sequence.fps
     return FittedCamera(), sequence.fps
 
 

@@ -95,20 +95,21 @@ def read_exr(path: str | Path) -> ExrImage:
 
 @dataclass(frozen=True, slots=True)
 class ExrHeader:
-    """Size and channel names from a file's headers."""
+    """Size, channel names and attributes from a file's headers."""
 
     size: tuple[int, int]  # width, height of the display window
     names: tuple[str, ...]  # full channel names, as in ExrImage
+    attributes: frozenset[str]  # names of the attributes of the first part
 
 
 def read_header(path: str | Path) -> ExrHeader:
-    """Read size and channel names without decoding pixels.  Raises PathTracedError as ``read_exr`` does."""
+    """Read size and names without decoding pixels.  Raises PathTracedError as ``read_exr`` does."""
     path = Path(path)
     _check_kind(path)
     headers = [part.header for part in _open(path)]
     x0, y0, x1, y1 = _check_headers(path, headers)
     names = dict.fromkeys(_full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
-    return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names))
+    return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names), frozenset(headers[0]))
 
 
 def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:

@@ -38,6 +38,8 @@ _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ",
 _NUMBERS = {"background_depth": 1e9, "meters": 1.0}
 """Numbers of a mapping above 0, and their defaults."""
 _PRESETS = Path(__file__).parent / "presets"
+EXPORT_PRESET, EXPORT_ATTRIBUTE = "taubench", "taubench.positions"
+"""The mapping of files that ``export`` wrote, and an attribute that only they have."""
 _CHOICES = {
     "up": ("z", "y", "z-left", "y-left"),
     "depth": ("planar", "distance"),

@@ -13,6 +13,8 @@ import numpy as np
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
 from taubench_gl.pathtraced.passes import (
+    EXPORT_ATTRIBUTE,
+    EXPORT_PRESET,
     ChannelIndex,
     PassMap,
     PathTracedFrame,
@@ -65,23 +67,29 @@ class PathTracedSequence:
     size: tuple[int, int]  # width, height in pixels
     mapping: PassMap
     index: ChannelIndex
+    exported: bool  # written by ``export``
 
     @classmethod
     def open(
         cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None
     ) -> PathTracedSequence:
-        """Find the files and read the first frame's headers.  Raises PathTracedError."""
+        """Find the files and read the first frame's headers.  Raises PathTracedError.
+
+        ``mapping`` as for ``load_mapping``; None: taubench for the files of ``export``, else blender.
+        """
         files = find_frames(spec)
-        passes = load_mapping(mapping)
+        given = None if mapping is None else load_mapping(mapping)  # its faults come before those of the files
         first = next(iter(files.values()))
         headers = [read_header(path) for path in first]
+        exported = all(EXPORT_ATTRIBUTE in header.attributes for header in headers)
+        passes = given or load_mapping(EXPORT_PRESET if exported else None)
         size = headers[0].size
         names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
         try:
             index = ChannelIndex(names, passes, layer)
         except PathTracedError as error:
             raise PathTracedError(error.what, where=str(first[0]), hint=error.hint) from None
-        return cls(Path(str(spec).removeprefix(PREFIX)), files, size, passes, index)
+        return cls(Path(str(spec).removeprefix(PREFIX)), files, size, passes, index, exported)
 
     @property
     def frames(self) -> tuple[int, ...]:

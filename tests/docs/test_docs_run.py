@@ -62,7 +62,7 @@ FIRST = {
     r"^reference compare": [
         "evaluate scene.glb --out raster --save masks,channels",
         "export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks",
-        "evaluate exr:frames --mapping taubench --camera-file frames/camera.json --out traced --save masks,channels",
+        "evaluate exr:frames --out traced --save masks,channels",
     ],
     r"(?<!new )my-method": ["reuse new my-method"],
     r"\./my_method\b": ["reuse new my_method"],

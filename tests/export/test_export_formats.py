@@ -8,16 +8,22 @@ import struct
 import numpy as np
 import OpenEXR
 import pytest
-from export_tools import HEIGHT, RASTERIZED, WIDTH, export, same, spoiled
+from export_tools import DEMO, HEIGHT, RASTERIZED, WIDTH, export, same, settings, spoiled
 from PIL import Image
 
 from taubench_gl.conventions import Reason
+from taubench_gl.errors import PathTracedError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.export.channels import EXPORTS, stored_as
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, ZarrWriter
 from taubench_gl.export.sintel import SintelWriter, dpt_bytes, flo_bytes, masks_of
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
+from taubench_gl.pathtraced.cameras import SceneCamera, SidecarCamera
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced, open_input
+from taubench_gl.pathtraced.exr import write_exr
+from taubench_gl.pathtraced.passes import load_mapping
+from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.run import COUNT_COLUMNS
+from taubench_gl.settings import Settings
 
 NAMES = tuple(RASTERIZED)
 
@@ -195,20 +201,43 @@ def test_unknown_values():
     assert struct.unpack("<f", dpt_bytes(np.zeros((1, 1), np.float32))[12:])[0] == np.float32(1e10)
 
 
-@pytest.mark.parametrize("mode", ["camera", "motion"])
-def test_evaluate_reads_an_export_back(tmp_path, mode):
-    """``evaluate exr:DIR`` gives the counts of ``evaluate SCENE``: every pixel of every pair, radiance included."""
+@pytest.mark.parametrize(("mode", "named"), [("camera", True), ("motion", False)])
+def test_evaluate_reads_an_export_back(tmp_path, mode, named):
+    """``evaluate exr:DIR`` gives the counts of ``evaluate SCENE``: every pixel of every pair, radiance included.
+
+    ``named``: mapping and camera are given; else they are those of the export.
+    """
     names = ("gbuffer", "radiance", "prev_position")
     export(tmp_path, "exr", channels=names, frames=(7, 11))
-    from export_tools import DEMO, settings
-
     own = settings(frames=(None, None), reprojection=mode)
-    back = evaluate_path_traced(
-        f"exr:{tmp_path}", own, PathTracedOptions(camera_file=tmp_path / "camera.json", mapping="taubench")
-    )
+    given = {"camera_file": tmp_path / "camera.json", "mapping": "taubench"} if named else {}
+    back = evaluate_path_traced(f"exr:{tmp_path}", own, PathTracedOptions(**given))
     once = evaluate_scene(DEMO, settings(frames=(7, 11), reprojection=mode))
     for ours, theirs in zip(back.frames, once.frames, strict=True):
         assert {k: ours[k] for k in COUNT_COLUMNS} == {k: theirs[k] for k in COUNT_COLUMNS}
         assert ours["translation_m"] == pytest.approx(theirs["translation_m"], rel=1e-12)
     # Histograms of distances too: the channels are lossless.
     assert back.summary["curves"] == json.loads(json.dumps(once.summary["curves"]))
+
+
+def test_mapping_and_camera_of_an_export_are_its_own_unless_others_are_given(tmp_path):
+    export(tmp_path, "exr", channels=("gbuffer",), frames=(7, 9), fps=12.0)
+    spec, mapping_file = f"exr:{tmp_path}", tmp_path / "own.toml"
+    mapping_file.write_text('up = "y"\npositions = "relative"\n[passes]\nposition = "Position"\n')
+    found = open_input(spec, Settings(), PathTracedOptions())
+    assert found.sequence.mapping == load_mapping("taubench") and found.settings.sequence.fps == 12.0
+    assert isinstance(found.camera, SidecarCamera) and list(found.camera.file.views) == [7, 8]
+    assert PathTracedSequence.open(spec, mapping="blender").mapping == load_mapping("blender")
+    assert set(PathTracedSequence.open(spec, mapping=mapping_file).mapping.passes) == {"position"}
+    scene = open_input(spec, Settings(), PathTracedOptions(scene_file=DEMO))
+    assert isinstance(scene.camera, SceneCamera)
+    (tmp_path / "camera.json").unlink()
+    with pytest.raises(PathTracedError) as error:
+        evaluate_path_traced(spec)
+    assert "--camera-file" in error.value.hint
+    # Files of another program beside them make a frame that is no export.
+    for path in sorted(tmp_path.glob("frame_*.exr")):
+        write_exr(
+            path.with_name(path.name.replace("frame", "beauty")), {"A.Combined.R": np.zeros((36, 64), np.float32)}
+        )
+    assert PathTracedSequence.open(spec).mapping == load_mapping(None)

@@ -68,9 +68,7 @@ def test_check_of_an_export_without_light_has_no_fault(tmp_path):
     out = tmp_path / "frames"
     code, _, err = taubench("export", DEMO, "--out", out, "--size", "48x27", "--frames", "0:2")
     assert code == 0, err
-    code, text, _ = taubench(
-        "reference", "check", f"exr:{out}", "--mapping", "taubench", "--camera-file", out / "camera.json"
-    )
+    code, text, _ = taubench("reference", "check", f"exr:{out}")
     assert code == 0 and "WRONG" not in text and "camera: ok" in text, text
     assert "passes: missing: color:" in text
 
