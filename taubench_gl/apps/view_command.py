@@ -56,7 +56,11 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the script co
 @click.option("--compare", metavar="RUN", help="Another run: its scene with its settings, for comparison.")
 @lambda command: with_options(command, *exr_options)
 @click.option("--script", type=click.Path(path_type=Path), metavar="FILE", help="Run a script of viewer commands.")
-@click.option("--window", type=Size(), help="Window size, screen points.  [default: the last one, else fits the image]")
+@click.option(
+    "--window",
+    type=Size(),
+    help="Window size, screen points.  [default: the last one, else fits the image, at least 1280x720]",
+)
 @click.option("--screenshots", type=click.Path(path_type=Path, file_okay=False), default=".", metavar="DIR",
               help="Folder of screenshots and clips.  [default: the current one]")  # fmt: skip
 @former_option("--shots", "--screenshots")

@@ -15,8 +15,8 @@ GAP = 4
 
 START = (1900, 1010)
 """Largest size of a new window that enlarges a small image."""
-MIN_START_HEIGHT = 640
-"""Smallest height of a new window: most of the side panels is visible."""
+LEAST_START = (1280, 720)
+"""Smallest size of a new window: all controls can be reached."""
 
 Rect = tuple[float, float, float, float]  # x, y, width, height
 
@@ -65,7 +65,21 @@ class Layout:
 def start_size(size: tuple[int, int]) -> tuple[int, int]:
     """Size of a new window for an image of ``size`` pixels: one point per pixel, a whole multiple for small images."""
     times = max(1, min((START[0] - 2 * SIDE) // size[0], (START[1] - BAR) // size[1]))
-    return size[0] * times + 2 * SIDE, max(size[1] * times + BAR, MIN_START_HEIGHT)
+    return _at_least(size[0] * times + 2 * SIDE, size[1] * times + BAR)
+
+
+def script_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Size of a new window that a script drives: as ``bench_size``, with room for the panels beside small images."""
+    return _at_least(*bench_size(size))
+
+
+def bench_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Size of a window that is only measured: one side panel and the image, one point per pixel."""
+    return size[0] + SIDE, size[1] + BAR
+
+
+def _at_least(width: int, height: int) -> tuple[int, int]:
+    return max(width, LEAST_START[0]), max(height, LEAST_START[1])
 
 
 def arrange(window: tuple[int, int], size: tuple[int, int], panels: bool, shown: Shown = Shown()) -> Layout:

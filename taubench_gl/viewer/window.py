@@ -17,7 +17,7 @@ from taubench_gl.gpu.context import Gpu, adopt_context
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.app import Viewer
 from taubench_gl.viewer.feeds import OpenRequest
-from taubench_gl.viewer.layout import BAR, SIDE, start_size
+from taubench_gl.viewer.layout import bench_size, script_size, start_size
 from taubench_gl.viewer.script import ScriptRunner, parse
 
 MIN_SIZE = (320, 200)
@@ -126,6 +126,16 @@ class Window:
 _NO_DISPLAY = "run it on a desktop, or under xvfb-run; 'evaluate' needs no display"
 
 
+def _size_of(session: Session) -> tuple[int, int]:
+    """Size of the window: the given one, the stored one, or one for the image.  Screen points."""
+    stored = prefs.load(session.folder)[0].window if session.folder is not None else None
+    sequence = session.request.settings.sequence
+    for_image = start_size if session.script is None else script_size
+    if session.bench is not None:
+        for_image = bench_size
+    return session.window or stored or for_image((sequence.width, sequence.height))
+
+
 class _Screen:
     """The default framebuffer with its size, which moderngl does not know."""
 
@@ -224,12 +234,7 @@ def run_session(session: Session) -> None:
     """Run until the user, the script or the benchmark ends.  Raises TaubenchError."""
     lines = parse(session.script) if session.script is not None else None
     automatic = lines is not None or session.bench is not None
-    stored = prefs.load(session.folder)[0].window if session.folder is not None else None
-    sequence = session.request.settings.sequence
-    image = (sequence.width, sequence.height)
-    exact = (image[0] + SIDE, image[1] + BAR)  # scripts and benchmarks expect a window that fits the image
-    size = session.window or stored or (exact if automatic else start_size(image))
-    window = Window(size, vsync=not automatic)
+    window = Window(_size_of(session), vsync=not automatic)
     viewer = None
     try:
         with window.gpu:

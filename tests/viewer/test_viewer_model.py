@@ -24,7 +24,7 @@ from taubench_gl.viewer.actions import (
     split_chord,
 )
 from taubench_gl.viewer.feeds import OpenRequest, scene_of, scene_path
-from taubench_gl.viewer.layout import Shown, around, arrange, start_size
+from taubench_gl.viewer.layout import Shown, around, arrange, script_size, start_size
 from taubench_gl.viewer.state import DOCKED, OVERLAYS, ViewerState, set_variable, variable_names, variables
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
@@ -225,13 +225,22 @@ def test_positions_of_pixels_are_undone():
 
 @pytest.mark.parametrize(
     ("size", "times", "window"),
-    [((480, 270), 2, (1560, 640)), ((640, 360), 2, (1880, 804)), ((64, 36), 20, (1880, 804)),
-     ((1920, 1080), 1, (2520, 1164)), ((16, 1000), 1, (616, 1084))],
+    [((480, 270), 2, (1560, 720)), ((640, 360), 2, (1880, 804)), ((64, 36), 20, (1880, 804)),
+     ((1920, 1080), 1, (2520, 1164)), ((16, 1000), 1, (1280, 1084))],
 )  # fmt: skip
 def test_a_new_window_enlarges_small_images(size, times, window):
     assert start_size(size) == window
     shown = arrange(window, size, panels=True).image
     assert shown[2:] == (size[0] * times, size[1] * times)  # a whole multiple
+
+
+@pytest.mark.parametrize(
+    ("size", "window"), [((64, 36), (1280, 720)), ((640, 1000), (1280, 1084)), ((1280, 720), (1580, 804))]
+)
+def test_a_window_of_a_script_has_room_for_all_panels(size, window):
+    assert script_size(size) == window
+    layout = arrange(script_size(size), size, panels=True)
+    assert None not in (layout.left, layout.right, layout.bar) and not layout.merged
 
 
 def test_columns_of_a_threshold_histogram_keep_every_pixel():

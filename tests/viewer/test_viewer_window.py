@@ -11,6 +11,8 @@ from viewer_tools import DEMO, QUIET, pixels
 
 from taubench_gl.apps import view_command
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.viewer import session_file
+from taubench_gl.viewer.layout import script_size, start_size
 
 VIEW = [sys.executable, "-m", "taubench_gl", "view"]
 ARGUMENTS = ["--size", "96x54", "--columns", "frustum,position,normal"]
@@ -77,11 +79,36 @@ def test_script_in_a_window(display, gpu, tmp_path):
     assert window.shape == (500, 700, 3) and window[:, 400:].mean() < 70
 
 
+def test_the_window_of_a_restored_session_of_a_small_image_has_room_for_both_panels(display, tmp_path):
+    """The monitor has 1280x800 points."""
+    session, script = tmp_path / "a.session.json", tmp_path / "steps.txt"
+    session_file.save_lesson(session, str(DEMO), QUIET, {"frame": 3}, "")
+    script.write_text(
+        "expect frame == 3\nexpect image.width == 96\nexpect window.width > 960\nexpect window.width <= 1280\n"
+        "expect window.height >= 700\nexpect window.height <= 800\nquit\n"
+    )
+    done = view(display, session, "--script", script)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_new_window_fits_the_monitor(monkeypatch):
+    glfw = pytest.importorskip("glfw", reason="the viewer extra is not installed")
+    from taubench_gl.viewer import window
+
+    monkeypatch.setattr(glfw, "get_primary_monitor", lambda: "monitor")
+    monkeypatch.setattr(glfw, "get_monitor_workarea", lambda monitor: (0, 0, 1024, 600))
+    for image in ((64, 36), (1920, 1080)):
+        for size in (start_size(image), script_size(image)):
+            width, height = window._fitting(size)
+            assert 900 < width < 1024 and 500 < height < 600
+    assert window._fitting((700, 500)) == (700, 500)
+
+
 def test_a_failed_expectation_is_exit_code_2(display, tmp_path):
     script = tmp_path / "steps.txt"
-    script.write_text("frame 3\nexpect frame == 4\n")
+    script.write_text("expect window.width > 960\nframe 3\nexpect frame == 4\n")
     done = view(display, DEMO, *ARGUMENTS, "--script", script)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and f"{script}:2" in done.stderr
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and f"{script}:3" in done.stderr
 
 
 def test_a_missing_scene(display, tmp_path):
