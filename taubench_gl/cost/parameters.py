@@ -85,11 +85,12 @@ class Parameter:
 
 
 def with_light(settings: Settings, value: str) -> Settings:
-    """``settings`` with the light method ``raster``, or ``path-traced@N``: N samples per pixel, pattern fixed."""
+    """``settings`` with the light method ``raster``, or ``path-traced@N``: N samples per pixel, pattern fixed, paths as
+    those of the reference."""
     method, _, samples = value.partition("@")
     if method != TRACED:
         return settings.replace(light=method)
-    return settings.replace(light=method, spp=int(samples), pattern="fixed", indirect="auto")
+    return settings.replace(light=method, spp=int(samples), pattern="fixed", indirect="auto", bidirectional=True)
 
 
 def _bad_pair_sample(context: StudyContext, value: str) -> str | None:
@@ -208,7 +209,7 @@ PARAMETERS: dict[str, Parameter] = {
             inapplicable=_without_raster_indirect,
         ),
         Parameter(
-            "light", "method of light, path-traced with its samples per pixel",
+            "light", "method of light, path-traced (bidirectional) with its samples per pixel",
             ("raster", *(f"{TRACED}@{n}" for n in (1, 4, 16, 64))), None, _phrase_light,
             inapplicable=_without_light, inapplicable_value=_same_light,
         ),

@@ -61,6 +61,7 @@ def test_nothing_lit_has_no_path_traced_reference(demo, tmp_path):
 def test_light_values():
     lighting = with_light(Settings(indirect="rsm"), "path-traced@16").lighting
     assert (lighting.light, lighting.spp, lighting.indirect) == ("path-traced", 16, "auto")
+    assert lighting.bidirectional, "as the reference's: else more samples may be further from it"
     assert with_light(Settings(light="path-traced"), "raster").lighting.light == "raster"
 
 
