@@ -1,4 +1,5 @@
 // Which of the lights with reflective shadow maps see a patch.  Needs FACE records as ``faces``, the record P, voxels.glsl.
+#include "common/rsm_face.glsl"
 
 // Number of lights with maps that see the patch at p (relative to the camera), without light ``row``.  aim: a point just
 // above it, scene space; slack: as in the probes' rays.
@@ -8,13 +9,9 @@ int lights_that_see(vec3 p, vec3 n, vec3 aim, float slack, int row) {
         ShadowFace face = faces[k];
         if (face.extent.z == 0.0 || int(face.extent.w) == row) continue; // off, or left out
         vec3 q = p - face.origin.xyz;
-        bool parallel = face.origin.w > 0.5;
-        float z = dot(face.forward.xyz, q);
-        vec2 at = vec2(dot(face.right.xyz, q), dot(face.up.xyz, q));
-        if (!parallel && z <= face.forward.w) continue;
-        if (!parallel) at /= z;
-        if (any(greaterThan(at, vec2(1.0))) || any(lessThanEqual(at, vec2(-1.0)))) continue; // in one face of a cube
-        vec3 to_light = parallel ? -face.forward.xyz * face.forward.w : -q;
+        vec2 at;
+        if (!face_covers(face, q, at)) continue;
+        vec3 to_light = face.origin.w > 0.5 ? -face.forward.xyz * face.forward.w : -q;
         if (dot(n, to_light) <= 0.0) continue;
         if (sees(aim, p + P.scene_from_relative.xyz + to_light, vec2(slack, 0.5))) ++count;
     }

@@ -25,7 +25,7 @@ void main() {
     float area = patch_.position.w, voxel = P.grid_origin.w;
     vec3 x = patch_.position.xyz, n = (i & 1) == 0 ? patch_.normal.xyz : -patch_.normal.xyz;
     vec3 flux = vec3(0.0);
-    float height = 1.75 * voxel; // as vpl.comp
+    float height = VPL_LIFT * voxel;
     if (chunk.x > 0) {
         flux = vpls_at(record + ivec2(2, 0)).rgb;
         height = vpls_at(record + ivec2(1, 0)).w;
@@ -38,7 +38,7 @@ void main() {
         if (!(n_l > 0.0) || !(power > 0.0)) continue;
         float softened = 1.0;
         vec3 to_light = incoming.l * (2.0 * float(GRID) * voxel);
-        float lift = 1.75 * voxel;
+        float lift = VPL_LIFT * voxel;
         if (light.direction.w != KIND_DIRECTIONAL) {
             to_light = light.position.xyz - x;
             float d2 = max(dot(to_light, to_light), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);

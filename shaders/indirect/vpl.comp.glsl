@@ -23,7 +23,8 @@ void main() {
     vec4 normal_and_hit = normal_at(at);
     if (normal_and_hit.w > 0.0) { // position.w is depth along the light's axis, but from the camera: of either sign
         ShadowFace face = faces[t.z];
-        LightRecord light = light_record(int(t.w));
+        int row = int(face.extent.w);
+        LightRecord light = light_record(row);
         Incident incoming = incident(light, p.xyz);
         vec3 n = normal_and_hit.xyz;
         if (dot(n, incoming.l) < 0.0) n = -n; // the side the light sees
@@ -43,13 +44,13 @@ void main() {
         // Visibility rays aim this far above the patch, but never past the light that found it: a bulb smaller than a
         // voxel must keep its light.
         float reach = light.direction.w == KIND_DIRECTIONAL ? 3.0e38 : 0.5 * distance(light.position.xyz, p.xyz);
-        v.normal = vec4(n, min(1.75 * P.grid_origin.w, reach));
+        v.normal = vec4(n, min(VPL_LIFT * P.grid_origin.w, reach));
         v.flux = vec4(incoming.radiance * across * v.albedo.rgb, 0.0);
         v.albedo.w = 1.0;
 #if PROBES
         float slack = v.normal.w > P.grid_origin.w ? 0.5 : 0.0;
         vec3 aim = v.position.xyz + v.normal.w * n;
-        v.albedo.w = 1.0 / float(1 + lights_that_see(p.xyz, n, aim, slack, int(t.w)));
+        v.albedo.w = 1.0 / float(1 + lights_that_see(p.xyz, n, aim, slack, row));
 #endif
     }
     ivec2 record = vpl_texel(int(i));

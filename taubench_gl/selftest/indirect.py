@@ -1,17 +1,21 @@
-"""Cases: indirect light against the energy of a closed box, and its exposure."""
+"""Cases: indirect light against the energy of a closed box and the light of a wall, and its exposure."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
 from taubench_gl.selftest.direct import lambert
-from taubench_gl.selftest.scenes import SceneBuilder, box, turn_y
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_y
 
 ALBEDO = 0.5
 FLUX = 4.0 * np.pi
 """Lumens of a lamp of 1 cd."""
+
+SCREEN = 3.0
+"""Where ``lamp_beside_a_wall`` has the screen that the wall lights, along x."""
 
 
 def _bounced(bench: Bench, lamps: int = 1, **settings) -> float:
@@ -78,6 +82,58 @@ def indirect_of_a_still_box(bench: Bench) -> Outcome:
     first, _, last = bench.shots(b.build(), range(3), **own)
     off = last["indirect"] - first["indirect"]
     return field("0", off if first["indirect"].max() > 0.0 else np.nan)
+
+
+def lamp_beside_a_wall(x: float, places: np.ndarray, fps: float) -> Scene:
+    """A lamp of 1 cd at one of ``places`` (F, 3) a frame lights a wall at ``x``; the camera sees a dark screen.
+
+    A voxel of indirect light is 0.109 m.
+    """
+    b = SceneBuilder()
+    floor = b.mesh(quad(5.0, 5.0, material=lambert(b, 0.0)))
+    b.node(mesh=floor, rotation=(-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    for at, turn, albedo in ((x, 90.0, ALBEDO), (SCREEN, -90.0, 0.05)):
+        wall = b.mesh(quad(5.0, 1.5, material=lambert(b, albedo)))
+        b.node(mesh=wall, translation=(at, 1.5, 0.0), rotation=turn_y(turn))
+    lamp = b.light(intensity=1.0)
+    b.animate(lamp, "translation", np.arange(len(places)) / fps, places)
+    b.camera(translation=(0.5, 1.5, 0.0), rotation=turn_y(-90.0), yfov=0.8, znear=0.05)
+    return b.build()
+
+
+def light_of_the_wall(x: float, lamp: np.ndarray, points: np.ndarray) -> float:
+    """Mean irradiance of points (N, 3) of the screen by one bounce, by quadrature over the rays of the lamp (3,)."""
+    n = 200
+    cosine, angle = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) * 2 * np.pi / n)
+    sine = np.sqrt(1.0 - cosine**2)
+    rays = np.stack([-cosine, sine * np.cos(angle), sine * np.sin(angle)], axis=-1).reshape(-1, 3)
+    hits = lamp + rays * ((x - lamp[0]) / rays[:, :1])
+    hits = hits[(hits[:, 1] > 0.0) & (hits[:, 1] < 3.0) & (np.abs(hits[:, 2]) < 5.0)]
+    way = points[:, None] - hits
+    gain = np.sum(way[..., 0] ** 2 / np.sum(way**2, axis=-1) ** 2, axis=1) / np.pi
+    return float(gain.mean() * ALBEDO * 2 * np.pi / n**2)
+
+
+@case(
+    "lamp-beside-a-wall",
+    what="a lamp 1 m, 0.1 m and 0.05 m from a wall: irradiance of a screen 7 m away, method probes, over its integral",
+    elsewhere="points just above the lit wall are inside its voxels or not: its light goes on and off between frames",
+    here="beside a lamp its own map tells what hides the wall, and voxels only what is farther away",
+    tolerance=0.07,
+    source="relative; probes between which irradiance is interpolated, a finite number of virtual point lights",
+)
+def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
+    x = -3.89
+    places = np.array([[x + distance, 1.3, 0.1] for distance in (1.0, 0.1, 0.05)])
+    own = {"columns": ("indirect",), "indirect": "probes", "indirect_samples": 2400, "probes": 1000}
+    ratios = []
+    for place, shot in zip(
+        places, bench.shots(lamp_beside_a_wall(x, places, 1.0), range(len(places)), **own), strict=True
+    ):
+        points = (shot["position"][..., :3] + shot.view.position).reshape(-1, 3)[::37]
+        measured = shot["indirect"][..., 0].mean() * np.pi / 0.05
+        ratios.append(measured / light_of_the_wall(x, place, points))
+    return field("1", np.array(ratios) - 1.0)
 
 
 @case(

@@ -9,6 +9,7 @@ from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.indirect import SCREEN, lamp_beside_a_wall, light_of_the_wall
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad
 from taubench_gl.settings import Settings
 
@@ -189,17 +190,45 @@ def test_indirect_stays_where_it_is_when_only_the_camera_moves():
     assert np.abs(ia[close] - ib[nearest[close]]).max() < 0.02 * ia.max()
 
 
-def test_a_light_inside_a_bulb_stays_inside():
-    """A closed bulb far smaller than a voxel: neither its shadow map nor its VPLs let light out."""
+@pytest.mark.parametrize("x", [1.0, 1.93])
+def test_a_light_inside_a_bulb_stays_inside(x):
+    """A closed bulb far smaller than a voxel, beside a wall or not: no shadow map and no VPL lets light out."""
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((2.0, 2.0, 2.0), inside=True, material=lambert(s))))
-    s.node(mesh=s.mesh(box((0.02, 0.02, 0.02), material=lambert(s))), translation=(1.0, 0.3, 0.2))
-    s.light(translation=(1.0, 0.3, 0.2), kind="point", intensity=10.0)
+    s.node(mesh=s.mesh(box((0.02, 0.02, 0.02), material=lambert(s))), translation=(x, 0.3, 0.2))
+    s.light(translation=(x, 0.3, 0.2), kind="point", intensity=10.0)
     s.camera(translation=(-1.0, 0.0, 1.0), yfov=np.radians(90), znear=0.01)
     got = draw(s.build(), indirect_samples=600, probes=512)
     open_light = ALBEDO * 10.0 * 4 * np.pi / 96.0 * ALBEDO / np.pi  # what the room would show without the bulb
     assert got["direct"][..., :3].max() == 0.0
     assert got["indirect"][..., :3].max() < 0.02 * open_light
+
+
+@pytest.mark.parametrize("x", [-3.97, -3.89])
+@pytest.mark.parametrize("way", ["towards", "along"])
+def test_a_lamp_that_passes_close_to_a_wall_keeps_the_light_of_the_wall(x, way):
+    """However the wall lies in the voxels: the light of the wall changes from frame to frame as its integral does.
+    Tolerances: the texels of the lamp's map and the probes."""
+    places = np.tile([x, 1.3, 0.1], (8, 1))
+    if way == "towards":
+        places[:, 0] += np.geomspace(1.0, 0.05, len(places))
+    else:  # past the wall, 0.08 m from it where it is nearest
+        places[:, 2] = np.linspace(-0.7, 0.6, len(places))
+        places[:, 0] += 0.08 + 0.5 * np.abs(places[:, 2])
+    scene, measured, expected = lamp_beside_a_wall(x, places, 24.0), [], []
+    settings = Settings(width=SIZE[0], height=SIZE[1], indirect="probes", indirect_samples=2400, probes=1000)
+    with open_gpu() as gpu:
+        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        for frame, place in enumerate(places):
+            view = source.advance(frame)
+            points = (source.read("position")[..., :3] + view.position)[::12, ::12].reshape(-1, 3)
+            measured.append(source.read("indirect")[..., 0].mean() * np.pi / 0.05)
+            expected.append(light_of_the_wall(x, place, points))
+        source.release()
+    ratio = np.array(measured) / expected
+    assert np.allclose(points[:, 0], SCREEN, atol=1e-5)
+    assert np.all(np.abs(ratio - 1.0) < 0.07), ratio
+    assert np.all(np.abs(ratio[1:] / ratio[:-1] - 1.0) < 0.04), ratio
 
 
 @pytest.mark.parametrize(("kind", "solid_angle"), [("point", 4 * np.pi), ("spot", 2 * np.pi)])

@@ -19,6 +19,7 @@ from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, morphed, q
 from taubench_gl.settings import Settings
 
 FAR = 4  # bricks, as indirect/bricks.comp.glsl
+VPL_LIFT = 1.75  # voxels, as common/vpl.glsl
 SETTINGS = Settings(width=48, height=32, indirect="probes", indirect_samples=256, probes=150)
 
 
@@ -110,11 +111,13 @@ def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
         if area <= 0.0 or facing >= -1e-5:
             assert facing > -1e-4 or area <= 0.0 or not seen[i, k]
             continue
+        beside = lift < 0.999 * VPL_LIFT * voxel  # the map of the light beside it may hide it as well
+        slack, lift = (VPL_LIFT, VPL_LIFT * voxel) if beside else (0.5, lift)
         a, b = (probe - low) / voxel, (np.array(place) + lift * np.array(normal) - low) / voxel
         way = (b - a) / np.linalg.norm(b - a)
-        start, end = a + 0.5 * way, b - (0.5 if lift > voxel else 0.0) * way
+        start, end = a + 0.5 * way, b - slack * way
         blocked = {meets(start, end, cells, grow) for grow in (-1e-3, 1e-3)}
-        if len(blocked) == 1:  # else it grazes a voxel, and rounding decides
+        if len(blocked) == 1 and not (beside and blocked == {False}):  # of 2: it grazes a voxel, and rounding decides
             seen_counts[seen[i, k]] += 1
             assert seen[i, k] != blocked.pop(), f"probe {i}, VPL {k}"
     assert min(seen_counts.values()) > 200, seen_counts

@@ -22,7 +22,7 @@ from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geomet
 from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
 from taubench_gl.frame.patches import PATCH, Patches, lamps_of
 from taubench_gl.frame.scene_buffers import Group
-from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
+from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import NARROW, PATCH_LIGHT_CHUNK, VPL_CHUNK, WIDE
 from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass, RasterPass, Resource, Use, stage
@@ -295,14 +295,21 @@ class Declarations:
             "what": f"the visibility of {self._room()['what']} from {probes} probes",
             "hint": "lower probes or indirect_samples",
         }
-        return (
+        p = (
             self._compute("visibility")
+            .define(MAPPED=self.mapped)
             .image("vpls")
             .image("bricks", "rgba32ui")
             .buffer("visibility", "uint", access=WRITE)
             .allocate(Resource.buffer("visibility", 4 * probes * words, label=_LABEL, **room))
             .dispatch((probes, words), (NARROW, 1))
         )
+        if not self.mapped:
+            return p
+        p.buffer("texels", "uvec4", given=True).buffer("faces", FACE, resource="rsm_faces", given=True)
+        for channel in ("position", "normal"):
+            p.texture(channel, resource=f"rsm_{channel}")
+        return p
 
     def receive(self, *, first: bool) -> ComputePass:
         """Irradiance of the probes; ``first``: by the flux of the VPLs themselves, else by that of the last bounce."""
@@ -450,10 +457,11 @@ class IndirectPass:
         stale = list(zip(faces, self._offsets, seen, strict=True))
         self._drawer.draw(frame, stale, variant)
         self._gpu.hazards.wrote(self._framebuffer.color_attachments, drawn=True)
-        for row, face in zip(self._rows[: len(faces)], faces, strict=True):
+        for row, face, corner in zip(self._rows[: len(faces)], faces, self._offsets, strict=True):
             row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
             row["forward"] = (*face.forward, face.near)
-            row["right"][:3], row["up"][:3] = face.right / face.half, face.up / face.half
+            row["right"] = (*(face.right / face.half), corner[0])
+            row["up"] = (*(face.up / face.half), corner[1])
             texel = 2.0 * face.half / face.resolution
             row["extent"] = face.resolution, texel, float(on[face.light]), face.light
         self.tables["rsm_faces"].write(self._rows.tobytes())
@@ -610,10 +618,10 @@ class ProbeGrid:
 
 
 def _texel_table(faces: list[Face], offsets: list[tuple[int, int]]) -> Array:
-    """(V, 4) uint32: atlas x and y, face, light row of every texel."""
-    parts = []
+    """(V, 4) uint32: atlas x and y, face, first face of the light of every texel."""
+    parts, first = [], first_faces(faces)
     for i, (face, (x, y)) in enumerate(zip(faces, offsets, strict=True)):
         at = np.stack(np.meshgrid(np.arange(face.resolution), np.arange(face.resolution)), axis=-1).reshape(-1, 2)
-        tail = np.broadcast_to([i, face.light], (len(at), 2))
+        tail = np.broadcast_to([i, first[face.light]], (len(at), 2))
         parts.append(np.concatenate([at + [x, y], tail], axis=1))
     return np.concatenate(parts).astype(np.uint32)
