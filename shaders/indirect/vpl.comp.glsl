@@ -42,7 +42,7 @@ void main() {
         v.albedo.rgb = m.w < 0.0 ? vec3(0.0) : base.rgb * (1.0 - 0.04 * m.w);
         v.position = vec4(p.xyz + P.scene_from_relative.xyz, across / max(n_l, 0.05));
         // Visibility rays aim this far above the patch, but never past the light that found it: a bulb smaller than a
-        // voxel must keep its light.
+        // voxel must keep its light.  Less than VPL_LIFT voxels: beside its light (visibility.comp).
         float reach = light.direction.w == KIND_DIRECTIONAL ? 3.0e38 : 0.5 * distance(light.position.xyz, p.xyz);
         v.normal = vec4(n, min(VPL_LIFT * P.grid_origin.w, reach));
         v.flux = vec4(incoming.radiance * across * v.albedo.rgb, 0.0);
