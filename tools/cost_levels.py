@@ -1,8 +1,9 @@
 """Writes the named levels of ``evaluate --quality`` from a study and records it: ``cost_levels.py STUDY [FOLDER]``.
 
-``balanced`` is the defaults.  ``draft`` is the fastest of the Pareto front, ``highest`` the most exact
-of the front; ``fast`` and ``accurate`` are the points whose times are nearest to the geometric middle between balanced
-and those.
+``balanced`` is the defaults.  ``draft`` is the fastest of the Pareto front, ``accurate`` the most exact.  ``fast`` has
+indirect light, which ``draft`` may lack: of the points that have it and that none of these beats the one with the time
+nearest to the geometric middle of draft and balanced.  ``highest`` has every parameter at its best, whether or not that
+is more exact on this scene.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.cost.configurations import HIGHEST
 from taubench_gl.cost.parameters import PARAMETERS
 from taubench_gl.preset import LEVEL_FIELDS, LEVELS, save_level
 from taubench_gl.settings import Settings
@@ -45,28 +47,34 @@ def chosen_points(study: Study) -> dict[str, Point]:
     """Level -> its point of the study."""
     points = {p["name"]: p for p in study["points"]}
     front = [points[name] for name in study["fronts"][OVERALL]]
-    front = [p for p in front if p["usable"]]
-    balanced = points["baseline"]
-    draft, highest = front[0], front[-1]
+    front = [p for p in front if p["usable"] and p["role"] != "path_traced"]
+    draft, balanced = front[0], points["baseline"]
+    middle = 0.5 * (_log_ms(draft) + _log_ms(balanced))
     return {
         "draft": draft,
-        "fast": _between(study, front, draft, balanced),
+        "fast": min(_with_indirect_light(study), key=lambda p: abs(_log_ms(p) - middle)),
         "balanced": balanced,
-        "accurate": _between(study, front, balanced, highest),
-        "highest": highest,
+        "accurate": front[-1],
+        "highest": points[HIGHEST],
     }
 
 
-def _between(study: Study, front: list[Point], low: Point, high: Point) -> Point:
-    """Of the points with times between ``low`` and ``high`` the nearest to their geometric middle: one of the front, or
-    of all that are measured where the front has none."""
-    ends = [math.log(p["ms"]["median"]) for p in (low, high)]
-    measured = [p for p in study["points"] if p["usable"] and p["ms"] and p["masks"]]
-    for points in (front, measured):
-        between = [p for p in points if ends[0] < math.log(p["ms"]["median"]) < ends[1]]
-        if between:
-            return min(between, key=lambda p: abs(math.log(p["ms"]["median"]) - 0.5 * sum(ends)))
-    return high
+def _log_ms(point: Point) -> float:
+    return math.log(point["ms"]["median"])
+
+
+def _with_indirect_light(study: Study) -> list[Point]:
+    """Points of the raster method that no other such point beats in time and exactness, fastest first."""
+    known = [p for p in study["points"] if p["usable"] and p["ms"] and p["masks"] and p["role"] != "path_traced"]
+    out: list[Point] = []
+    for p in sorted(known, key=_log_ms):
+        if p["values"].get("indirect") != "none" and (not out or _wrong(p) < _wrong(out[-1])):
+            out.append(p)
+    return out
+
+
+def _wrong(point: Point) -> float:
+    return point["masks"][OVERALL]["percent"]
 
 
 def settings_of(point: Point) -> dict[str, Any]:

@@ -45,6 +45,16 @@ def test_the_recorded_study_gives_the_levels(tool, monkeypatch, tmp_path):
         assert (tmp_path / f"{name}.toml").read_text() == LEVELS[name].read_text(), f"run tools/cost_levels.py: {name}"
 
 
+def test_levels_are_ordered(tool):
+    """In time, and in exactness as far as noise tells: nothing measured is more exact than ``accurate``."""
+    named = tool.chosen_points(json.loads(tool.RECORDED.read_text(encoding="utf-8")))
+    assert list(named) == list(LEVEL_NAMES)
+    times = [p["ms"]["median"] for p in named.values()]
+    assert times == sorted(times)
+    wrong = [p["masks"]["overall"]["percent"] for p in named.values()]
+    assert wrong[:4] == sorted(wrong[:4], reverse=True)
+
+
 def test_balanced_is_the_defaults():
     assert level_settings("balanced") == {n: v for n, v in defaults().items() if v is not None}
 
