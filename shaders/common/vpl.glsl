@@ -1,7 +1,6 @@
 // Virtual point lights (VPLs), in scene space: world axes, meters from the center of the scene's bounds.  Scene space does
 // not move with the camera, so a still scene keeps its indirect light bit for bit.
 const float IRRADIANCE_PI = 3.14159265358979;
-const float VPL_LIFT = 1.75; // voxels between a VPL and the point above it that visibility rays aim at
 
 // Texel of the first field of VPL k: a field a texel, VPL_ROW VPLs in a row.
 ivec2 vpl_texel(int k) { return ivec2(4u * (uint(k) % uint(VPL_ROW)), uint(k) / uint(VPL_ROW)); }

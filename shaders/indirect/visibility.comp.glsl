@@ -20,7 +20,7 @@
 const float NEAR_LIGHT = 4.0 * VPL_LIFT;
 
 // Whether nothing near the light whose faces start at ``first`` lies between it and x, scene space.  1: nothing; 0: a
-// surface, and x is behind it; -1: its maps do not cover x.
+// surface, and x is behind it; -1: its maps do not cover x.  The map has the shading normal of the surface.
 int leaves_light(int first, vec3 x) {
     vec3 p = x - P.scene_from_relative.xyz;
     float row = faces[first].extent.w;

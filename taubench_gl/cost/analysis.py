@@ -17,10 +17,10 @@ OVERALL = "overall"
 CONFIDENCE = 1.96
 """Standard deviations beyond which two numbers differ."""
 
-BETWEEN_RUNS = 0.1
-"""Times that differ by less than this share may change places when they are measured again: memory is placed otherwise,
-which the rounds of one run do not show.  Measured: 5 to 11 % on llvmpipe (standard deviation of the log; 30 and 12
-configurations, timed twice)."""
+SAME_TIME = 1.15
+"""Times up to this ratio count as equal on the Pareto front: when they are measured again they change by some 10 %, as
+memory is placed otherwise, which the rounds of one run do not show.  Measured on llvmpipe: 5 to 11 % (standard
+deviation of the log; 30 and 12 configurations, timed twice)."""
 
 GOOD_ENOUGH = 2.0
 """Errors up to so many times that of the most exact configuration are good enough by default.  With the 4096 pixels of
@@ -167,42 +167,23 @@ def _wrong_in_one(a: Point, b: Point, column: str) -> tuple[int, int]:
 
 
 def pareto_front(points: Sequence[Point], column: str, floor: float = 0.0) -> list[Point]:
-    """Points that no other one beats, fastest first.
+    """Points that no other one beats beyond noise, fastest first.
 
-    No other point is as fast and as exact as one of the front.  Of these a slower one stays only if it is more exact
-    beyond noise, and a less exact one only if it is faster beyond noise.  Of points with the same masks and times that
-    do not differ the first of ``points`` is named.
+    Of those that take up to SAME_TIME times as long as the fastest one, the most exact; of several the first of
+    ``points``.  Then in the same way of those that take longer and are more exact than it beyond noise.
     """
-    known: list[Point] = []
-    for p in points:
-        if p.time is not None and p.error(column) is not None and not any(_same(q, p, column) for q in known):
-            known.append(p)
-    known.sort(key=lambda p: (p.time.median, max(p.error(column), floor)))
+
+    def error(p: Point) -> float:
+        return max(p.error(column), floor)
+
+    rest = [p for p in points if p.time is not None and p.error(column) is not None]
     front: list[Point] = []
-    least = math.inf
-    for p in known:
-        error = max(p.error(column), floor)
-        if error >= least:
-            continue
-        least = error
-        if front and compare_errors(front[-1], p, column, floor) <= 0:
-            continue
-        while front and _no_slower(p.time, front[-1].time):
-            front.pop()
-        front.append(p)
+    while rest:
+        longest = SAME_TIME * min(p.time.median for p in rest)
+        best = min((p for p in rest if p.time.median <= longest), key=error)
+        front.append(best)
+        rest = [p for p in rest if p.time.median > longest and compare_errors(best, p, column, floor) > 0]
     return front
-
-
-def _same(a: Point, b: Point, column: str) -> bool:
-    """Whether masks are wrong in the same pixels and times do not differ, within a run or between runs."""
-    near = abs(math.log(a.time.median / b.time.median)) <= BETWEEN_RUNS
-    return near and not any(_wrong_in_one(a, b, column)) and compare_times(a.time, b.time) == 0
-
-
-def _no_slower(a: Time, b: Time) -> bool:
-    """Whether ``a`` replaces ``b`` at no cost: not slower by ``RULE``, and its median within the spread of ``b``, so
-    that very noisy times do not count as fast."""
-    return b.spread is not None and compare_times(a, b) <= 0 and a.median <= b.median + b.spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,17 +208,17 @@ def choose(
     budget_ms: float | None = None,
 ) -> Choice:  # fmt: skip
     """Of the Pareto front: the fastest with an error of at most ``within``, or the most exact in ``budget_ms`` (median
-    + spread), or both limits.  Without limits: the fastest with at most GOOD_ENOUGH times the error of the most exact
-    configuration of all, timed or not, but without those that differ in the method of light: these have their price.
+    + spread), or both limits.  Without limits: the fastest with at most GOOD_ENOUGH times the least error, or the most
+    exact of the front if none has.  The least error is that of all configurations, timed or not, but for the samples of
+    path-traced light, which have their price; at least the noise floor, and what noise does not tell from 0.
     """
     usable = [p for p in points if p.usable]
     front = pareto_front(usable, column, floor)
     good_enough, allowed = None, math.inf if within is None else max(within, floor)
     if within is None and budget_ms is None:
-        errors = [p.error(column) for p in usable if p.role != "path_traced" and p.error(column) is not None]
-        allowed = good_enough = GOOD_ENOUGH * max(min(errors, default=0.0), floor)
+        allowed = good_enough = GOOD_ENOUGH * max(_least_error(usable, column), floor)
     possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
-    possible = [p for p in possible if p.error(column) <= allowed]
+    possible = [p for p in possible if p.error(column) <= allowed] or (front[-1:] if good_enough is not None else [])
     if not possible:
         ends = (front[0], front[-1]) if front else (None, None)
         return Choice(column, within, budget_ms, None, *ends, good_enough)
@@ -245,3 +226,11 @@ def choose(
     i = front.index(best)
     beside = [front[j] if 0 <= j < len(front) else None for j in (i - 1, i + 1)]
     return Choice(column, within, budget_ms, best, *beside, good_enough)
+
+
+def _least_error(points: Sequence[Point], column: str) -> float:
+    """Percent of the pixels; at least CONFIDENCE^2 pixels, which McNemar's test does not tell from none."""
+    known = [p.masks[column] for p in points if p.role != "path_traced" and column in p.masks]
+    if not known:
+        return 0.0
+    return max(min(e.percent for e in known), 100.0 * CONFIDENCE**2 / len(known[0].wrong))

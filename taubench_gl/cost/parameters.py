@@ -85,12 +85,15 @@ class Parameter:
 
 
 def with_light(settings: Settings, value: str) -> Settings:
-    """``settings`` with the light method ``raster``, or ``path-traced@N``: N samples per pixel, pattern fixed, paths as
-    those of the reference."""
+    """``settings`` with the light method ``raster``, or ``path-traced@N``: N samples per pixel, pattern fixed; paths as
+    those of the reference, or of ``settings`` if they are path-traced already."""
     method, _, samples = value.partition("@")
     if method != TRACED:
         return settings.replace(light=method)
-    return settings.replace(light=method, spp=int(samples), pattern="fixed", indirect="auto", bidirectional=True)
+    bidirectional = settings.lighting.bidirectional or settings.lighting.light != TRACED
+    return settings.replace(
+        light=method, spp=int(samples), pattern="fixed", indirect="auto", bidirectional=bidirectional
+    )
 
 
 def _bad_pair_sample(context: StudyContext, value: str) -> str | None:

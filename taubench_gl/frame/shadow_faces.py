@@ -25,7 +25,12 @@ FACE = Struct(
     Field("right", "vec4", "xyz: world axis over half extent (or tan of half the angle); w: atlas x, texels"),
     Field("up", "vec4", "likewise; w: atlas y, texels"),
     Field("forward", "vec4", "xyz: unit world axis; w: near (perspective) or depth range (parallel), meters"),
-    Field("extent", "vec4", "x: resolution, texels; y: world size of a texel at distance 1 (or anywhere, parallel)"),
+    Field(
+        "extent",
+        "vec4",
+        "x: resolution, texels; y: world size of a texel at distance 1 (or anywhere, parallel); of reflective shadow "
+        "maps z: 1 if the light is on, w: row of the light",
+    ),
 )
 FACE_ROW = 64
 """Faces in a row of the texture that holds the table, a texel for each of their fields."""

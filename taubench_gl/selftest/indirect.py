@@ -14,8 +14,8 @@ ALBEDO = 0.5
 FLUX = 4.0 * np.pi
 """Lumens of a lamp of 1 cd."""
 
-SCREEN = 3.0
-"""Where ``lamp_beside_a_wall`` has the screen that the wall lights, along x."""
+SCREEN, SCREEN_ALBEDO = 3.0, 0.05
+"""Where ``lamp_beside_a_wall`` has the screen that the wall lights, along x, and how little it reflects."""
 
 
 def _bounced(bench: Bench, lamps: int = 1, **settings) -> float:
@@ -92,7 +92,7 @@ def lamp_beside_a_wall(x: float, places: np.ndarray, fps: float) -> Scene:
     b = SceneBuilder()
     floor = b.mesh(quad(5.0, 5.0, material=lambert(b, 0.0)))
     b.node(mesh=floor, rotation=(-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
-    for at, turn, albedo in ((x, 90.0, ALBEDO), (SCREEN, -90.0, 0.05)):
+    for at, turn, albedo in ((x, 90.0, ALBEDO), (SCREEN, -90.0, SCREEN_ALBEDO)):
         wall = b.mesh(quad(5.0, 1.5, material=lambert(b, albedo)))
         b.node(mesh=wall, translation=(at, 1.5, 0.0), rotation=turn_y(turn))
     lamp = b.light(intensity=1.0)
@@ -131,7 +131,7 @@ def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
         places, bench.shots(lamp_beside_a_wall(x, places, 1.0), range(len(places)), **own), strict=True
     ):
         points = (shot["position"][..., :3] + shot.view.position).reshape(-1, 3)[::37]
-        measured = shot["indirect"][..., 0].mean() * np.pi / 0.05
+        measured = shot["indirect"][..., 0].mean() * np.pi / SCREEN_ALBEDO
         ratios.append(measured / light_of_the_wall(x, place, points))
     return field("1", np.array(ratios) - 1.0)
 

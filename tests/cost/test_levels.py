@@ -46,7 +46,7 @@ def test_the_recorded_study_gives_the_levels(tool, monkeypatch, tmp_path):
 
 
 def test_levels_are_ordered(tool):
-    """In time, and in exactness as far as noise tells: nothing measured is more exact than ``accurate``."""
+    """In time, and up to ``accurate`` in exactness."""
     named = tool.chosen_points(json.loads(tool.RECORDED.read_text(encoding="utf-8")))
     assert list(named) == list(LEVEL_NAMES)
     times = [p["ms"]["median"] for p in named.values()]

@@ -62,6 +62,7 @@ def test_light_values():
     lighting = with_light(Settings(indirect="rsm"), "path-traced@16").lighting
     assert (lighting.light, lighting.spp, lighting.indirect) == ("path-traced", 16, "auto")
     assert lighting.bidirectional, "as the reference's: else more samples may be further from it"
+    assert not with_light(Settings(light="path-traced"), "path-traced@4").lighting.bidirectional, "as the baseline"
     assert with_light(Settings(light="path-traced"), "raster").lighting.light == "raster"
 
 

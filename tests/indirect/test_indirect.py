@@ -9,7 +9,7 @@ from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.indirect import SCREEN, lamp_beside_a_wall, light_of_the_wall
+from taubench_gl.selftest.indirect import SCREEN, SCREEN_ALBEDO, lamp_beside_a_wall, light_of_the_wall
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad
 from taubench_gl.settings import Settings
 
@@ -222,7 +222,7 @@ def test_a_lamp_that_passes_close_to_a_wall_keeps_the_light_of_the_wall(x, way):
         for frame, place in enumerate(places):
             view = source.advance(frame)
             points = (source.read("position")[..., :3] + view.position)[::12, ::12].reshape(-1, 3)
-            measured.append(source.read("indirect")[..., 0].mean() * np.pi / 0.05)
+            measured.append(source.read("indirect")[..., 0].mean() * np.pi / SCREEN_ALBEDO)
             expected.append(light_of_the_wall(x, place, points))
         source.release()
     ratio = np.array(measured) / expected

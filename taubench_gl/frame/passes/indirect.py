@@ -63,6 +63,9 @@ VPL_ROW = 64
 GRID = 96
 """Voxels along the longest side."""
 
+VPL_LIFT = 1.75
+"""Voxels between a VPL and the point above it that visibility rays aim at."""
+
 BRICKS = GRID // 4
 """Bricks of 4 x 4 x 4 voxels along a side: the strides of visibility rays."""
 
@@ -201,7 +204,8 @@ class Declarations:
     def _compute(self, shader: str) -> ComputePass:
         sizes = f"const int GRID = {GRID}, SCALE = {SCALE}, VPL_ROW = {VPL_ROW}, LIGHT_ROW = {LIGHT_ROW};"
         p = ComputePass("indirect", (f"indirect/{shader}.comp.glsl",)).define(**self._spec.tuning.defines)
-        p.glsl(VPL, LIGHT, FACE, sizes, f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};")
+        lengths = f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, VPL_LIFT = {VPL_LIFT};"
+        p.glsl(VPL, LIGHT, FACE, sizes, lengths)
         return p.constants("P", INDIRECT, self.record)
 
     def rsm(self) -> RasterPass:
