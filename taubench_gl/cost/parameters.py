@@ -69,6 +69,8 @@ class Parameter:
         if self.name == "light":
             method = settings.lighting.light
             return f"{TRACED}@{settings.lighting.path_samples}" if method == TRACED else method
+        if self.name == "indirect" and settings.lighting.indirect == "auto":
+            return "probes"
         return 1.0 if self.name == "scale" else settings.get(self.name)
 
     def apply(self, settings: Settings, value: Any) -> Settings:

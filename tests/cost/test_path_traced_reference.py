@@ -49,6 +49,11 @@ def test_raster_parameters_do_not_apply_to_path_traced_light(demo):
     assert PARAMETERS["light"].value_in(plan.named(BASELINE).settings) == "path-traced@4"
 
 
+def test_the_method_that_auto_stands_for_is_not_timed_again(demo):
+    plan = make_plan(context(demo), ("indirect",))
+    assert {c.values["indirect"] for c in plan.configurations if c.role == "single"} == {"none", "rsm"}
+
+
 def test_nothing_lit_has_no_path_traced_reference(demo, tmp_path):
     columns = ("frustum", "position")
     assert make_plan(context(demo, columns=columns), ("storage", "light")).inapplicable.keys() == {"light"}
