@@ -57,7 +57,8 @@ def _chosen(study: Study) -> str:
     for p in filter(None, (finer, faster)):
         words += f"; {p['ms']['median'] / best['ms']['median']:.2g}x the time ({p['label']}) leaves {wrong(p)}"
     words += "" if finer else "; nothing measured is more exact beyond noise"
-    if best["masks"][column]["percent"] <= (study["reference"]["floor"].get(column) or 0.0):
+    floor = study["reference"]["floor"].get(column) or 0.0
+    if floor and best["masks"][column]["percent"] <= floor:
         words += "; below the noise floor of the reference: --time-limit or --reference path-traced@M would tell more"
     return words
 
