@@ -207,25 +207,32 @@ def choose(
     points: Sequence[Point], column: str = OVERALL, floor: float = 0.0, *, within: float | None = None,
     budget_ms: float | None = None,
 ) -> Choice:  # fmt: skip
-    """Of the Pareto front: the fastest with an error of at most ``within``, or the most exact in ``budget_ms`` (median
-    + spread), or both limits.  Without limits: the fastest with at most GOOD_ENOUGH times the least error, or the most
-    exact of the front if none has.  The least error is that of all configurations, timed or not, but for the samples of
-    path-traced light, which have their price; at least the noise floor, and what noise does not tell from 0.
+    """The fastest of the Pareto front with an error of at most ``within``; or the most exact of what takes at most
+    ``budget_ms`` (median + spread), which may be faster than its neighbor on the front; or both limits.  Without
+    limits: the fastest of the front with at most GOOD_ENOUGH times the least error, or the most exact if none has.  The
+    least error is that of all configurations, timed or not, but for the samples of path-traced light, which have their
+    price; at least the noise floor, and what noise does not tell from 0.
     """
     usable = [p for p in points if p.usable]
-    front = pareto_front(usable, column, floor)
     good_enough, allowed = None, math.inf if within is None else max(within, floor)
     if within is None and budget_ms is None:
         allowed = good_enough = GOOD_ENOUGH * max(_least_error(usable, column), floor)
-    possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
-    possible = [p for p in possible if p.error(column) <= allowed] or (front[-1:] if good_enough is not None else [])
+    timed = [p for p in usable if p.time is not None]
+    fits = [p for p in timed if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
+    within_budget, front = pareto_front(fits, column, floor), pareto_front(usable, column, floor)
+    possible = [p for p in within_budget if p.error(column) <= allowed]
+    possible = possible or (front[-1:] if good_enough is not None else [])
     if not possible:
         ends = (front[0], front[-1]) if front else (None, None)
         return Choice(column, within, budget_ms, None, *ends, good_enough)
     best = possible[0] if budget_ms is None or within is not None else possible[-1]
-    i = front.index(best)
-    beside = [front[j] if 0 <= j < len(front) else None for j in (i - 1, i + 1)]
-    return Choice(column, within, budget_ms, best, *beside, good_enough)
+    faster = max((p for p in front if p.time.median < best.time.median), key=_median, default=None)
+    finer = min((p for p in front if p.time.median > best.time.median), key=_median, default=None)
+    return Choice(column, within, budget_ms, best, faster, finer, good_enough)
+
+
+def _median(point: Point) -> float:
+    return point.time.median
 
 
 def _least_error(points: Sequence[Point], column: str) -> float:
