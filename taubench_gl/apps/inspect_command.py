@@ -1,4 +1,4 @@
-"""``taubench-gl inspect``: contents of a scene file, without rendering it."""
+"""``taubench-gl inspect``: contents of a scene file, and the exposure of its evaluations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def inspect(
 ) -> None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
-    Needs no OpenGL.
+    Draws only to meter the exposure, which is not printed where there is no OpenGL.
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
@@ -107,11 +107,25 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "generator": scene.generator,
         "light_unit": dataclasses.asdict(light_unit_of(scene)),
         "environment": dataclasses.asdict(environment_for(scene)),
+        "exposure": _exposure(scene, settings),
         "effects": FramePlan(scene, without_auto(scene, settings), poser=poser).costs(),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
         "notes": [*map(str, scene.notes), *transparency_notes(scene, settings.sequence.blend)],
     }
+
+
+def _exposure(scene: Scene, settings: Any) -> dict[str, Any]:
+    """``value``: the exposure of every evaluation of this scene with this camera; None without OpenGL or triangles."""
+    from taubench_gl.errors import TaubenchError
+    from taubench_gl.evaluation import require_triangles, resolve_lighting
+
+    try:
+        require_triangles(scene)
+        resolved = resolve_lighting(scene, settings.replace(light="raster"))  # no samples to choose
+    except TaubenchError as error:
+        return {"value": None, "reason": error.what}
+    return {"value": resolved.settings.lighting.exposure, "reason": resolved.reasons["exposure"]}
 
 
 def _camera(scene: Scene, node: int, unit: float) -> dict[str, Any]:
@@ -143,6 +157,7 @@ def _show(facts: dict[str, Any]) -> None:
             "camera used": facts["camera"],
             "light unit": "{value} ({reason})".format(**facts["light_unit"]),
             "environment": "{value} ({reason})".format(**facts["environment"]),
+            "exposure": _exposure_text(**facts["exposure"]),
         },
     )
     counts = {name.replace("_", " "): n for name, n in facts["census"].items() if not isinstance(n, dict | list)}
@@ -160,6 +175,10 @@ def _show(facts: dict[str, Any]) -> None:
     show_pairs("Effects of an evaluation at 1920x1080 with default settings", _effect_lines(facts["effects"]))
     if facts["notes"]:
         show_pairs("Notes of the reader", {f"{i}": note for i, note in enumerate(facts["notes"], start=1)})
+
+
+def _exposure_text(value: float | None, reason: str) -> str:
+    return f"{'not metered' if value is None else f'{value:g}'} ({reason})"
 
 
 def _effect_lines(effects: dict[str, Any]) -> dict[str, str]:

@@ -12,7 +12,7 @@ import click
 
 from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import OutPath, culling_option, environment_options, frame_options, settings_from
-from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 
 @click.group(cls=Group)
@@ -56,7 +56,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     from taubench_gl.effects.lighting import environment_of
     from taubench_gl.evaluation import environment_image, frame_range, resolve_lighting
     from taubench_gl.pathtraced.blender.job import Quality
-    from taubench_gl.pathtraced.blender.render import read_render, render_reference
+    from taubench_gl.pathtraced.blender.render import render_reference
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
     from taubench_gl.scene import load_scene
 
@@ -77,9 +77,6 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     scene = load_scene(scene_path, **settings.sequence.reading)
     camera = camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
-    earlier = read_render(out)
-    if settings.lighting.exposure == AUTO and earlier is not None and earlier.exposure is not None:
-        settings = settings.replace(exposure=earlier.exposure)  # a continued render keeps its exposure
     resolved = resolve_lighting(scene, settings, camera, frames=frames)
     settings = resolved.settings
     environment = environment_of(settings)

@@ -21,9 +21,12 @@ from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.motion_stats import MotionStats, ordered_steps
 from taubench_gl.datasets.recorded import RecordedPath
+from taubench_gl.effects.lighting import own_light, without_auto
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.exposure import meter
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
@@ -105,9 +108,18 @@ def stress(
     lights, objects, tracks = _moved(editor, scene, moves, frames, fps, seed)
     editor.animation(MOVES_NAME, tracks)
     moved = f", {lights} moving lights and {objects} moving objects" if lights or objects else ""
-    editor.note(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}")
+    editor.note(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}", **_exposure(scene))
     editor.save(out)
     return StressResult(Path(out), path, fps, (frames - 1) / fps, lights, objects)
+
+
+def _exposure(scene: Scene) -> dict[str, str]:
+    """The exposure that the file records, so that added motion does not change it; nothing where none is metered."""
+    settings = without_auto(scene, Settings())
+    if scene.exposure is not None or (settings.lighting.light_unit == "watt" and own_light(scene) is not None):
+        return {}
+    metered, _ = meter(scene, settings)
+    return {} if metered is None else {"exposure": f"{metered:.6g}"}
 
 
 def _opened(source: str, strict: bool) -> tuple[Scene, GltfEditor, str]:

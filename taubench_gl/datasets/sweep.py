@@ -85,7 +85,7 @@ def run_sweep(
         _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
         output_folder(out)
         frames = (0, base.frames)
-        # One exposure for all speeds, metered on the first.
+        # The file records one exposure for all speeds; the number of samples is that of the first.
         first = _posed(scene, specs[0], space)
         settings = resolve_lighting(first, settings.replace(frames=frames)).settings
         for value, spec in zip(sweep.values, specs, strict=True):

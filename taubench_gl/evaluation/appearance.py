@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.effects.lighting import without_auto
-from taubench_gl.evaluation.lighting import metered_frames
+from taubench_gl.evaluation.lighting import first_middle_last
 from taubench_gl.frame.materials import BLEND_CUTOFF
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
@@ -49,7 +49,7 @@ def appearance_notes(
     blended = blended_materials(scene)
     if not blended and not any(note.materials for note in scene.notes):
         return [str(note) for note in scene.notes]
-    metered = metered_frames(frames)
+    metered = first_middle_last(frames)
     where = f"of pixels in frame{'s' * (len(metered) > 1)} {', '.join(map(str, metered))}"
     # Drawn opaque, so that surfaces that the cutoff removes are seen.
     seen = _surfaces(scene, settings.replace(blend="opaque"), camera, metered, poser)

@@ -12,25 +12,24 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
-from taubench_gl.effects.decide import MANY_LIGHTS
-from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, own_light, unit_divisor
+from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, unit_divisor
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
+from taubench_gl.evaluation.exposure import exposure_of
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_luminance
 from taubench_gl.report.labels import GIVEN
 from taubench_gl.scene.environment import EnvironmentImage
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import AUTO, MAX_EXPOSURE, Settings
+from taubench_gl.settings import AUTO, Settings
 
 Array = np.ndarray
 
-METERING_SPP = 16
-"""Samples per pixel with which path-traced light is metered."""
+NOISE_SPP = 16
+"""Samples per pixel with which the noise of path-traced light is measured."""
 
 SAMPLE_COUNTS = (4, 8, 16, 32, 64, 128, 256)
 """Numbers of samples per pixel that ``auto`` chooses from."""
@@ -45,7 +44,7 @@ SMALLEST = 96
 """Pixels along a side of the image in which noise is measured, at least, where the run has as many."""
 
 SMALLER = 8
-"""Factor by which the image is smaller that is metered without culling."""
+"""Factor by which the image is smaller in which noise is measured."""
 
 MAX_LIGHT = 1e30
 """Most radiance or intensity times exposure: sums over lights and the inverse square of a distance stay in float32."""
@@ -71,8 +70,8 @@ def resolve_lighting(
 ) -> ResolvedLighting:
     """Choose what ``light_unit``, ``exposure`` and ``environment`` leave open.  Draws only to meter an exposure.
 
-    ``frames``: of the run, metered are its first, middle and last; None: those of ``settings``.  Settings that are
-    resolved come back unchanged.  Raises TaubenchError.
+    ``frames``: of the run; None: those of ``settings``.  The number of samples depends on them, the exposure does not
+    (``evaluation.exposure``).  Settings that are resolved come back unchanged.  Raises TaubenchError.
     """
     lighting, reasons = settings.lighting, dict.fromkeys(("light_unit", "exposure", "environment"), GIVEN)
     chosen: dict[str, Any] = {}
@@ -87,7 +86,9 @@ def resolve_lighting(
         reasons["environment"] += f", an image of {image.size[0]}x{image.size[1]} pixels"
     require_float32(scene, settings)  # also before an exposure is metered
     if lighting.exposure == AUTO:
-        exposure, reasons["exposure"] = _exposure(scene, settings, camera, frames, poser)
+        exposure, reasons["exposure"] = 1.0, "no column depends on light"
+        if LIGHT_COLUMNS & set(settings.metrics.columns):
+            exposure, reasons["exposure"] = exposure_of(scene, settings, camera)
         settings = settings.replace(exposure=exposure)
         require_float32(scene, settings)
     if lighting.spp is None and lighting.light != "raster":
@@ -143,45 +144,13 @@ def files_identity(hashes: Mapping[str, Any]) -> str | None:
     return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
-def _exposure(
-    scene: Scene, settings: Settings, camera: CameraTrack | None, frames: range | None, poser: Poser | None
-) -> tuple[float, str]:
-    """The exposure that ``auto`` stands for, and why."""
-    if not LIGHT_COLUMNS & set(settings.metrics.columns):
-        return 1.0, "no column depends on light"
-    if settings.lighting.light_unit == "watt" and own_light(scene) is not None:
-        return 1.0, "the light unit is watt"
-    if scene.exposure is not None:
-        return scene.exposure, "recorded in the file"
-    if own_light(scene) is None and settings.lighting.environment == "none":
-        return 1.0, "the scene has no light"
-    camera = camera or camera_of_run(scene, settings.sequence)
-    frames = frame_range(scene, camera, settings) if frames is None else frames
-    metered = metered_frames(frames)
-    exposed = _culled(scene, settings, camera, metered[0], poser)
-    factor = metered_exposure(direct_luminance(scene, exposed, camera, metered, poser))
-    traced = ""
-    # One number for all light methods and seeds, also for the raster method, which then shows emission alone.
-    sampled = exposed.replace(
-        light="path-traced", indirect=AUTO, spp=METERING_SPP, pattern="fixed", seed=0, bounces=1
-    )  # fmt: skip
-    if factor is None and traced_sources(scene, sampled):
-        factor = metered_exposure(direct_luminance(scene, sampled, camera, metered, poser))
-        traced = f", path-traced at {METERING_SPP} samples"
-    numbers = " and ".join([", ".join(map(str, metered[:-1])), str(metered[-1])]) if len(metered) > 1 else metered[0]
-    if factor is None:
-        return 1.0, f"no surface reflects light in frame{'s' * (len(metered) > 1)} {numbers}"
-    factor = min(max(rounded(factor), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
-    return factor, f"metered in frame{'s' * (len(metered) > 1)} {numbers}{traced}"
-
-
 def _samples(
     scene: Scene, settings: Settings, camera: CameraTrack | None, frames: range | None, poser: Poser | None
 ) -> int:
     """Samples per pixel of path-traced light: with ``auto`` as few as its noise allows, within SAMPLE_BUDGET.
 
     Noise allows a number at which MARGIN times its standard deviation exceeds a threshold in at most MOST_NOISY of all
-    pixels of the metered frames, drawn smaller and with METERING_SPP samples.
+    pixels of the metered frames, drawn smaller and with NOISE_SPP samples.
     """
     default = settings.lighting.path_samples
     wanted = LIGHT_COLUMNS & set(settings.metrics.columns)
@@ -192,14 +161,14 @@ def _samples(
     sides = (settings.sequence.width, settings.sequence.height)
     width, height = (min(side, max(side // SMALLER, SMALLEST)) for side in sides)
     metering = settings.replace(
-        width=width, height=height, spp=METERING_SPP, pattern="fixed", columns=("direct", "indirect"),
+        width=width, height=height, spp=NOISE_SPP, pattern="fixed", columns=("direct", "indirect"),
         samples_per_pixel=1, storage="float", pairs="all",
     )  # fmt: skip
     with open_gpu(settings.device.backend, settings.device.device) as gpu:
         source = RasterSource(gpu, scene, camera, metering, SourceOptions(extra=("path_info",)), poser=poser)
         try:
             worst = []
-            for frame in metered_frames(frames):
+            for frame in first_middle_last(frames):
                 source.advance(frame)
                 worst.append(noise_of_a_sample(source.current, metering))
             gpu.check("metering")
@@ -211,46 +180,6 @@ def _samples(
     return next((n for n in counts if np.mean(MARGIN * ratios > np.sqrt(n)) <= MOST_NOISY), counts[-1])
 
 
-def _culled(scene: Scene, settings: Settings, camera: CameraTrack, frame: int, poser: Poser | None) -> Settings:
-    """``settings`` with which to meter: many lights are culled at the exposure of a small image without culling.
-
-    The culling is thus the same whatever the scale of the lights.  The light method is raster.
-    """
-    settings = settings.replace(light="raster")
-    exact = settings.replace(exposure=1.0, light_error=0.0)
-    if len(scene.light_nodes) <= MANY_LIGHTS:
-        return exact
-    width, height = (max(side // SMALLER, 1) for side in (settings.sequence.width, settings.sequence.height))
-    first = metered_exposure(
-        direct_luminance(scene, exact.replace(width=width, height=height), camera, (frame,), poser)
-    )
-    return exact if first is None else settings.replace(exposure=min(max(first, 1.0 / MAX_EXPOSURE), MAX_EXPOSURE))
-
-
-def metered_frames(frames: range) -> tuple[int, ...]:
+def first_middle_last(frames: range) -> tuple[int, ...]:
     """First, middle and last of ``frames``, ascending, without duplicates."""
     return tuple(sorted({frames[0], frames[len(frames) // 2], frames[-1]}))
-
-
-def direct_luminance(
-    scene: Scene, settings: Settings, camera: CameraTrack, frames: tuple[int, ...], poser: Poser | None = None
-) -> list[Array]:
-    """Luminance of direct light, without exposure, of the surface pixels of each frame: (n,) float64.
-
-    At the size of ``settings``, which are resolved; exposure and light error cull lights.  Empty where the scene has no
-    direct light by their method.
-    """
-    metering = settings.replace(columns=("direct",), samples_per_pixel=1, storage="float", pairs="all")
-    with open_gpu(settings.device.backend, settings.device.device) as gpu:
-        source = RasterSource(gpu, scene, camera, metering, poser=poser)
-        try:
-            if "direct" in source.unmeasured:
-                return []
-            out = []
-            for frame in frames:
-                source.advance(frame)
-                out.append(surface_luminance(source.read("direct"), source.read("position")))
-            gpu.check("metering")
-            return out
-        finally:
-            source.release()

@@ -17,12 +17,12 @@ Schedule = list[tuple[int, bool]]
 
 def frame_total(scene: Scene, camera: CameraTrack, settings: Settings) -> int:
     """Number of frames of the whole sequence, regardless of ``sequence.frames``."""
-    return settings.sequence.frame_count(_duration(scene, camera))
+    return settings.sequence.frame_count(duration_of(scene, camera))
 
 
 def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
     """Frame numbers to evaluate.  Raises SettingsError if ``sequence.frames`` selects none, or more than MAX_FRAMES."""
-    frames = settings.sequence.frame_range(_duration(scene, camera))
+    frames = settings.sequence.frame_range(duration_of(scene, camera))
     if not frames:
         count = frame_total(scene, camera, settings)
         first, stop = settings.sequence.frames
@@ -32,7 +32,7 @@ def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
     return frames
 
 
-def _duration(scene: Scene, camera: CameraTrack) -> float:
+def duration_of(scene: Scene, camera: CameraTrack) -> float:
     """Duration in seconds; of a still scene STILL_SECONDS unless the camera is one of the file."""
     if isinstance(camera, OrbitCamera):
         return camera.duration

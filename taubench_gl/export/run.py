@@ -29,7 +29,7 @@ from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import AUTO, Settings
+from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/export/1"
 MANIFEST = "export.json"
@@ -136,9 +136,6 @@ def _export(
     require_triangles(loaded)
     camera = camera_of_run(loaded, settings.sequence)
     frames = frame_range(loaded, camera, settings)
-    earlier = _read_manifest(out / MANIFEST)
-    if settings.lighting.exposure == AUTO and not overwrite and earlier and earlier["sha256"] == loaded.sha256:
-        settings = settings.replace(exposure=earlier["settings"]["exposure"])  # all parts of an export have one
     # Geometry does not depend on the exposure.
     lit = _EXPOSED & set(names) or options.training.wanted
     columns = settings.metrics.columns if lit else ("frustum",)

@@ -1,12 +1,13 @@
 """Metered exposure: the factor that maps the log-average luminance of lit surfaces to middle gray.
 
-Source: Reinhard et al., Photographic Tone Reproduction for Digital Images, 2002, Eqs. (1) and (2) with key 0.18; pixels
-below ``LEAST_SHARE`` of the brightest one take no part, so no offset is needed for black ones.
+Source: Reinhard et al., Photographic Tone Reproduction for Digital Images, 2002, Eqs. (1) and (2) with key 0.18.  Two
+departures: the darkest and the brightest tenth of the lit pixels take no part, so neither a black corner nor the sun in
+a mirror moves the number, and the factor is lowered until few lit pixels clip.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 
 import numpy as np
 
@@ -15,37 +16,39 @@ from taubench_gl.srgb import LUMINANCE
 Array = np.ndarray
 
 MIDDLE_GRAY = 0.18
-LEAST_SHARE = 1e-3
-"""Pixels take part whose luminance is above this share of the largest one of all frames."""
 
-LEAST_METERED = 0.1
-"""If a smaller share of the lit pixels takes part, these are highlights, such as the sun in a mirror: the others are
-metered without them."""
+TRIMMED_PERCENT = 10.0
+"""Lit pixels below this percentile of luminance take no part in the average, nor those above 100 minus it."""
+
+MOST_CLIPPED = 0.05
+"""Largest share of the lit pixels that have a channel of exposed radiance above 1."""
 
 EXPOSURE_DIGITS = 4
 """Significant decimal digits of a metered exposure."""
 
 
-def surface_luminance(radiance: Array, position: Array) -> Array:
-    """Luminance of surface pixels, (n,) float64: ``radiance`` (h, w, >= 3) linear RGB, ``position`` (h, w, 4) as the
+def surface_radiance(radiance: Array, position: Array) -> Array:
+    """Radiance of surface pixels, (n, 3) float64: ``radiance`` (h, w, >= 3) linear RGB, ``position`` (h, w, 4) as the
     channel, w = 0 where no surface is visible.  Pixels that are not finite are left out."""
-    lit = radiance[position[..., 3] > 0.0][:, :3].astype(np.float64) @ LUMINANCE
-    return lit[np.isfinite(lit)]
+    surface = radiance[position[..., 3] > 0.0][:, :3].astype(np.float64)
+    return surface[np.all(np.isfinite(surface), axis=-1)]
 
 
-def metered_exposure(frames: Sequence[Array]) -> float | None:
-    """The exposure of frames whose surfaces have these luminances, arrays (n,) float64; None if all is black."""
-    luminance = np.concatenate([np.zeros(0), *frames])
-    lit = luminance[luminance > 0.0]
-    if not len(lit):
+def metered_exposure(radiance: Array) -> float | None:
+    """The exposure for surfaces of ``radiance`` (n, 3), linear RGB, float64; None if all is black."""
+    luminance = radiance @ LUMINANCE
+    lit = luminance > 0.0
+    if not np.any(lit):
         return None
-    used = lit > LEAST_SHARE * lit.max()
-    while np.mean(used) < LEAST_METERED:  # ends: pixels within a factor of 1000 all take part
-        lit = lit[~used]
-        used = lit > LEAST_SHARE * lit.max()
-    return float(MIDDLE_GRAY / np.exp(np.mean(np.log(lit[used]))))
+    low, high = np.percentile(luminance[lit], (TRIMMED_PERCENT, 100.0 - TRIMMED_PERCENT))
+    used = luminance[lit & (luminance >= low) & (luminance <= high)]
+    exposure = MIDDLE_GRAY / math.exp(float(np.mean(np.log(used))))
+    brightest = np.sort(radiance[lit].max(axis=-1))[::-1]
+    return min(exposure, 1.0 / brightest[int(MOST_CLIPPED * len(brightest))])  # as many as may clip are brighter
 
 
 def rounded(exposure: float) -> float:
-    """``exposure`` with ``EXPOSURE_DIGITS`` significant digits."""
-    return float(f"{exposure:.{EXPOSURE_DIGITS - 1}e}")
+    """``exposure`` with ``EXPOSURE_DIGITS`` significant digits, rounded down: no more pixels clip."""
+    nearest = float(f"{exposure:.{EXPOSURE_DIGITS - 1}e}")
+    step = 10.0 ** (math.floor(math.log10(exposure)) - EXPOSURE_DIGITS + 1)
+    return nearest if nearest <= exposure else float(f"{nearest - step:.{EXPOSURE_DIGITS - 1}e}")

@@ -14,7 +14,6 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, NOT_COMPARABLE
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import metered_exposure
-from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 
@@ -119,8 +118,7 @@ def relative_squared_error(image: Array, reference: Array) -> Array:
 
 def fixed_gain(reference: Array) -> float | None:
     """The factor that meters a reference image (h, w, 3) to middle gray, see metrics.exposure; None if it is black."""
-    luminance = np.asarray(reference, dtype=np.float64).reshape(-1, 3) @ LUMINANCE
-    return metered_exposure([luminance])
+    return metered_exposure(np.asarray(reference, dtype=np.float64).reshape(-1, 3))
 
 
 def trimmed_relative_error(image: Array, reference: Array, gain: float) -> float:

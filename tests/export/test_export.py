@@ -196,7 +196,7 @@ def test_parts_of_an_export_share_a_metered_exposure(tmp_path):
 
 
 def test_an_export_of_geometry_meters_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("taubench_gl.evaluation.lighting.direct_luminance", None)
+    monkeypatch.setattr("taubench_gl.evaluation.exposure.meter", None)
     export(tmp_path, "npz", frames=(8, 9), exposure="auto", channels=("position",))
     assert json.loads((tmp_path / "export.json").read_text())["settings"]["exposure"] == 1.0
 

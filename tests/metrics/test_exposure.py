@@ -5,52 +5,62 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_luminance
+from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_radiance
+
+
+def gray(*luminance: float) -> np.ndarray:
+    """Gray pixels of these luminances, (n, 3)."""
+    return np.repeat(np.array(luminance, dtype=np.float64)[:, None], 3, axis=1)
 
 
 def test_uniform_luminance_becomes_middle_gray():
-    assert metered_exposure([np.full(10, 4.0)]) == pytest.approx(0.18 / 4.0, rel=1e-15)
+    assert metered_exposure(gray(*[4.0] * 10)) == pytest.approx(0.18 / 4.0, rel=1e-14)
 
 
-def test_the_mean_is_logarithmic_over_all_frames():
-    frames = [np.array([1.0, 2.0]), np.array([]), np.array([4.0, 8.0, 16.0])]
-    assert metered_exposure(frames) == pytest.approx(0.18 / 4.0, rel=1e-14)
+def test_the_mean_is_logarithmic_and_black_pixels_take_no_part():
+    assert metered_exposure(gray(1.0, 1.0, 4.0, 4.0, 0.0)) == pytest.approx(0.18 / 2.0, rel=1e-14)
 
 
-def test_pixels_below_a_thousandth_of_the_largest_take_no_part():
-    assert metered_exposure([np.array([1000.0, 1.0, 0.5, 0.0])]) == pytest.approx(0.18 / 1000.0)
-    assert metered_exposure([np.array([1000.0, 1.001])]) == pytest.approx(0.18 / np.sqrt(1001.0))
-    # The largest is that of all frames.
-    assert metered_exposure([np.array([1000.0]), np.array([0.9, 0.8])]) == pytest.approx(0.18 / 1000.0)
+def test_the_darkest_and_the_brightest_tenth_take_no_part():
+    """90 pixels of 4, five of each extreme: below the 10th and above the 90th percentile."""
+    pixels = gray(*[4.0] * 90, *[1e-9] * 5, *[1e6] * 5)
+    assert metered_exposure(pixels) == pytest.approx(0.18 / 4.0, rel=1e-12)
+    dark = gray(*[4.0] * 80, *[1.0] * 20)  # a fifth is dark: the 10th percentile is 1, so these take part
+    assert metered_exposure(dark) == pytest.approx(0.18 / 4.0**0.8, rel=1e-12)
 
 
-def test_highlights_of_few_pixels_take_no_part():
-    """The sun in a mirror is 100000 times as bright as everything else."""
-    frame = np.concatenate([np.full(5, 1e6), np.full(3, 1e-9), np.full(92, 4.0)])
-    assert metered_exposure([frame]) == pytest.approx(0.18 / 4.0, rel=1e-12)
-    mostly = np.concatenate([np.full(10, 1e6), np.full(90, 4.0)])
-    assert metered_exposure([mostly]) == pytest.approx(0.18 / 1e6, rel=1e-12)
+@pytest.mark.parametrize("bright", [4, 5, 6, 30])
+def test_at_most_a_twentieth_of_the_lit_pixels_clips(bright):
+    """``bright`` of 100 lit pixels would clip at the exposure of the others, 0.18: a red channel of 30."""
+    pixels = gray(*[1.0] * (100 - bright), *[0.0] * 50)
+    red = np.repeat(np.array([[30.0, 0.1, 0.1]]), bright, axis=0)
+    pixels = np.concatenate([pixels, red])
+    exposure = metered_exposure(pixels)
+    clipped = np.sum((exposure * pixels > 1.0).any(axis=-1))
+    assert clipped <= 5
+    assert exposure == pytest.approx(0.18 if bright <= 5 else 1.0 / 30.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("frames", [[], [np.zeros(0)], [np.zeros(5), np.zeros(3)]])
-def test_black_frames_give_no_exposure(frames):
-    assert metered_exposure(frames) is None
+@pytest.mark.parametrize("pixels", [np.zeros((0, 3)), np.zeros((5, 3))])
+def test_black_frames_give_no_exposure(pixels):
+    assert metered_exposure(pixels) is None
 
 
 @pytest.mark.parametrize("factor", [683.0, 1.0 / 50.0, 1e20, 1e-20])
 def test_the_exposure_is_inverse_to_the_light(factor):
-    light = np.random.default_rng(1).lognormal(size=1000)
-    assert metered_exposure([factor * light]) == pytest.approx(metered_exposure([light]) / factor, rel=1e-12)
+    light = np.random.default_rng(1).lognormal(size=(1000, 3))
+    assert metered_exposure(factor * light) == pytest.approx(metered_exposure(light) / factor, rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("exposure", "expected"), [(0.123456, 0.1235), (123456.0, 123500.0), (1.0, 1.0), (9.99996e-7, 1e-6), (0.5, 0.5)]
+    ("exposure", "expected"),
+    [(0.123456, 0.1234), (123456.0, 123400.0), (1.0, 1.0), (9.99996e-7, 9.999e-7), (0.5, 0.5), (1.0 / 3.0, 0.3333)],
 )
-def test_four_significant_digits(exposure, expected):
+def test_four_significant_digits_never_above(exposure, expected):
     assert rounded(exposure) == expected
 
 
-def test_luminance_of_finite_surface_pixels():
+def test_radiance_of_finite_surface_pixels():
     radiance = np.zeros((2, 3, 4), dtype=np.float32)
     radiance[0, 0] = (1.0, 2.0, 4.0, 1.0)
     radiance[0, 1] = (np.nan, 1.0, 1.0, 1.0)
@@ -58,6 +68,6 @@ def test_luminance_of_finite_surface_pixels():
     radiance[1, 0] = (7.0, 7.0, 7.0, 1.0)  # sky
     position = np.ones((2, 3, 4), dtype=np.float32)
     position[1, 0, 3] = 0.0
-    found = np.sort(surface_luminance(radiance, position))
+    found = surface_radiance(radiance, position)
     assert found.dtype == np.float64
-    assert found == pytest.approx([0.0, 0.0, 0.2126 + 2 * 0.7152 + 4 * 0.0722])
+    assert np.sort(found, axis=0).tolist() == [[0.0] * 3, [0.0] * 3, [1.0, 2.0, 4.0]]

@@ -1,0 +1,179 @@
+"""Exposure of a scene: one number for scene, camera, light unit and environment, whatever a run measures of them.
+
+Image size, frames, frame rate, columns, light method and seed of a run have no influence, so that runs can be compared.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, Poser, camera_of_run, is_still
+from taubench_gl.effects.lighting import environment_of, own_light
+from taubench_gl.effects.path_tracing import traced_sources
+from taubench_gl.errors import OutputError
+from taubench_gl.evaluation.schedule import duration_of
+from taubench_gl.frame.environment import image_of
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_radiance
+from taubench_gl.outputs import write_atomically
+from taubench_gl.paths import PACKAGE, SHADERS, cache_folder
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import MAX_EXPOSURE, Settings
+
+METERED_FRAMES = 9
+"""Evenly spread over the whole animation of scene and camera; one where both are still."""
+
+RASTER_SIZE, TRACED_SIZE = (256, 144), (128, 72)
+"""Pixels of a metered frame, without and with emitters or an environment, whose light is path-traced."""
+
+TRACED = {"light": "path-traced", "bounces": 1, "spp": 16, "pattern": "fixed", "seed": 0}
+
+FOLDER = "exposures"
+"""Folder of the cache with one file for each exposure."""
+
+_CODE = ("animation", "effects", "frame", "metrics", "scene")
+"""Packages that the metered light depends on, with all shaders."""
+
+
+def exposure_of(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[float, str]:
+    """The exposure that ``auto`` stands for, and why, as a phrase.
+
+    ``settings``: light unit and environment are resolved; besides them, only what selects the camera and the machine
+    counts.  ``camera``: None: that of ``settings``.  Raises TaubenchError.
+    """
+    has_light = own_light(scene) is not None
+    if settings.lighting.light_unit == "watt" and has_light:
+        return 1.0, "the light unit is watt"
+    if scene.exposure is not None:
+        return scene.exposure, "recorded in the file"
+    if not has_light and settings.lighting.environment == "none":
+        return 1.0, "the scene has no light"
+    metered, where = meter(scene, settings, camera)
+    return (1.0, f"no surface reflects light {where}") if metered is None else (metered, f"metered {where}")
+
+
+def meter(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[float | None, str]:
+    """The metered exposure, None if no surface reflects light, and in which frames.  Arguments of ``exposure_of``."""
+    metering = _metering(scene, settings)
+    camera = _camera(scene, metering, camera)
+    times = _times(scene, camera)
+    traced = ", path-traced" * (metering.lighting.light == "path-traced")
+    where = f"in {len(times)} frames of the whole animation{traced}" if len(times) > 1 else f"in the only frame{traced}"
+    file = _cache_file(scene, metering, camera)
+    exposure = None if file is None else _cached(file)
+    if exposure is None:
+        exposure = _metered(scene, metering, camera, times)
+        if exposure is not None and file is not None:
+            with suppress(OutputError, OSError):  # a cache that cannot be written costs time, not the result
+                write_atomically(file, json.dumps(exposure), parents=True)
+    return exposure, where
+
+
+def _metering(scene: Scene, settings: Settings) -> Settings:
+    """Settings of the metered frames: defaults with every light counted, and the light of ``settings``."""
+    lighting, sequence, device = settings.lighting, settings.sequence, settings.device
+    metering = Settings(
+        size=RASTER_SIZE, light="raster", light_error=0.0, exposure=1.0, columns=("direct",),
+        light_unit=lighting.light_unit, environment=lighting.environment, camera=sequence.camera,
+        backend=device.backend, device=device.device,
+    )  # fmt: skip
+    if traced_sources(scene, metering.replace(light="auto")):
+        return metering.replace(size=TRACED_SIZE, **TRACED)
+    return metering
+
+
+def _camera(scene: Scene, metering: Settings, camera: CameraTrack | None) -> CameraTrack:
+    """The camera of the metered frames: an orbit frames its subject in their size."""
+    if camera is None:
+        return camera_of_run(scene, metering.sequence)
+    if isinstance(camera, OrbitCamera):
+        return OrbitCamera(scene, size=(metering.sequence.width, metering.sequence.height), reason=camera.reason)
+    return camera
+
+
+def _times(scene: Scene, camera: CameraTrack) -> np.ndarray:
+    """Seconds of the metered frames, (n,) float64."""
+    duration = duration_of(scene, camera)
+    if duration == 0.0 or (isinstance(camera, FileCamera) and is_still(scene, [camera.node])):
+        return np.zeros(1)
+    return np.linspace(0.0, duration, METERED_FRAMES)
+
+
+def _metered(scene: Scene, metering: Settings, camera: CameraTrack, times: np.ndarray) -> float | None:
+    """The exposure of direct light at ``times``; None if there is none."""
+    if len(times) > 1:
+        metering = metering.replace(fps=1.0 / times[1])
+    with open_gpu(metering.device.backend, metering.device.device) as gpu:
+        source = RasterSource(gpu, scene, camera, metering, poser=Poser(scene))
+        try:
+            if "direct" in source.unmeasured:
+                return None
+            radiance = []
+            for frame in range(len(times)):
+                source.advance(frame)
+                radiance.append(surface_radiance(source.read("direct"), source.read("position")))
+            gpu.check("metering")
+        finally:
+            source.release()
+    exposure = metered_exposure(np.concatenate(radiance))
+    return None if exposure is None else min(max(rounded(exposure), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
+
+
+def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path | None:
+    """Named by a hash of all that the exposure depends on; None for a scene made in memory and a caller's camera."""
+    if scene.sha256 is None or not isinstance(camera, FileCamera | OrbitCamera):
+        return None
+    environment = environment_of(metering)
+    image = image_of(environment).sha256 if environment.kind == "image" else None
+    place = camera.node if isinstance(camera, FileCamera) else camera.name
+    digest = hashlib.sha256()
+    # The files, and what a selection of scene and animations, a repair or a caller makes of them.
+    selected = scene.nodes, scene.materials, scene.skins, scene.cameras, scene.lights, scene.channels
+    lighting = metering.lighting.light_unit, environment.kind, environment.radiance, image
+    _feed(digest, (scene.sha256, selected, place, lighting, _code_version()))
+    return cache_folder() / FOLDER / f"{digest.hexdigest()[:24]}.json"
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Add ``value``, of records, tuples, mappings, arrays and plain values, to a hash."""
+    if dataclasses.is_dataclass(value):
+        value = tuple(getattr(value, field.name) for field in dataclasses.fields(value))
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, Mapping):
+        _feed(digest, tuple(value.items()))
+    elif isinstance(value, tuple):
+        digest.update(f"({len(value)}".encode())
+        for item in value:
+            _feed(digest, item)
+    else:
+        digest.update(repr(value).encode() + b"\0")
+
+
+@cache
+def _code_version() -> str:
+    """Hash of the modules and shaders that draw the metered frames."""
+    digest = hashlib.sha256()
+    modules = [path for name in _CODE for path in (PACKAGE / name).rglob("*.py")]
+    for path in sorted([*modules, *SHADERS.rglob("*.glsl"), PACKAGE / "evaluation" / "exposure.py"]):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _cached(file: Path) -> float | None:
+    """The exposure of an earlier run; None if there is none that can be read."""
+    with suppress(OSError, msgspec.MsgspecError):
+        exposure = msgspec.json.decode(file.read_bytes(), type=float)
+        return exposure if 1.0 / MAX_EXPOSURE <= exposure <= MAX_EXPOSURE else None
+    return None

@@ -1,0 +1,105 @@
+"""The exposure of a scene: one number for every size, slice, rate, column, method, seed and command, cached or not."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import pytest
+
+from taubench_gl.animation import OrbitCamera, choose_camera
+from taubench_gl.datasets.camera_path import PRESETS
+from taubench_gl.datasets.stress import Moves, stress
+from taubench_gl.evaluation import resolve_lighting
+from taubench_gl.evaluation.exposure import FOLDER
+from taubench_gl.paths import ASSETS, CACHE_VARIABLE
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import FIXED_LIGHTING, Settings
+
+DEMO = ASSETS / "demo.glb"
+AUTO = dict.fromkeys(FIXED_LIGHTING, "auto")
+CHANGES = [
+    {"size": "64x36", "frames": (0, 2), "columns": ("color",), "seed": 7, "pairs": "every:5"},
+    {"size": "37x91", "frames": (40, 60), "fps": 60, "reprojection": "motion", "samples_per_pixel": 4},
+    {"size": "1920x1080", "light_error": 0.5, "indirect": "none", "shadow_size": 64, "storage": "half"},
+]
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def exposure(scene, **settings) -> float:
+    return resolve_lighting(scene, Settings(**{"light": "raster"} | AUTO | settings)).settings.lighting.exposure
+
+
+@pytest.mark.parametrize("change", CHANGES, ids=str)
+def test_nothing_of_a_run_changes_the_exposure(change, cache):
+    scene = load_scene(DEMO)
+    assert exposure(scene, **change) == 1.02
+
+
+@pytest.mark.parametrize("camera", [None, "orbit"])
+def test_with_and_without_the_cache(camera, cache):
+    scene = load_scene(DEMO)
+    first = exposure(scene, camera=camera)
+    files = list((cache / FOLDER).iterdir())
+    assert len(files) == 1 and json.loads(files[0].read_text()) == first
+    assert exposure(scene, camera=camera) == first
+    assert exposure(dataclasses.replace(scene, sha256=None), camera=camera) == first
+    files[0].write_text("{")
+    assert exposure(scene, camera=camera) == first
+    assert json.loads(files[0].read_text()) == first
+
+
+def test_the_cache_is_read(cache):
+    scene = load_scene(DEMO)
+    exposure(scene)
+    next((cache / FOLDER).iterdir()).write_text("0.125")
+    assert exposure(scene) == 0.125
+    assert exposure(scene, environment=(1.0, 1.0, 1.0)) != 0.125  # another light, another exposure
+    brighter = tuple(dataclasses.replace(light, intensity=2.0 * light.intensity) for light in scene.lights)
+    changed = dataclasses.replace(scene, lights=brighter)
+    assert exposure(changed) == pytest.approx(0.51, rel=2e-3)
+
+
+def test_an_orbit_for_another_image_gives_the_same_exposure(cache):
+    scene = load_scene(DEMO)
+    tall = OrbitCamera(scene, size=(10, 90))
+    found = {resolve_lighting(scene, Settings(**AUTO, light="raster"), tall).settings.lighting.exposure}
+    assert found == {exposure(scene, camera="orbit")}
+    assert (
+        resolve_lighting(scene, Settings(**AUTO, light="raster"), choose_camera(scene)).settings.lighting.exposure
+        == 1.02
+    )
+
+
+def test_added_motion_does_not_change_the_exposure(cache, tmp_path):
+    spec = dataclasses.replace(PRESETS["fps"], frames=60)
+    stress(DEMO, tmp_path / "hard.glb", spec, Moves(lights=1))
+    hard = load_scene(tmp_path / "hard.glb")
+    assert hard.exposure == 1.02 and exposure(hard) == 1.02
+
+
+@pytest.mark.parametrize("light", ["raster", "path-traced", "auto"])
+def test_an_environment_is_metered_path_traced_whatever_the_method(light, cache):
+    """A white floor under the default environment: radiance 2, so 0.09."""
+    from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
+
+    b = SceneBuilder()
+    white = b.material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=white)), rotation=turn_x(-90.0))
+    b.camera(translation=(0.0, 2.0, 0.0), rotation=turn_x(-90.0))
+    found = exposure(b.build(), light=light, camera=0, spp=1)
+    assert found == pytest.approx(0.09, rel=0.02)
+
+
+def test_inspect_prints_the_exposure(cache):
+    command = [sys.executable, "-m", "taubench_gl", "inspect", str(DEMO), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    facts = json.loads(done.stdout)["exposure"]
+    assert facts["value"] == 1.02 and facts["reason"]
