@@ -146,7 +146,8 @@ def pairs(
         require_supported(scene, settings)
         given = open_input(scene, settings, path_traced)
     else:
-        given = open_scene(_readable(scene), settings)
+        every = settings.replace(pairs="all") if settings.metrics.all_pairs else settings
+        given = open_scene(_readable(scene), every)
     return _pairs(given, _channels(channels))
 
 

@@ -63,8 +63,13 @@ MAX_EXPOSURE = 1e30
 STORAGES = ("float", "half")
 LEVEL_NAMES = ("draft", "fast", "balanced", "accurate", "highest")
 """Presets of the package, from the fastest to the most exact; ``balanced`` is the defaults."""
-PAIR_SAMPLES = ("all", "every:K", "strata:H")
-_PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
+PAIR_SAMPLES = ("auto", "all", "every:K", "strata:H")
+_PAIR_SAMPLE = re.compile(r"auto|all|(every|strata):([1-9][0-9]{0,6})")
+
+DEFAULT_SIZE = (640, 360)
+PAPER_SIZE = (1920, 1080)
+"""Pixels; ``size`` names the second one ``paper``: the images of Table 4."""
+
 MAX_SIZE = 16384
 MAX_FRAMES = 1_000_000
 """Frames of one evaluation: more than eleven hours at 24 fps.  Per-frame data of this many frames fits in memory."""
@@ -167,8 +172,8 @@ _SIZE = _at_least(1, f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZ
 class SequenceSettings(_Group):
     """Which frames of which scene are rendered, and at which size."""
 
-    width: int = _setting(1920, "width of the image", _SIZE, unit="px")
-    height: int = _setting(1080, "height of the image", _SIZE, unit="px")
+    width: int = _setting(DEFAULT_SIZE[0], "width of the image", _SIZE, unit="px")
+    height: int = _setting(DEFAULT_SIZE[1], "height of the image", _SIZE, unit="px")
     fps: float = _setting(DEFAULT_FPS, "frames per second", _above_zero("a rate above 0"), unit="1/s")
     frames: tuple[int | None, int | None] = _setting(
         (None, None), "Python slice (A, B) of frame numbers; None: the default end", selects=True
@@ -248,8 +253,9 @@ class MetricsSettings(_Group):
         _at_least(1, "1 to 64", 64),
     )
     pairs: str = _setting(
-        "all",
-        "pairs to evaluate: all | every:K | strata:H (two from each of H strata)",
+        AUTO,
+        "pairs to evaluate: all | every:K | strata:H (two from each of H strata); auto: all of an animation as long as "
+        "the paper's, else strata:H; with path-traced light as many as take about a minute",
         Check(f"one of {', '.join(PAIR_SAMPLES)}", _pairs_fault),
     )
     exact: bool = _setting(
@@ -277,6 +283,11 @@ class MetricsSettings(_Group):
     def pair_scheme(self) -> tuple[str, int]:
         """``pairs`` as (all | every | strata, number)."""
         return scheme_of(self.pairs)
+
+    @property
+    def all_pairs(self) -> bool:
+        """Whether every pair is evaluated, as ``pairs`` says or by default."""
+        return self.pair_scheme == ("all", 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -480,12 +491,14 @@ SELECTING = tuple(name for name, field in FIELDS.items() if field.metadata["sele
 
 
 def parse_size(value: Any) -> tuple[int, int]:
-    """(width, height) of ``"1920x1080"`` or of two numbers.  Raises SettingsError; ranges are checked later."""
+    """(width, height) of ``"1280x720"``, ``"paper"`` or two numbers.  Raises SettingsError; checks no range."""
+    if isinstance(value, str) and value == "paper":
+        return PAPER_SIZE
     sides = value.lower().split("x") if isinstance(value, str) else value
     with contextlib.suppress(TypeError, ValueError):
         width, height = (int(side) if isinstance(side, str) else operator.index(side) for side in sides)
         return width, height
-    raise SettingsError(f"{value!r:.60} is not a size", hint="give a size such as 1920x1080", setting="size")
+    raise SettingsError(f"{value!r:.60} is not a size", hint="give a size such as 1280x720, or paper", setting="size")
 
 
 def parse_frames(value: Any) -> tuple[int | None, int | None]:
@@ -580,7 +593,8 @@ def _current_names(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def scheme_of(pairs: str) -> tuple[str, int]:
-    """``MetricsSettings.pairs`` as (all | every | strata, number)."""
+    """``MetricsSettings.pairs`` as (all | every | strata, number); ``auto`` is all until it is resolved."""
+    pairs = "all" if pairs == AUTO else pairs
     scheme, _, number = pairs.partition(":")
     return scheme, int(number or 1)
 

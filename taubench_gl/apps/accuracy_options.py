@@ -24,8 +24,9 @@ def accuracy_options(command: Any) -> Any:
         ),
         of_settings(
             "--pairs",
-            "Pairs to evaluate: every K-th, or two from each of H strata; with confidence intervals.",
-            metavar="all|every:K|strata:H",
+            "Pairs to evaluate: every K-th, or two from each of H strata; with confidence intervals.  auto: all of an "
+            "animation as long as the paper's, else strata:H; with path-traced light as many as take about a minute.",
+            metavar="auto|all|every:K|strata:H",
         ),
         removed_option("--summation", "pixel counts are added as exact integers"),
         removed_option("--histogram-bits", "curves have 8 bins per octave"),

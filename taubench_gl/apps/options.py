@@ -20,6 +20,7 @@ from taubench_gl.settings import (
     BACKENDS,
     BLENDS,
     CULLINGS,
+    DEFAULT_SIZE,
     DEFAULT_SPP,
     EFFECTS,
     FIELDS,
@@ -54,7 +55,7 @@ def _parsed(kind: click.ParamType, parse: Callable[[str], Any], value: str, para
 
 
 class Size(click.ParamType):
-    """``1920x1080`` -> (1920, 1080)."""
+    """``1920x1080`` -> (1920, 1080), ``paper`` -> the paper's size."""
 
     name = "WxH"
 
@@ -259,7 +260,7 @@ def scene_options(command: Any) -> Any:
     )
 
 
-def frame_options(size: str = "1920x1080", fps: float = Settings().sequence.fps) -> Decorator:
+def frame_options(size: str = "{}x{}".format(*DEFAULT_SIZE), fps: float = Settings().sequence.fps) -> Decorator:
     """Frames to render: ``--camera``, ``scene_options``, ``--fps``, ``--frames``, ``--size``."""
 
     def decorate(command: Any) -> Any:
@@ -274,7 +275,7 @@ def frame_options(size: str = "1920x1080", fps: float = Settings().sequence.fps)
             scene_options,
             of_settings("--fps", default=fps),
             click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]"),
-            click.option("--size", type=Size(), default=size, show_default=True, help="Width and height, pixels."),
+            click.option("--size", type=Size(), default=size, show_default=True, help="Pixels; paper: 1920x1080."),
         )
 
     return decorate

@@ -16,7 +16,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -46,6 +46,7 @@ from taubench_gl.evaluation import (
     resolve_lighting,
     scene_channels,
     scene_facts,
+    with_pairs,
 )
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.sources import RasterSource, SourceOptions
@@ -60,7 +61,7 @@ from taubench_gl.settings import AUTO, Settings
 HEAD_SCHEMA = "taubench-gl/batch-head/1"
 
 
-LIGHTING = ("light_unit", "exposure", "environment", "spp")
+LIGHTING = ("light_unit", "exposure", "environment", "spp", "pairs")
 """Settings that are resolved once for all units of a job."""
 
 
@@ -190,6 +191,7 @@ def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
         require_exact(settings)
     frames = frame_range(scene, camera, settings)
     resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
+    resolved = replace(resolved, settings=with_pairs(scene, resolved.settings, frames))
     views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
     values = {
         "schema": HEAD_SCHEMA,

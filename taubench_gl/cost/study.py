@@ -157,6 +157,8 @@ def cost(
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
+    if baseline.metrics.all_pairs:
+        baseline = baseline.replace(pairs="all")
     subject = make_subject(scene, baseline, parameters, reference, series)
     out, (seconds, clock) = Path(out), CLOCKS[clock]
     about = _about(subject, clock)

@@ -71,7 +71,7 @@ def run_sweep(
     Raises TaubenchError.
     """
     out = Path(out)
-    settings = settings.replace(fps=base.fps, camera=CAMERA_NAME)
+    settings = settings.replace(fps=base.fps, camera=CAMERA_NAME, pairs="all")
     with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
         file = Path(folder) / "still.glb"
         still = CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed)

@@ -146,11 +146,10 @@ def environment_for(scene: Scene) -> Choice:
 
 
 def as_rendered(settings: Settings) -> Settings:
-    """``settings`` for path-traced files, where ``auto`` stands for: exposure 1, no environment, unit as rendered."""
-    lighting = settings.lighting
-    return settings.replace(
-        **{name: fixed for name, fixed in FIXED_LIGHTING.items() if getattr(lighting, name) == AUTO}
-    )
+    """``settings`` for path-traced files, where ``auto`` stands for: exposure 1, no environment, unit as rendered, all
+    pairs."""
+    fixed = FIXED_LIGHTING | {"pairs": "all"}
+    return settings.replace(**{name: value for name, value in fixed.items() if settings.get(name) == AUTO})
 
 
 def without_auto(scene: Scene, settings: Settings) -> Settings:

@@ -28,7 +28,14 @@ from taubench_gl.evaluation.pairs import (
     iterate_pairs,
 )
 from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, frame_columns, open_scene, require_triangles
-from taubench_gl.evaluation.schedule import frame_range, frame_schedule, frame_total, pair_schedule, sampled_pairs
+from taubench_gl.evaluation.schedule import (
+    frame_range,
+    frame_schedule,
+    frame_total,
+    pair_schedule,
+    sampled_pairs,
+    with_pairs,
+)
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
 __all__ = [
@@ -72,4 +79,5 @@ __all__ = [
     "scene_channels",
     "scene_facts",
     "summarize_lobes",
+    "with_pairs",
 ]

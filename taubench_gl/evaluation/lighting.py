@@ -17,7 +17,7 @@ from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
-from taubench_gl.evaluation.schedule import frame_range
+from taubench_gl.evaluation.schedule import LEAST_PAIRS, LIGHT_COLUMNS, SAMPLE_BUDGET, frame_range
 from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
@@ -37,9 +37,6 @@ SAMPLE_COUNTS = (4, 8, 16, 32, 64, 128, 256)
 MARGIN = 1.5
 """Factor on the noise, so that the columns of the test scenes are within 1.5 points of converged Cycles."""
 
-SAMPLE_BUDGET = 1 << 24
-"""Most samples of a frame that ``auto`` chooses: half a minute of one CPU core.  8 per pixel at 1920x1080."""
-
 SMALLEST = 96
 """Pixels along a side of the image in which noise is measured, at least, where the run has as many."""
 
@@ -48,8 +45,6 @@ SMALLER = 8
 
 MAX_LIGHT = 1e30
 """Most radiance or intensity times exposure: sums over lights and the inverse square of a distance stay in float32."""
-
-LIGHT_COLUMNS = frozenset({"direct", "indirect", "color"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +170,8 @@ def _samples(
         finally:
             source.release()
     ratios = np.concatenate([w.ravel() for w in worst])
-    most = max(SAMPLE_BUDGET // (sides[0] * sides[1]), SAMPLE_COUNTS[0])
+    # Of a frame, so that the run can have its least number of pairs.
+    most = max(SAMPLE_BUDGET // (2 * LEAST_PAIRS * sides[0] * sides[1]), SAMPLE_COUNTS[0])
     counts = [n for n in SAMPLE_COUNTS if n <= most]
     return next((n for n in counts if np.mean(MARGIN * ratios > np.sqrt(n)) <= MOST_NOISY), counts[-1])
 

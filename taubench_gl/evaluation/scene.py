@@ -13,7 +13,7 @@ from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_sum
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
-from taubench_gl.evaluation.schedule import frame_range, frame_schedule
+from taubench_gl.evaluation.schedule import frame_range, frame_schedule, with_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
@@ -52,7 +52,8 @@ def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrac
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
-    return SceneInput(scene, camera, frames, resolve_lighting(scene, settings, camera, frames=frames))
+    lighting = resolve_lighting(scene, settings, camera, frames=frames)
+    return SceneInput(scene, camera, frames, replace(lighting, settings=with_pairs(scene, lighting.settings, frames)))
 
 
 def evaluate_scene(
@@ -107,7 +108,7 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run
             results = evaluate_pairs(context, source, settings, schedule, observers)
             gpu.check("evaluation")
             views = results.views
-            if settings.metrics.pairs != "all":  # camera activity is over all frames, drawn or not
+            if not settings.metrics.all_pairs:  # camera activity is over all frames, drawn or not
                 views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
             facts = scene_facts(scene, camera, frames, given.lighting, poser)
             summary = assemble_summary(facts, frames, settings, views, results.stats)

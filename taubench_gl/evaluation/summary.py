@@ -70,7 +70,7 @@ def assemble_summary(
     in_meters = activity.in_meters(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
     discard = stats.discard(cuts[list(sample.positions)])
-    sampled = settings.metrics.pairs != "all"
+    sampled = not settings.metrics.all_pairs
     sampling = _sampling(sample, stats, settings, discard) if sampled else None
     weights = sample.weights if sampled else None
     reusable = stats.reuse.block(settings.metrics.reprojection, cuts[list(sample.positions)], weights)
@@ -141,7 +141,7 @@ def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list
     if sampling is not None:
         widths = {c: e["half_width_points"] for c, e in sampling["columns"].items()}
         intervals = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
-        drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.metrics.pairs})"
+        drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.metrics.pairs}; --pairs all: every pair)"
         notes.append(f"{drawn}; 95 % intervals, percentage points: {intervals or 'unknown'}")
     if settings.metrics.samples_per_pixel > 1:
         notes.append(f"counts and percentages are over {settings.metrics.samples_per_pixel} samples per pixel")

@@ -116,7 +116,7 @@ def export_scene(
     is always refused.  ``announce``: gets the time that references take, and their noise.  Raises TaubenchError.
     """
     settings, options, out = settings or Settings(), options or ExportOptions(), Path(out)
-    if settings.metrics.samples_per_pixel != 1 or settings.metrics.pairs != "all":
+    if settings.metrics.samples_per_pixel != 1 or not settings.metrics.all_pairs:
         what = "an export contains every frame, with one sample per pixel"
         raise SettingsError(what, hint="leave samples_per_pixel and pairs out")
     with FolderLock(out):

@@ -15,7 +15,7 @@ from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.paper.pixels import PixelRun
 from taubench_gl.paper.scenes import Found, PaperScene
 from taubench_gl.run import Run, load_run
-from taubench_gl.settings import Settings
+from taubench_gl.settings import PAPER_SIZE, Settings
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
@@ -25,7 +25,6 @@ PIXELS = "pixels"
 
 LIGHTS = ("raster", "path-traced")
 CAMERA = "camera"
-SIZE = (1920, 1080)
 QUICK_PAIRS = "strata:4"
 ONE_PAIR = "every:9999999"
 """A sample of one pair: the counts and the camera's activity need no image, and are of all frames."""
@@ -42,7 +41,7 @@ class PaperOptions:
     ``pixels``: random ones of each pair with path-traced light; None: whole images.
     """
 
-    size: tuple[int, int] = SIZE
+    size: tuple[int, int] = PAPER_SIZE
     lights: tuple[str, ...] = ("raster",)
     spp: int | None = None
     lobes: tuple[str, ...] = ()
@@ -116,7 +115,7 @@ def jobs_of(scene: PaperScene, options: PaperOptions) -> SceneJobs:
     images = {}
     for light in options.lights:
         own: dict[str, Any] = {"width": width, "height": height, "light": light}
-        own |= {"pairs": QUICK_PAIRS} if options.quick else {}
+        own |= {"pairs": QUICK_PAIRS if options.quick else "all"}
         own |= {"spp": options.spp} if light == "path-traced" and options.spp is not None else {}
         of_pixels = options.pixels if light == "path-traced" else None
         images[light] = _job(scene, f"table 4, {light}", Settings(**scene.settings | own), options.lobes, of_pixels)

@@ -132,7 +132,7 @@ def evaluate_path_traced(
 def require_supported(spec: str | Path, settings: Settings) -> None:
     """Raises SettingsError for settings that only rendered scenes can have."""
     for what, value, only in (
-        ("pairs", settings.metrics.pairs, "all"),
+        ("pairs", "all" if settings.metrics.all_pairs else settings.metrics.pairs, "all"),
         ("samples per pixel", settings.metrics.samples_per_pixel, 1),
         ("exact", settings.metrics.exact, False),
     ):

@@ -125,7 +125,7 @@ def evaluate_tests(
     color = any(test.kind == "color" for test in loaded)
     columns = ("frustum", "position", "normal", *(("direct", "indirect") if color else ()))
     settings = (settings or Settings()).replace(reprojection="motion", sampling="nearest", columns=columns)
-    if settings.metrics.pairs != "all":
+    if not settings.metrics.all_pairs:
         raise SettingsError("rejection tests are scored on consecutive pairs", hint="leave pairs at all")
     require_exact(settings)
     given = open_scene(scene, settings)

@@ -129,4 +129,4 @@ def test_path_traced_files_take_no_render_settings(tmp_path):
     for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
         with pytest.raises(SettingsError):
             evaluate_path_traced(f"exr:{tmp_path}", Settings(**wrong))
-    assert tb.Settings().metrics.pairs == "all"
+    assert tb.Settings().metrics.all_pairs

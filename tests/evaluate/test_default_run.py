@@ -1,0 +1,54 @@
+"""What a run without options draws: its size, and the pairs that ``auto`` stands for."""
+
+from __future__ import annotations
+
+import pytest
+
+from taubench_gl.evaluation.schedule import LEAST_PAIRS, MOST_FRAMES, SAMPLE_BUDGET, sampled_pairs, with_pairs
+from taubench_gl.selftest.scenes import busy_room
+from taubench_gl.settings import DEFAULT_SIZE, PAPER_SIZE, Settings
+
+SKY = {"light": "auto", "environment": (1.0, 1.0, 1.0)}
+
+
+def pairs(frames: int, **settings) -> int:
+    """Number of evaluated pairs of an animation of ``frames`` frames."""
+    chosen = with_pairs(busy_room(lamps=1), Settings(**settings), range(frames))
+    assert chosen.metrics.pairs != "auto"
+    return len(sampled_pairs(range(frames), chosen).positions)
+
+
+def test_the_default_size_and_the_papers():
+    settings = Settings()
+    assert (settings.sequence.width, settings.sequence.height) == DEFAULT_SIZE
+    paper = Settings(size="paper").sequence
+    assert (paper.width, paper.height) == PAPER_SIZE == (1920, 1080)
+
+
+@pytest.mark.parametrize("frames", [1, 2, MOST_FRAMES])
+def test_all_pairs_of_an_animation_as_long_as_the_papers(frames):
+    assert pairs(frames, light="auto") == frames - 1
+
+
+@pytest.mark.parametrize("frames", [MOST_FRAMES + 1, 1000, 12345])
+def test_a_longer_animation_draws_no_more_frames(frames):
+    found = pairs(frames, light="auto")
+    assert MOST_FRAMES // 4 <= found <= MOST_FRAMES // 2
+    assert pairs(frames, light="auto", pairs="all") == frames - 1
+    named = Settings(pairs="every:100")
+    assert with_pairs(busy_room(lamps=1), named, range(frames)) == named
+
+
+@pytest.mark.parametrize("size", ["64x36", "160x90", "320x180", "640x360", "paper"])
+@pytest.mark.parametrize("spp", [4, 16])
+def test_path_traced_samples_stay_within_the_budget(size, spp):
+    found = pairs(100, size=size, spp=spp, **SKY)
+    width, height = Settings(size=size).sequence.width, Settings(size=size).sequence.height
+    frames = 100 if found == 99 else 2 * found
+    assert found >= LEAST_PAIRS
+    assert frames * width * height * spp <= SAMPLE_BUDGET or found <= LEAST_PAIRS
+
+
+def test_what_the_user_names_is_evaluated():
+    assert pairs(100, size="paper", spp=16, **SKY | {"light": "path-traced"}) == 99
+    assert pairs(100, size="paper", spp=16, columns=("position",), **SKY) == 99
