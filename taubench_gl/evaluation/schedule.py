@@ -61,9 +61,9 @@ def sampled_pairs(frames: range, settings: Settings) -> PairSample:
 def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
     """``settings``, whose lighting is resolved, with the pairs that ``auto`` stands for.
 
-    All of at most MOST_FRAMES frames, else two from each of H strata.  Where light method ``auto`` traces paths, for emitters or an
-    environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and pairs that the
-    user names are kept.
+    All of at most MOST_FRAMES frames, else two from each of H strata.  Where light method ``auto`` traces paths, for
+    emitters or an environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and
+    pairs that the user names are kept.
     """
     if settings.metrics.pairs != AUTO:
         return settings
