@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import os
-import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -188,9 +187,6 @@ def _settings_of(
     if not isinstance(settings, Settings | None):
         raise SettingsError(f"settings is {settings!r:.60}", hint="give Settings(...), or its fields by name")
     options = dict(options)
-    if "truth" in options:
-        warnings.warn("evaluate(truth=...) is now evaluate(path_traced=...)", DeprecationWarning, stacklevel=3)
-        options["path_traced"] = options.pop("truth")
     for name in options:
         if name not in (*FIELDS, *_PATH_TRACED, "size", "path_traced", "sequence", "metrics", "lighting"):
             raise unknown_setting(name, (*own, *_PATH_TRACED))

@@ -6,8 +6,6 @@ turns an error into exit code 2 and one printed line.
 
 from __future__ import annotations
 
-import sys
-
 
 class TaubenchError(Exception):
     """Base class.  ``what`` is wrong, ``where`` and ``hint`` may be None; ``str(error)`` is one printable line."""
@@ -64,8 +62,3 @@ def printable(text: str) -> str:
     """
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return "".join(c if c.isprintable() or c in "\n\t" else " " for c in text)
-
-
-def note_renamed(old: str, new: str) -> None:
-    """Print one line on standard error: the user gave ``old``, a name of the last release, instead of ``new``."""
-    print(f"taubench-gl: {old} is now {new}", file=sys.stderr)

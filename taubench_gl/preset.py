@@ -10,7 +10,7 @@ from typing import Any
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import plain_text, write_atomically
-from taubench_gl.settings import FIELDS, LEVEL_NAMES, REMOVED, SELECTING, Settings
+from taubench_gl.settings import FIELDS, LEVEL_NAMES, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
 LEVELS = {name: Path(__file__).parent / "levels" / f"{name}.toml" for name in LEVEL_NAMES}
@@ -57,7 +57,6 @@ def load_preset(path: str | Path) -> dict[str, Any]:
     if not isinstance(settings, dict):
         what = "has no table [settings]" if settings is None else "settings is not a table"
         raise SettingsError(what, where=str(path), hint=_HINT)
-    settings = {name: value for name, value in settings.items() if name not in REMOVED}
     known = set(FIELDS) - set(SELECTING)
     for name in settings:
         if name not in known:

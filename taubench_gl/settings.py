@@ -20,7 +20,6 @@ import operator
 import os
 import re
 import typing
-import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -443,14 +442,12 @@ class Settings:
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Settings:
-        """The inverse of ``to_dict``; fields left out get their defaults, and ``REMOVED`` names are ignored.
+        """The inverse of ``to_dict``; fields left out get their defaults.
 
         Raises SettingsError for a name that is no setting, and a value of the wrong type or out of range.
         """
         converted = {}
-        for name, value in _current_names(values).items():
-            if name in REMOVED:
-                continue
+        for name, value in values.items():
             _group_of(name)
             converted[name] = _converted(name, value)
         return Settings(**converted)
@@ -476,12 +473,6 @@ FIELDS: dict[str, dataclasses.Field[Any]] = {f.name: f for group in GROUPS.value
 """Every field by name; ``metadata`` holds ``meaning``, ``unit``, ``check`` and ``selects``."""
 
 FIELD_TYPES = {name: kind for group in GROUPS.values() for name, kind in typing.get_type_hints(group).items()}
-
-RENAMED = {"sky": "environment"}
-"""Former name of a setting -> its name."""
-
-REMOVED = ("summation", "histogram_bits")
-"""Settings of earlier releases that files may still hold."""
 
 SELECTING = tuple(name for name, field in FIELDS.items() if field.metadata["selects"])
 """Fields that name the scene, frames or machine of a run: no part of a preset, and recorded elsewhere in a summary."""
@@ -583,15 +574,6 @@ def read_value(name: str, value: Any) -> Any:
     return _converted(name, value)
 
 
-def _current_names(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` of an earlier release by their current names: ``sky``, a radiance, is now ``environment``."""
-    out = dict(values)
-    if "sky" in out:
-        sky = out.pop("sky")
-        out.setdefault("environment", sky if not isinstance(sky, list | tuple) or any(sky) else "none")
-    return out
-
-
 def scheme_of(pairs: str) -> tuple[str, int]:
     """``MetricsSettings.pairs`` as (all | every | strata, number); ``auto`` is all until it is resolved."""
     pairs = "all" if pairs == AUTO else pairs
@@ -601,7 +583,7 @@ def scheme_of(pairs: str) -> tuple[str, int]:
 
 def unknown_setting(name: str, others: tuple[str, ...] = ()) -> SettingsError:
     """The error for a name that is no setting; ``others``: further names allowed where it was given."""
-    near = [RENAMED[name]] if name in RENAMED else difflib.get_close_matches(name, [*FIELDS, "size", *others], 1)
+    near = difflib.get_close_matches(name, [*FIELDS, "size", *others], 1)
     hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, 'size', *FIELDS])}"
     return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
 
@@ -615,10 +597,8 @@ def _group_of(name: str) -> str:
 
 
 def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` with ``size`` as width and height, and ``sky``, the name of the last release, as ``environment``."""
-    if "sky" in values:
-        warnings.warn("the setting sky is now environment", DeprecationWarning, stacklevel=4)
-    values = _current_names(values)
+    """``values`` with ``size`` as width and height."""
+    values = dict(values)
     if "size" in values:
         values["width"], values["height"] = parse_size(values.pop("size"))
     return values

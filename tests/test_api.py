@@ -105,11 +105,6 @@ def test_wrong_type_of_an_argument_is_a_settings_error(arguments):
         tb.evaluate(DEMO, **SMALL, **arguments)
 
 
-def test_old_argument_truth_warns():
-    with pytest.warns(DeprecationWarning), pytest.raises(tb.TaubenchError):
-        tb.evaluate("nothing.glb", truth=None)
-
-
 @pytest.mark.parametrize("stored", [False, True])
 def test_on_pair_gets_every_pair(tmp_path, stored):
     masks = {}

@@ -96,7 +96,7 @@ def test_a_checkout_with_light_units_gets_the_lighting_of_earlier_releases(tool,
     for checkout, field in ((old, "sky: tuple"), (new, "light_unit: str")):
         (checkout / "taubench_gl").mkdir(parents=True)
         (checkout / "taubench_gl" / "settings.py").write_text(field)
-    lit = tool.Case("lit", ("evaluate", "a.glb", "--sky", "1,1,1", "--exposure", "0.5"))
+    lit = tool.Case("lit", ("evaluate", "a.glb", "--environment", "1,1,1", "--exposure", "0.5"))
     assert tool.arguments_for(lit, old) == lit.arguments
     more = tool.arguments_for(lit, new)[len(lit.arguments) :]
     assert more == ("--light-unit", "candela", "--light-error", "0.0005")

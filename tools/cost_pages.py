@@ -1,7 +1,7 @@
 """Writes docs/cost-measured.md and its figures from the studies of tools/cost_study: ``cost_pages.py OUT DOCS``.
 
 OUT/NAME are the studies of all scenes, OUT/again/NAME the same ones run again, OUT/answers/NAME, NAME-again and
-NAME-longer those at 480x270, OUT/optuna.json the record of a search.  A section without studies in OUT is kept.
+NAME-longer those at 480x270.  A section without studies in OUT is kept.
 """
 
 from __future__ import annotations
@@ -39,21 +39,18 @@ ABOUT = """# Cost studies: measurements
 
 Written by `DOCS=1 tools/cost_study`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
 were chosen with results on the demo, and the levels are made from a study of it: the demo is no independent test. Fewer
-than three rounds separate no configurations by time. The search is older than the other parts: its reference was not
-bidirectional."""
+than three rounds separate no configurations by time."""
 
 
 def main() -> int:
     out, docs = Path(sys.argv[1]), Path(sys.argv[2])
     page = docs / "cost-measured.md"
     studies, again, answers = read(out), read(out / "again"), read(out / "answers")
-    search = out / "optuna.json"
     written: dict[str, list[str]] = {
         "Levels": [level_table(), figure(docs)],
         "Recommendations on all scenes": scene_table(studies, again) if studies else [],
         "The defaults": [defaults_text(studies)] if studies else [],
         "Answers of five minutes at 480x270": [answer_text(*item) for item in answers.items()],
-        "A search instead of declared configurations": optuna_parts(search) if search.exists() else [],
     }
     kept = dict(part.split("\n\n", 1) for part in page.read_text(encoding="utf-8").split("\n## ")[1:])
     parts = [ABOUT]
@@ -198,28 +195,6 @@ def level_table() -> str:
         wrong = [three(measured["wrong_percent"][c]) for c in columns]
         rows.append([name, three(measured["ms_per_frame"]), f"{measured['times_balanced']:.3g}x", *wrong, changed])
     return table(["ms/frame", "of balanced", *columns, "differs from the defaults"], rows, about)
-
-
-def optuna_parts(path: Path) -> list[str]:
-    """How often the sampler found something that beats a declared configuration of the front, and the record itself."""
-    record = json.loads(path.read_text(encoding="utf-8"))
-    rows = [
-        [r["scene"], "x".join(map(str, r["size"])), f"{r['samples']} spp; {three(r['floor'])} %", str(r["seconds"]),
-         str(r["measured"]), str(r["tried"]), f"{len(r['beaten'])} of {r['front']}",
-         f"{r['found_beaten']} of {r['found']}"]
-        for r in record["scenes"]
-    ]  # fmt: skip
-    wins = sum(1 for r in record["scenes"] if r["beaten"])
-    about = (
-        f"Optuna {record['optuna']}, TPE with two objectives and all accuracy parameters but the method of light, for "
-        f"the CPU time of the declared configurations: their masks and three rounds. It would be part of `cost` if it "
-        f"beat a declared configuration of the front beyond noise on three of five scenes; it was tried on {len(rows)} "
-        f"and did on {wins}. Both fronts were timed together afterwards, in three interleaved rounds."
-    )
-    heads = ["size", "reference; noise floor", "CPU s", "declared", "tried", "declared ones beaten",
-             "found ones beaten by declared ones"]  # fmt: skip
-    dates = ", ".join(dict.fromkeys(r["date"] for r in record["scenes"]))
-    return [about, table(heads, rows, f"Optuna against declared configurations, {dates}")]
 
 
 if __name__ == "__main__":

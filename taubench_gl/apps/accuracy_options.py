@@ -28,19 +28,7 @@ def accuracy_options(command: Any) -> Any:
             "animation as long as the paper's, else strata:H; with path-traced light as many as take about a minute.",
             metavar="auto|all|every:K|strata:H",
         ),
-        removed_option("--summation", "pixel counts are added as exact integers"),
-        removed_option("--histogram-bits", "curves have 8 bins per octave"),
     )
-
-
-def removed_option(name: str, why: str) -> Any:
-    """A hidden option of the last release: accepted with a note and without effect."""
-
-    def note(_context: click.Context, _parameter: click.Parameter, value: str | None) -> None:
-        if value is not None:
-            click.echo(f"taubench-gl: {name} has no effect: {why}", err=True)
-
-    return click.option(name, hidden=True, expose_value=False, callback=note)
 
 
 def preset_option(command: Any) -> Any:

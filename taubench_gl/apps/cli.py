@@ -15,7 +15,6 @@ import click
 from click.shell_completion import get_completion_class
 
 from taubench_gl import __version__
-from taubench_gl.apps.aliases import Group, former_commands
 from taubench_gl.apps.batch_command import batch
 from taubench_gl.apps.benchmark_command import benchmark
 from taubench_gl.apps.compare_command import compare
@@ -45,7 +44,6 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 @click.group(
-    cls=Group,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Examples:
@@ -104,7 +102,6 @@ for command in (
     completion,
 ):
     cli.add_command(command)
-former_commands(cli, {"truth": "reference", "agree": "reference compare"})
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.errors import note_renamed
-
 
 @click.command(
     epilog="""\b
@@ -27,12 +25,7 @@ TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blen
     metavar="NAME",
     help="Take of an FBX file, or action of a .blend file, to play.  [default: the first take; the scene as it is]",
 )
-@click.option(
-    "--lights",
-    type=click.Choice(["spec", "watts"]),
-    hidden=True,
-)
-def convert(source: str, target: Path, take: str | None, lights: str | None) -> None:
+def convert(source: str, target: Path, take: str | None) -> None:
     """Write a file that Blender reads as glTF: meshes as they are evaluated, motion, cameras and lights.
 
     Lists what glTF has no form for.  Lights are in candela and lux, 683 lm for each watt; the other commands divide
@@ -41,8 +34,6 @@ def convert(source: str, target: Path, take: str | None, lights: str | None) -> 
     from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene
 
-    if lights is not None:
-        note_renamed(f"--lights {lights}", "candela, always; see --light-unit of evaluate")
     made = convert_file(source, target, take=take)
     listed = ", ".join(f"{number} {name}" for name, number in made.counts.items())
     click.echo(f"Blender {made.blender} read {listed}")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.accuracy_options import accuracy_options, removed_option
-from taubench_gl.apps.aliases import former_option
+from taubench_gl.apps.accuracy_options import accuracy_options
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
     List,
@@ -76,8 +75,6 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @click.option(
     "--parameters", type=List(), help="Parameters to vary, comma-separated, see --list-parameters.  [default: all]"
 )
-@former_option("--knobs", "--parameters")
-@removed_option("--method-input", "'reuse evaluate' shows error against time of reuse methods")
 @click.option(
     "--reference",
     metavar="path-traced[@M]|highest-quality|exr:DIR",
@@ -110,11 +107,9 @@ recommended settings, and records.jsonl: run again after an interruption or for 
     show_default=True,
     help="Clock of frames; cpu: CPU time of the process, for software rasterizers beside other work.",
 )
-@removed_option("--front", "only declared configurations are measured")
 @click.option("--fresh", is_flag=True, help="Discard the records in DIR and measure from scratch.")
 @click.option("--list-parameters", is_flag=True, is_eager=True, expose_value=False, callback=_list_parameters,
               help="Print the parameters and exit.")  # fmt: skip
-@former_option("--list-knobs", "--list-parameters")
 @frame_options()
 @pair_options()
 @light_options

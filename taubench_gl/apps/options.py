@@ -5,13 +5,12 @@ Help texts come from the metadata of Settings' fields and from the glossary.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from taubench_gl.apps.aliases import current_value, former_option
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.glossary import OPTIONS
@@ -145,21 +144,19 @@ class OutPath(click.Path):
 class Words(click.ParamType):
     """Comma-separated values out of ``words`` -> tuple without duplicates, in the order given.
 
-    ``verb`` completes the message "cannot VERB x"; ``none`` allows an empty list; ``former`` maps former words to
-    current ones.
+    ``verb`` completes the message "cannot VERB x"; ``none`` allows an empty list.
     """
 
     name = "LIST"
 
-    def __init__(self, *words: str, verb: str = "save", none: bool = True, former: Mapping[str, str] | None = None):
+    def __init__(self, *words: str, verb: str = "save", none: bool = True):
         self.words, self.verb, self.none = words, verb, none
-        self.former = dict(former or {})
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
         given = (word.strip() for word in value.split(",") if word.strip())
-        chosen = tuple(dict.fromkeys(current_value(word, self.former, param) for word in given))
+        chosen = tuple(dict.fromkeys(given))
         unknown = [word for word in chosen if word not in self.words]
         if unknown:
             self.fail(f"cannot {self.verb} {', '.join(unknown)}; choose from {', '.join(self.words)}", param, ctx)
@@ -344,7 +341,6 @@ def environment_options(command: Any) -> Any:
             type=EnvironmentValue(),
             show_default=False,
         ),
-        former_option("--sky", "--environment"),
     )
 
 

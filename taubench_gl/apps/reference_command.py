@@ -10,12 +10,11 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import OutPath, culling_option, environment_options, frame_options, settings_from
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 
-@click.group(cls=Group)
+@click.group()
 def reference() -> None:
     """Path-traced reference images: render them, check their conventions, compare runs with them.
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import (
     List,
     OutPath,
@@ -45,7 +44,7 @@ def shared_options(command: Any) -> Any:
     )
 
 
-@click.group(cls=Group)
+@click.group()
 def reject() -> None:
     """Rejection tests of history, scored against exact visibility (docs/reject.md)."""
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.options import OutPath
 from taubench_gl.errors import OutputError
 
@@ -33,7 +32,6 @@ The page is one file that needs no network and no server.  Frames with their mas
 @click.option(
     "--images", type=click.IntRange(min=1), default=60, show_default=True, help="Maximum number of pairs with images."
 )
-@former_option("--pictures", "--images")
 def report(runs: tuple[str, ...], out: Path | None, images: int) -> None:
     """Write one HTML page about one or more runs.
 

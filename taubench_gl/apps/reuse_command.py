@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import exr_options, gpu_options, with_options
 from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
 from taubench_gl.conventions import DEFAULT_FPS
@@ -48,7 +47,7 @@ def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[
     return method.values(parsed)
 
 
-@click.group(cls=Group)
+@click.group()
 def reuse() -> None:
     """Temporal reuse methods: built-in ones and your own (docs/reuse.md)."""
 

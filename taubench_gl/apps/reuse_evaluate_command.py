@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
     List,
@@ -64,9 +63,7 @@ def shared_options(command: Any) -> Any:
             "path-traced frames with the camera of SCENE.",
         ),
         click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
-        former_option("--noise-lights", "--light-samples"),
         click.option("--vpl-samples", type=int, default=4, show_default=True, help="noisy: VPL samples per pixel."),
-        former_option("--noise-bounces", "--vpl-samples"),
         click.option(
             "--reference",
             metavar="max|path-traced[@M]|exr:DIR",
@@ -109,7 +106,6 @@ def shared_options(command: Any) -> Any:
             "Virtual point lights (VPLs) of indirect light; noisy light samples them, its reference sums all.",
             field="indirect_samples",
         ),
-        former_option("--virtual-lights", "--vpls"),
         gpu_options,
     )
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import click
 
-from taubench_gl.apps.aliases import Group
 
-
-class RunByDefault(Group):
+class RunByDefault(click.Group):
     """``GROUP ARGUMENT...`` is ``GROUP run ARGUMENT...`` unless the first argument is a command or asks for help."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

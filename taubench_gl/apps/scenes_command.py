@@ -9,12 +9,10 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.aliases import Group, former_option
-
 STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
 
 
-@click.group(cls=Group)
+@click.group()
 def scenes() -> None:
     """Named scenes, such as the paper's, and procedural stand-ins."""
 
@@ -104,7 +102,6 @@ frame rate, frames, camera and units are the defaults of the options."""
 @click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Use this local file.")
 @click.option("--url", help="Download from this URL instead of the registry's.")
 @click.option("--scene", metavar="FILE", help="Scene file of the archive, if it holds several.")
-@former_option("--accept-licence", "--accept-license")
 @click.option("--accept-license", is_flag=True, help="Accept the license without a question.")
 @registry_option
 @cache_option

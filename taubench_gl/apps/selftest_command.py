@@ -38,7 +38,6 @@ def selftest(
     from taubench_gl.errors import SettingsError
     from taubench_gl.selftest import cases, run_selftest
 
-    only = tuple(_current_name(word) for word in only)
     chosen = cases(only)
     if not chosen:
         raise SettingsError(f"no case is named {', '.join(only)}", hint="see 'taubench-gl selftest --list'")
@@ -71,16 +70,6 @@ def selftest(
         verdict = f"{failed} of {len(results)} cases FAILED" if failed else f"all {len(results)} cases passed"
         click.secho(verdict, fg="red" if failed else "green", bold=True)
     return 1 if failed else 0
-
-
-def _current_name(word: str) -> str:
-    """The name of a case that was renamed, with a note on stderr; any other word unchanged."""
-    from taubench_gl.errors import note_renamed
-    from taubench_gl.selftest.runner import FORMER_NAMES
-
-    if word in FORMER_NAMES:
-        note_renamed(f"case {word}", FORMER_NAMES[word])
-    return FORMER_NAMES.get(word, word)
 
 
 def _show_row(result: CaseResult) -> None:

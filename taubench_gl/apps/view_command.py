@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.options import (
     Size,
     exr_options,
@@ -52,7 +51,6 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the script co
 @click.option(
     "--reference", metavar="exr:DIR", help="Path-traced reference frames for comparison (split view, difference)."
 )
-@former_option("--truth", "--reference")
 @click.option("--compare", metavar="RUN", help="Another run: its scene with its settings, for comparison.")
 @lambda command: with_options(command, *exr_options)
 @click.option("--script", type=click.Path(path_type=Path), metavar="FILE", help="Run a script of viewer commands.")
@@ -63,7 +61,6 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the script co
 )
 @click.option("--screenshots", type=click.Path(path_type=Path, file_okay=False), default=".", metavar="DIR",
               help="Folder of screenshots and clips.  [default: the current one]")  # fmt: skip
-@former_option("--shots", "--screenshots")
 @click.option("--bench", type=click.IntRange(min=1), metavar="N", help="Play N frames, print frames per second, quit.")
 def view(source: str, script: Path | None, bench: int | None, **options: Any) -> None:
     """Show a scene, path-traced files or a finished run interactively: masks, thresholds, values of each pixel.

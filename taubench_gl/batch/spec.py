@@ -18,7 +18,7 @@ import msgspec
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
-from taubench_gl.settings import FIELD_TYPES, FIELDS, RENAMED, Settings, parse_environment, parse_frames, parse_size
+from taubench_gl.settings import FIELD_TYPES, FIELDS, Settings, parse_environment, parse_frames, parse_size
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene to an argument of ``load_scene`` and the settings of its registry entry."""
@@ -103,7 +103,7 @@ def read_choices(values: Mapping[str, Any], where: str, errors: list[str]) -> di
     """Alternatives per key, each a dict of Settings fields (``size`` sets two).  A sweep has more than one."""
     out: dict[str, list[dict[str, Any]]] = {}
     for key, value in values.items():
-        field = RENAMED.get(key, key.replace("-", "_"))
+        field = key.replace("-", "_")
         name = f"{where}{key}"
         if field not in FIELDS and field != "size":
             near = difflib.get_close_matches(field, [*FIELDS, *OWN_KEYS], 1)

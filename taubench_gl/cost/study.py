@@ -38,7 +38,7 @@ from taubench_gl.cost.result import CostStudy, assemble
 from taubench_gl.cost.timing import Clock, Deadline, OpenConfiguration, OtherWork, OutOfTime, Pool, due_visits
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.errors import SettingsError, note_renamed
+from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.plan import FramePlan
@@ -54,7 +54,6 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 HIGHEST_QUALITY, PATH_TRACED = "highest-quality", "path-traced"
-FORMER_REFERENCE = "best"
 REPEATS = 5
 SAMPLES = 256
 """Samples per pixel of the path-traced reference where neither they nor the time are limited."""
@@ -223,9 +222,7 @@ def _reference(asked: str | None, context: StudyContext) -> Reference:
     lit = PARAMETERS["light"].inapplicable(context) is None
     if asked is None:
         return Reference(PATH_TRACED if lit else HIGHEST_QUALITY)
-    if asked == FORMER_REFERENCE:
-        note_renamed(f"reference {FORMER_REFERENCE}", f"reference {HIGHEST_QUALITY}")
-    if asked in (HIGHEST_QUALITY, FORMER_REFERENCE):
+    if asked == HIGHEST_QUALITY:
         return Reference(HIGHEST_QUALITY)
     samples = None if asked == PATH_TRACED else reference_samples(asked)
     if asked != PATH_TRACED and samples is None:

@@ -111,8 +111,6 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
         raise DatasetError(f"is not valid TOML: {e}", where=where) from None
     out = {}
     for name, table in tables.items():
-        if isinstance(table, dict) and "licence" in table:  # the key in releases before 0.2
-            table.setdefault("license", table.pop("licence"))
         at = f"{where} [{name}]"
         if not _NAME.fullmatch(name):
             raise DatasetError("a name has letters, digits, dots, dashes and underscores only", where=at)

@@ -18,7 +18,7 @@ from taubench_gl.report.palette import REASON_COLORS, color_of
 
 Array = np.ndarray
 
-PAPER, INK, SOFT = "#fbfaf7", "#1c1d21", "#5d6068"
+PAPER, INK = "#fbfaf7", "#1c1d21"
 WIDTH = 1280
 _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58

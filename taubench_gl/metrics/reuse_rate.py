@@ -62,26 +62,6 @@ def unmeasured_rates(reasons: Mapping[str, str]) -> dict[str, str]:
     return out
 
 
-def combinations(histogram: Mapping[str, Any], rate: str) -> list[tuple[tuple[str, ...], int]]:
-    """Combinations of reasons that occur together in pixels that ``rate`` does not count, and their pixels.
-
-    ``histogram``: ``words`` and ``pixels`` of a summary.  The largest first; ties by the order of the reasons.  A bit
-    that another one explains is left out: ``position`` beside ``disoccluded`` or ``occluding``, ``direct`` beside
-    ``lit`` or ``shadowed``.
-    """
-    found: dict[tuple[str, ...], int] = {}
-    for word, pixels in zip(histogram["words"], histogram["pixels"], strict=True):
-        if word & (Reason.DISOCCLUDED | Reason.OCCLUDING):
-            word &= ~Reason.POSITION
-        if word & (Reason.LIT | Reason.SHADOWED):
-            word &= ~Reason.DIRECT
-        names = tuple(name for bit, name in _reasons_of(rate) if word & bit)
-        if names:
-            found[names] = found.get(names, 0) + int(pixels)
-    order = [name for _, name in _reasons_of(rate)]
-    return sorted(found.items(), key=lambda item: (-item[1], len(item[0]), [order.index(name) for name in item[0]]))
-
-
 class ReuseStats:
     """Adds pairs up.  ``unmeasured``: column of Table 4 -> why it was not measured."""
 

@@ -21,12 +21,6 @@ def still_position(position: Array, view: View, previous: View) -> Array:
     return position[..., :3].astype(np.float64) + (view.position - previous.position)
 
 
-def camera_motion(position: Array, view: View, previous: View) -> Array:
-    """(h, w, 2) float64, pixels, +x right, +y down, previous - current: motion of still surfaces at ``position``."""
-    pixels = _project(position[..., :3].astype(np.float64), view, position.shape[1::-1])
-    return _project(still_position(position, view, previous), previous, position.shape[1::-1]) - pixels
-
-
 def position_from_motion(position: Array, motion: Array, view: View, previous: View) -> Array:
     """Where the surface points of a frame were in the previous frame, relative to its camera, (h, w, 3) float64.
 

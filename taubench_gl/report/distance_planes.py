@@ -88,11 +88,6 @@ class Levels:
         return int(next(code for code in self.kept[step] if self.values[code - 1] >= low * (1.0 - 1e-6)))
 
 
-def expand(reduced: Array, kept: Sequence[int]) -> Array:
-    """The inverse of ``Levels.reduced``: the highest kept code at or below a distance.  (...) uint8 -> (...) uint8."""
-    return np.array([0, *kept], dtype=np.uint8)[reduced]
-
-
 def levels_of(threshold: float) -> Levels:
     """Levels of a feature with the threshold ``threshold`` > 0, in the unit of its distances."""
     limit = np.float32(threshold)

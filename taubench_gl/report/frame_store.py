@@ -42,8 +42,6 @@ FOLDER = "images"
 INDEX = "index.json"
 LEVELS = "levels.bin"
 SCHEMA = "taubench-gl/images/1"
-_FORMER = {"pictures": "taubench-gl/pictures/1"}
-"""Folder and schema that earlier versions wrote; the contents are the same."""
 MAX_WIDTH = 640
 """Largest width stored.  Wider frames keep every k-th pixel of the mask and the mean of k x k pixels of the frame."""
 MAX_WIDTH_FULL = 1920
@@ -347,17 +345,13 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
     """Images of the run in folder ``out``, or None and the reason why there are none."""
     if out is None:
         return None, "the run was not written to a folder"
-    folder, schema = FOLDER, SCHEMA
-    for name in _FORMER:
-        if not (out / FOLDER / INDEX).exists() and (out / name / INDEX).exists():
-            folder, schema = name, _FORMER[name]
-    path = out / folder / INDEX
+    path = out / FOLDER / INDEX
     if not path.exists():
         return None, "the run was made without --report"
     try:
         index: Mapping[str, Any] = read_json(path, _Index)
-        if index["schema"] != schema:
-            return None, f"the schema of the images is {index['schema']!r}, expected {schema!r}"
+        if index["schema"] != SCHEMA:
+            return None, f"the schema of the images is {index['schema']!r}, expected {SCHEMA!r}"
         if index["rows_sha256"] != file_sha256(out / "frames.csv"):
             return None, "the images in its folder belong to another run"
         frames = tuple(int(f) for f in index["frames"])
@@ -365,11 +359,11 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
         for frame in frames:
             for part in _PARTS:
                 if not (path.parent / file_name(part, frame)).is_file():
-                    return None, f"{folder}/{file_name(part, frame)} is missing"
+                    return None, f"{FOLDER}/{file_name(part, frame)} is missing"
         planes, no_planes = _stored_planes(path.parent, frames, index.get("planes"))
         return StoredFrames(path.parent, *size, int(index["step"]), frames, index["worst"], planes, no_planes), ""
     except (OutputError, OSError, KeyError):
-        return None, f"{folder}/{INDEX} cannot be read"
+        return None, f"{FOLDER}/{INDEX} cannot be read"
 
 
 def _stored_planes(

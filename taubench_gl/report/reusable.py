@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -147,11 +147,6 @@ def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
 def reprojection_of(summary: Summary) -> str | None:
     """camera or motion."""
     return (summary.get("reusable") or {}).get("reprojection") or (summary.get("settings") or {}).get("reprojection")
-
-
-def joined(names: Iterable[str]) -> str:
-    """Reasons in words: ``disoccluded and darkened``."""
-    return " and ".join(TERMS[name].label for name in names)
 
 
 def _why(block: Mapping[str, Any], rate: str) -> str:

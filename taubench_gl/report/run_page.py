@@ -24,9 +24,8 @@ from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
-from taubench_gl.report.reusable import MERGED, reprojection_of, reusable_sentence, run_tables
+from taubench_gl.report.reusable import MERGED, TERMS, reprojection_of, reusable_sentence, run_tables
 from taubench_gl.report.tables import paper_numbers, thresholds_of
-from taubench_gl.report.upset import MOST, upset_plot
 
 Summary = Mapping[str, Any]
 
@@ -87,7 +86,7 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
         live=any(run["images"] and run["images"]["planes"] for run in data["runs"]),
         title=", ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
         several=len(runs) > 1,
-        runs=[_run_view(s, label, f"upset{i}") for i, (s, label) in enumerate(zip(summaries, labels, strict=True))],
+        runs=[_run_view(s, label) for s, label in zip(summaries, labels, strict=True)],
         tables=to_html(run_tables(summaries), scroll=True),
     )
 
@@ -95,8 +94,8 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
 # -------------------------------------------------------------------------------------------------- values of run.html
 
 
-def _run_view(summary: Summary, label: str, name: str) -> dict[str, Any]:
-    """Values of one run that the template shows without scripts; ``name`` is unique in the page."""
+def _run_view(summary: Summary, label: str) -> dict[str, Any]:
+    """Values of one run that the template shows without scripts."""
     camera, timing = summary.get("camera") or {}, summary.get("timing") or {}
     passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if ms is not None}
     most = max(passes.values(), default=0.0) or 1.0
@@ -107,7 +106,7 @@ def _run_view(summary: Summary, label: str, name: str) -> dict[str, Any]:
         "headline": reusable_sentence(summary),
         "reprojection": reprojection_of(summary),
         "rates": [_rate(summary, rate) for rate in RATES],
-        "upset": upset_plot(summary, name),
+        "reasons": _reason_bars(summary),
         "figures": [_figure(summary, column) for column in COLUMNS],
         "effects": _effects(summary),
         "cuts": [{"frame": c, "time": f"{c / fps:.3f} s" if fps else ""} for c in camera.get("cuts") or ()],
@@ -145,6 +144,21 @@ def _rate(summary: Summary, rate: str) -> dict[str, Any]:
     if mean is None:
         return found | {"reason": entry.get("reason") or "not measured"}
     return found | {"mean": _percent(mean), "range": "" if low is None else f"{_percent(low)} to {_percent(high)} %"}
+
+
+def _reason_bars(summary: Summary) -> dict[str, Any]:
+    """Disjoint reasons of the pixels that are not reusable, the largest first, or why they are unknown.
+
+    ``rows``: label, % of all pixels as text, length of the bar in % of the longest one.
+    """
+    block = summary.get("reusable") or {}
+    if block.get("reasons_of") is None:
+        return {"rows": [], "missing": (block.get("surface") or {}).get("reason") or "not recorded"}
+    shares = {name: (block["reasons"].get(name) or {}).get("mean_percent") or 0.0 for name in TERMS}
+    ranked = sorted((name for name in TERMS if shares[name] > 0.0), key=lambda name: -shares[name])
+    most = shares[ranked[0]] if ranked else 1.0
+    rows = [(TERMS[name].label, _percent(shares[name]), 100.0 * shares[name] / most) for name in ranked]
+    return {"rows": rows, "missing": None}
 
 
 def _figure(summary: Summary, column: str) -> dict[str, Any]:
@@ -225,7 +239,6 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = 
                 for bit, term in glossary.REUSE_REASONS.items()
             ],
             "merged": MERGED,
-            "most": MOST,
         },
         "terms": [
             {

@@ -13,8 +13,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from taubench_gl.errors import MethodError, note_renamed
-from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, RESERVED_INPUTS
+from taubench_gl.errors import MethodError
+from taubench_gl.reuse.frame import INPUTS, RESERVED_INPUTS
 from taubench_gl.reuse.stages import Stage
 
 Value = float | int | bool | str
@@ -91,9 +91,9 @@ _WORDS = (
 )
 _GLSL_WORDS = frozenset(_WORDS.split())
 _OUR_WORDS = (
-    "frame iteration result reuse tap luminance inside in_image previous_px reusable reusable_exact in_picture "
-    "reusable_in_truth nearest_surface bilinear_tap catmull_rom_weights clip_to_box clip_towards ycocg_from_rgb "
-    "rgb_from_ycocg non_finite reuse_block block_size block_threads"
+    "frame iteration result reuse tap luminance inside in_image previous_px reusable reusable_exact "
+    "nearest_surface bilinear_tap catmull_rom_weights clip_to_box clip_towards ycocg_from_rgb rgb_from_ycocg "
+    "non_finite reuse_block block_size block_threads"
 )
 _OURS = frozenset((*_OUR_WORDS.split(), *REPORTS))
 _UPSCALING_WORDS = (
@@ -299,13 +299,10 @@ def name_error(
 
 
 def parse_reads(names: Iterable[object]) -> tuple[tuple[str, ...], list[str]]:
-    """Names of INPUTS without duplicates, former names replaced, and an error for every unknown name."""
+    """Names of INPUTS without duplicates, and an error for every unknown name."""
     found: dict[str, None] = {}
     errors = []
     for name in names:
-        if isinstance(name, str) and name in FORMER_INPUTS:
-            note_renamed(f"input {name}", FORMER_INPUTS[name])
-            name = FORMER_INPUTS[name]
         if isinstance(name, str) and name in INPUTS:
             found[name] = None
         else:

@@ -33,7 +33,7 @@ from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FrameInputs, read_result, write_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.reuse.loading import current_name, load_method
+from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.path_traced import FITTED, PathTracedReference, reference_samples
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import CHOICES, DEFAULT_METRICS, MEASURES, display, fixed_gain, reusable, warp_error
@@ -82,7 +82,6 @@ class MethodSpec:
         The label of ``exr:DIR`` is its setting ``label``, by default the name of the folder.  Raises SettingsError.
         """
         name, *given = text.split("@")
-        name = current_name(name)
         pairs = [part.partition("=") for part in given]
         if not name or any(not equals or not key for key, equals, _ in pairs):
             raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")

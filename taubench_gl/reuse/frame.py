@@ -129,9 +129,6 @@ RESERVED_INPUTS = frozenset(
 )
 """Names that no history, buffer or setting can have.  Later inputs are not reserved where they are not read."""
 
-FORMER_INPUTS = {"truth_mask": "exact_mask"}
-"""Former names of inputs, accepted for one release."""
-
 FAR_AWAY_PX = 1.0e6
 """``motion`` of points behind the previous camera."""
 
@@ -206,7 +203,6 @@ def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) 
     ``prev_view`` (View).
     """
     arrays: dict[str, Any] = {name: np.ascontiguousarray(read_input(frame.textures[name], name)) for name in reads}
-    arrays |= {former: arrays[name] for former, name in FORMER_INPUTS.items() if name in arrays}
     return arrays | {
         "index": frame.index,
         "time": frame.time,

@@ -26,7 +26,7 @@ from taubench_gl.reuse.contract import (
     PassInfo,
     Value,
 )
-from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, FrameInputs, read_result
+from taubench_gl.reuse.frame import INPUTS, FrameInputs, read_result
 
 FRAME = Struct(
     "ReuseFrame",
@@ -130,7 +130,6 @@ def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
             suffix = "" if name == "mask" else "_exact"
             lines.append(f"bool reusable{suffix}(ivec2 p) {{ return frame.has_history == 1u && "
                          f"(fetch_{name}({pixel}) & {bits}u) == 0u; }}")  # fmt: skip
-    lines += _former_names(info)
     if "motion" in info.reads:
         lines.append(f"vec2 previous_px(ivec2 p) {{ return vec2(p) + fetch_motion({pixel}){step}; }}")
     if "position" in info.reads:
@@ -143,17 +142,6 @@ def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
                      "diffuse * fetch_diffuse_albedo(i).rgb + specular * fetch_specular_albedo(i).rgb + "
                      "fetch_emitted(i).rgb; }")  # fmt: skip
     return "\n".join(lines)
-
-
-def _former_names(info: PassInfo) -> list[str]:
-    """Former names of functions, for one release."""
-    names = {"in_picture": "in_image"}
-    for former, name in FORMER_INPUTS.items():
-        if name in info.reads:
-            names |= {f"{verb}_{former}": f"{verb}_{name}" for verb in ("fetch", "nearest")}
-    if "exact_mask" in info.reads:
-        names["reusable_in_truth"] = "reusable_exact"
-    return [f"#define {former} {name}" for former, name in names.items()]
 
 
 def _reader(name: str, form: Format, size: str) -> list[str]:

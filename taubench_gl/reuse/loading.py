@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-from taubench_gl.errors import MethodError, note_renamed
+from taubench_gl.errors import MethodError
 from taubench_gl.reuse.contract import Method, suggestion
 from taubench_gl.reuse.python_method import method_from_class
 from taubench_gl.reuse.toml_method import BUILTIN, FILE, load_folder
@@ -19,8 +19,6 @@ from taubench_gl.reuse.toml_method import BUILTIN, FILE, load_folder
 __all__ = ["BUILTIN", "ENTRY_POINTS", "builtin_methods", "installed_methods", "load_method"]
 
 ENTRY_POINTS = "taubench_gl.methods"
-FORMER_METHODS = {"oracle": "ideal-masks"}
-"""Former names of built-in methods, accepted for one release."""
 
 
 def builtin_methods() -> tuple[str, ...]:
@@ -33,14 +31,6 @@ def installed_methods() -> dict[str, str]:
     return {point.name: point.value for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 
-def current_name(name: str) -> str:
-    """``name``, or the name that replaces it, with a note."""
-    if name not in FORMER_METHODS:
-        return name
-    note_renamed(f"method {name}", f"method {FORMER_METHODS[name]}")
-    return FORMER_METHODS[name]
-
-
 def load_method(source: str | Path | type | Method) -> Method:
     """A validated method, without any GL call.
 
@@ -51,7 +41,6 @@ def load_method(source: str | Path | type | Method) -> Method:
         return source
     if isinstance(source, type):
         return method_from_class(source)
-    source = current_name(source) if isinstance(source, str) else source
     text = str(source)
     if isinstance(source, str):
         if text in builtin_methods():

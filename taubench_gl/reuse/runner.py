@@ -61,7 +61,8 @@ class MethodRunner:
         check: bool = True,
     ):
         self.gpu = gpu
-        self._set_sizes(size, input_size)
+        self.size = (int(size[0]), int(size[1]))
+        self.input_size = self.size if input_size is None else (int(input_size[0]), int(input_size[1]))
         self.method = method if isinstance(method, Method) else load_method(method)
         self.values = self.method.values(settings)
         self.timer = timer or PassTimer(gpu, enabled=False)
@@ -69,10 +70,6 @@ class MethodRunner:
         self._resample: _Resample | None = None
         self._steps = 0
         self._backend = self._make_backend()
-
-    def _set_sizes(self, size: tuple[int, int], input_size: tuple[int, int] | None) -> None:
-        self.size = (int(size[0]), int(size[1]))
-        self.input_size = self.size if input_size is None else (int(input_size[0]), int(input_size[1]))
 
     @property
     def own_size(self) -> tuple[int, int]:
@@ -130,7 +127,7 @@ class MethodRunner:
                     f"frame {frame.index}: {name} is {width}x{height}; this method runs at "
                     f"{self.input_size[0]}x{self.input_size[1]}",
                     where=self.method.label,
-                    hint="resize the runner first",
+                    hint="open a runner for inputs of this size",
                 )
 
     def configure(self, settings: Mapping[str, Value] | None = None) -> None:
@@ -142,23 +139,10 @@ class MethodRunner:
         """Clear all history: the next step is a first frame."""
         self._steps = 0
 
-    def resize(self, size: tuple[int, int], input_size: tuple[int, int] | None = None) -> None:
-        """Change the image size, and that of the inputs, and reset."""
-        self._release_backend()
-        self._set_sizes(size, input_size)
-        if self._check is not None:
-            self._check.size = self.own_size
-        self._backend = self._make_backend()
-        self.reset()
-
-    def _release_backend(self) -> None:
+    def release(self) -> None:
         self._backend.release()
         if self._resample is not None:
             self._resample.release()
-            self._resample = None
-
-    def release(self) -> None:
-        self._release_backend()
         if self._check is not None:
             self._check.release()
 

@@ -14,7 +14,7 @@ from taubench_gl.data_files import checked, integer, read_csv, read_json, real, 
 from taubench_gl.errors import OutputError
 
 FILE, FRAMES_FILE = "reuse.json", "frames.csv"
-SCHEMAS = ("taubench-gl/reuse/2", "taubench-gl/reuse/3")
+SCHEMA = "taubench-gl/reuse/3"
 _INTEGERS = frozenset({"frame", "seed", "invalid_pixels"})
 
 Number = float | None
@@ -110,9 +110,9 @@ def load_evaluation(folder: str | Path) -> StoredEvaluation:
     path = out / FILE
     summary = read_json(path)
     schema = summary.get("schema") if isinstance(summary, dict) else None
-    if schema not in SCHEMAS:
+    if schema != SCHEMA:
         hint = "another version of taubench-gl wrote it"
-        raise OutputError(f"schema is {schema!r}, expected {SCHEMAS[-1]!r}", where=str(path), hint=hint)
+        raise OutputError(f"schema is {schema!r}, expected {SCHEMA!r}", where=str(path), hint=hint)
     try:
         checked(summary, _Summary)
     except msgspec.ValidationError as error:

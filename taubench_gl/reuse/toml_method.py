@@ -31,7 +31,7 @@ from taubench_gl.reuse.contract import (
     parse_setting,
     suggestion,
 )
-from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, RESERVED_INPUTS
+from taubench_gl.reuse.frame import INPUTS, RESERVED_INPUTS
 from taubench_gl.reuse.stages import parse_stages
 
 FILE = "method.toml"
@@ -248,7 +248,6 @@ class _Parser:
         if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
             self.errors.append(f"{key}: must be a list of names (available: {', '.join(known)})")
             return ()
-        value = [FORMER_INPUTS.get(name, name) for name in value]
         for name in value:
             if name in known:
                 continue

@@ -13,15 +13,6 @@ from taubench_gl.selftest.case import GROUPS, REGISTRY, Case, CaseResult
 DEFAULT_SIZE = (96, 64)
 """Width and height of most cases, pixels.  A few cases need another size."""
 
-FORMER_NAMES = {
-    "skinned-twin": "skinned-reference",
-    "twin-camera": "reference-camera",
-    "twin-motion": "reference-motion",
-    "twin-bilinear": "reference-bilinear",
-    "motion-twin": "motion-reference",
-}
-"""Names of cases in earlier releases, accepted by ``selftest --only`` for one release."""
-
 
 def cases(only: Sequence[str] | None = None) -> list[Case]:
     """Cases in order.  ``only``: names, groups or parts of names; None: all.  Unknown words select no case."""

@@ -229,15 +229,6 @@ def _escape(s: ViewerState) -> None:
 _request("quit", "window", "quit")
 
 
-FORMER_ACTIONS = {
-    "next picture": "next channel",
-    "previous picture": "previous channel",
-    "motion error": "object motion",
-    "switch effect": "toggle effect",
-    "section picture": "section image",
-}
-"""Names of the last release, accepted in scripts."""
-
 # Keys
 
 KEYS: dict[str, str] = {

@@ -14,8 +14,8 @@ from typing import Any
 
 from taubench_gl.conventions import FEATURES
 from taubench_gl.data_files import read_text
-from taubench_gl.errors import OutputError, SettingsError, note_renamed
-from taubench_gl.viewer.actions import ACTIONS, FORMER_ACTIONS, split_chord
+from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.viewer.actions import ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
 from taubench_gl.viewer.session_file import SUFFIX, is_session
 from taubench_gl.viewer.state import set_variable, variables
@@ -45,15 +45,6 @@ COMMANDS: dict[str, tuple[int, int, str]] = {
 }
 """Name -> smallest and largest number of arguments, and usage."""
 
-FORMER_COMMANDS = {"minimise": "minimize"}
-FORMER_READINGS = {
-    "picture.width": "image.width",
-    "picture.height": "image.height",
-    "pictures.drawn": "images.drawn",
-    "section.picture": "section.image",
-}
-"""Names of the last release, accepted with a note."""
-
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
     "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
@@ -79,9 +70,6 @@ def parse(path: Path) -> list[Line]:
         if not words:
             continue
         command, arguments = words[0], tuple(words[1:])
-        if command in FORMER_COMMANDS:
-            note_renamed(command, FORMER_COMMANDS[command])
-            command = FORMER_COMMANDS[command]
         if command not in COMMANDS:
             raise SettingsError(
                 f"there is no command {command!r}", where=where, hint=f"choose from {', '.join(COMMANDS)}"
@@ -142,9 +130,6 @@ class ScriptRunner:
 
     def do_action(self, *words: str) -> None:
         name = " ".join(words)
-        if name in FORMER_ACTIONS:
-            note_renamed(f"action {name}", f"action {FORMER_ACTIONS[name]}")
-            name = FORMER_ACTIONS[name]
         if name not in ACTIONS:
             raise SettingsError(f"there is no action {name!r}", hint=f"choose from {', '.join(ACTIONS)}")
         self._viewer.act(name)
@@ -238,9 +223,6 @@ class ScriptRunner:
     # -- reading
 
     def _read(self, name: str) -> Any:
-        if name in FORMER_READINGS:
-            note_renamed(name, FORMER_READINGS[name])
-            name = FORMER_READINGS[name]
         viewer, group, member = self._viewer, *name.partition(".")[::2]
         known = variables(viewer.state)
         percentages = viewer.engine.percentages()

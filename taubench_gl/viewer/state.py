@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from taubench_gl.conventions import FEATURES, FRUSTUM, Reason, Visibility
-from taubench_gl.errors import SettingsError, note_renamed
+from taubench_gl.errors import SettingsError
 from taubench_gl.glossary import EXACT_REASONS, key_of
 from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
@@ -258,8 +258,6 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
 LIVE_CHOICES: dict[str, tuple[str, ...]] = {
     "reprojection": REPROJECTIONS, "sampling": SAMPLINGS, "light": LIGHTS, "scale": tuple(f"{s:g}" for s in SCALES),
 }  # fmt: skip
-_FORMER_NAMES = {"section.picture": "section.image"}
-_FORMER_VALUES = {("channel", "shape"): "headlight", ("channel", "motion_error"): "object_motion"}
 
 
 def variable_names(state: ViewerState) -> list[str]:
@@ -274,12 +272,6 @@ def variable_names(state: ViewerState) -> list[str]:
 
 def set_variable(state: ViewerState, name: str, text: str) -> None:
     """Set ``name`` to the value that ``text`` spells.  Raises SettingsError that lists the names or values."""
-    if name in _FORMER_NAMES:
-        note_renamed(name, _FORMER_NAMES[name])
-        name = _FORMER_NAMES[name]
-    if (name, text) in _FORMER_VALUES:
-        note_renamed(f"{name} {text}", f"{name} {_FORMER_VALUES[name, text]}")
-        text = _FORMER_VALUES[name, text]
     group, _, member = name.partition(".")
     if name == "frame":
         state.go_to(round(_number(name, text)))

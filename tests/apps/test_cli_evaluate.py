@@ -100,7 +100,7 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
         (["--columns", "direct,shine"], "shine"),
         (["--columns", ""], "--columns"),
         (["--out", ""], "--out"),
-        (["--sky", "1,2"], "environment"),
+        (["--environment", "1,2"], "environment"),
         (["--environment", "0,0,-1"], "environment"),
         (["--exposure", "0"], "exposure"),
         (["--shadow-size", "8"], "shadow size"),

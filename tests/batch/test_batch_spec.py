@@ -32,7 +32,7 @@ def test_jobs_are_scenes_times_settings(folder):
         frames = "0:48"
         reprojection = ["camera", "motion"]
         columns = ["frustum", "position"]
-        sky = [0.1, 0.2, 0.3]
+        environment = [0.1, 0.2, 0.3]
         thresholds = { normal = [0.05, 0.1], color = 0.2 }
         """,
     )
@@ -125,7 +125,7 @@ def test_all_errors_are_reported_together(folder):
         sampling = ["nearest", "cubic"]
         thresholds = { normal = -1 }
         frames = 12
-        sky = []
+        environment = []
         tone_map = []
     """
     with pytest.raises(SettingsError) as caught:
@@ -134,7 +134,7 @@ def test_all_errors_are_reported_together(folder):
     assert caught.value.where == str(folder / "spec.toml") and "\n" not in message
     for part in (
         "widht", "width?", "size[1]", "'large'", "fps", "'fast'", "sampling[1]", "nearest, bilinear",
-        "thresholds", "-1", "frames", "12", "sky", "tone_map",
+        "thresholds", "-1", "frames", "12", "environment", "tone_map",
         "scenes[1]", "'gone.glb'", "scenes[2]", "none*.glb", "scenes[3]", "exr:",
     ):  # fmt: skip
         assert part in message, part

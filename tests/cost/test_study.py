@@ -252,14 +252,6 @@ def test_invalid_requests_are_refused(demo, tmp_path, wrong):
     assert not (tmp_path / "study").exists()
 
 
-def test_former_options_print_one_line(demo, tmp_path):
-    command = ["cost", str(demo), "--out", str(tmp_path), "--size", "16x9", "--frames", "0:1"]
-    former = ["--knobs", "storage", "--front", "6", "--summation", "plain", "--histogram-bits", "1"]
-    done = CliRunner().invoke(cli, [*command, *former])
-    assert isinstance(done.exception, SettingsError), "one frame has no pair"
-    assert len(done.stderr.splitlines()) == 4 and "--parameters" in done.stderr
-
-
 def test_parameters_are_documented():
     for name, parameter in PARAMETERS.items():
         assert parameter.doc and parameter.name == name and len(parameter.values) >= 2

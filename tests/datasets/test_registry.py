@@ -80,11 +80,6 @@ def test_a_registry_that_cannot_be_read(tmp_path):
         assert caught.value.where == str(tmp_path / name)
 
 
-def test_former_spelling_of_license_is_accepted():
-    text = '[a]\ntitle = "x"\nformat = "gltf"\nlicence = "CC0"'
-    assert parse_registry(text, "mine.toml")["a"].license == "CC0"
-
-
 def test_rows_carry_what_a_reproduction_needs():
     """Rates by table, light unit, exposure, environment and thresholds, as settings and as options."""
     text = (

@@ -343,7 +343,6 @@ def test_the_commands(server, tmp_path, monkeypatch):
     assert got.exit_code == 0 and "main.aff" in got.output and "not stated" in got.output
     assert run("verify", "world").exit_code == 0
     assert isinstance(run("verify", "toasters").exception, DatasetError)
-    assert run("get", "world", "--accept-licence").exit_code == 0, "the option's former name"
 
 
 @pytest.mark.parametrize("kind", ["zip", "tar.gz", "tar.xz", "tar.bz2"])

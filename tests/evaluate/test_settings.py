@@ -98,11 +98,6 @@ def test_users_get_automatic_lighting():
     assert defaults == dict.fromkeys(defaults, "auto")
 
 
-@pytest.mark.parametrize(("sky", "environment"), [([0, 0, 0], "none"), ([0.1, 0.2, 0.3], (0.1, 0.2, 0.3))])
-def test_sky_of_an_earlier_release_is_the_environment(sky, environment):
-    assert Settings.from_dict({"sky": sky}).lighting.environment == environment
-
-
 @pytest.mark.parametrize(
     "values", [{"width": "wide"}, {"environment": True}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}]
 )
@@ -118,10 +113,6 @@ def test_serialization_round_trip_through_json():
         stored = json.loads(json.dumps(settings.to_dict()))
         assert list(stored) == list(FIELDS)
         assert Settings.from_dict(stored) == settings
-
-
-def test_removed_settings_in_files_are_ignored():
-    assert Settings.from_dict({"width": 64, "summation": "plain", "histogram_bits": 5}) == Settings(width=64)
 
 
 def test_omitted_thresholds_get_the_default():
@@ -141,11 +132,6 @@ def test_replace_changes_only_the_named_fields():
     other = settings.replace(exposure=3.0, width=64)
     assert (other.lighting.exposure, other.sequence.width) == (3.0, 64)
     assert other.metrics is settings.metrics and other.device is settings.device
-
-
-def test_former_name_sky_is_environment():
-    with pytest.warns(DeprecationWarning):
-        assert Settings(sky=(0.1, 0.2, 0.3)) == Settings(environment=(0.1, 0.2, 0.3))
 
 
 def test_whole_groups_and_flat_names_go_together():
@@ -222,8 +208,7 @@ JUNK = (
 )  # fmt: skip
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("name", [*FIELDS, "size", "sequence", "metrics", "lighting", "sky"])
+@pytest.mark.parametrize("name", [*FIELDS, "size", "sequence", "metrics", "lighting"])
 def test_any_value_is_accepted_or_answered_in_one_short_line(name):
     for value in JUNK:
         try:

@@ -16,7 +16,6 @@ from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.pair_sample import PairSample, estimate
 from taubench_gl.metrics.reuse_rate import (
     ReuseStats,
-    combinations,
     disjoint_reasons,
     reusable_pixels,
     unmeasured_rates,
@@ -172,15 +171,3 @@ def test_the_histogram_of_a_run_is_the_sum_over_its_pairs_in_any_split():
     assert found[int(Reason.OUTSIDE)] == 2 * (2**32 - 1)
     assert found[int(Reason.NORMAL | Reason.INDIRECT)] == 12
     assert sum(found.values()) == 2 * 766 + 2 * (2**32 - 1)
-
-
-def test_combinations_of_reasons_that_occur_together():
-    block = stats_of({}, PAIR).histogram()
-    found = dict(combinations(block, "shading"))
-    assert found["disoccluded", "lit"] == 90  # position and direct are explained by them
-    assert found["occluding", "normal"] == 20
-    assert found["shadowed", "indirect"] == 31
-    assert sum(found.values()) == sum(disjoint_reasons(histogram(PAIR)).values())
-    assert [pixels for _, pixels in combinations(block, "shading")] == sorted(found.values(), reverse=True)
-    of_surface = dict(combinations(block, "surface"))
-    assert of_surface["disoccluded",] == 90 and ("lit",) not in of_surface

@@ -74,7 +74,7 @@ def test_check_of_an_export_without_light_has_no_fault(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "sky"), [(["--environment", "none"], (0, 0, 0)), (["--sky", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))]
+    ("words", "sky"), [(["--environment", "none"], (0, 0, 0)), (["--environment", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))]
 )
 def test_sky_option(tmp_path, monkeypatch, words, sky):
     qualities = []
@@ -125,11 +125,3 @@ def test_intensities_of_a_job_are_divided_for_watt():
 def test_a_sky_of_three_arguments_is_refused(tmp_path):
     code, _, err = taubench("reference", "render", DEMO, "--out", tmp_path / "o", "--environment", "0.1", "0.2", "0.3")
     assert code == 2 and "0.2 0.3" in err and not (tmp_path / "o").exists()
-
-
-def test_former_command_names_work_with_a_note(renders):
-    for former, current in (("truth check", "reference check"), ("agree", "reference compare")):
-        arguments = [f"exr:{renders}"] if former == "truth check" else [str(renders), str(renders)]
-        done, expected = (CliRunner().invoke(cli, [*name.split(), *arguments]) for name in (former, current))
-        assert (done.return_value, str(done.exception)) == (expected.return_value, str(expected.exception))
-        assert "reference" in done.stderr and done.stdout == expected.stdout

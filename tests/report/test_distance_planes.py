@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -25,6 +26,11 @@ def distances(threshold: float) -> np.ndarray:
     return np.concatenate([[0.0, np.inf], special, *near, random]).astype(np.float32)
 
 
+def expand(reduced: np.ndarray, kept: Sequence[int]) -> np.ndarray:
+    """The inverse of ``Levels.reduced``: the highest kept code at or below a distance.  (...) uint8 -> (...) uint8."""
+    return np.array([0, *kept], dtype=np.uint8)[reduced]
+
+
 @pytest.mark.parametrize("threshold", THRESHOLDS)
 def test_decoded_distances_lie_on_the_side_of_each_level_of_the_original(threshold):
     levels, values = dp.levels_of(threshold), distances(threshold)
@@ -32,7 +38,7 @@ def test_decoded_distances_lie_on_the_side_of_each_level_of_the_original(thresho
     assert len(levels.values) < dp.CODES and levels.values.dtype == np.float32
     for step in range(len(dp.DETAIL)):
         kept = levels.kept_from(step)
-        decoded = dp.expand(levels.reduced(levels.codes(values), step), kept)
+        decoded = expand(levels.reduced(levels.codes(values), step), kept)
         for code in kept:
             np.testing.assert_array_equal(decoded >= code, exact >= np.float64(levels.values[code - 1]))
         np.testing.assert_array_equal(decoded >= levels.home, exact > np.float64(np.float32(threshold)))
@@ -88,8 +94,8 @@ def test_reasons_follow_from_the_planes(step):
     given, levels = pair()
     planes = dp.planes_at(dp.encode(given, levels), levels, step)
     near = levels["position"].lowest_near(step)
-    depth = dp.expand(planes["depth"], levels["position"].kept_from(step, near))
-    position, direct = (dp.expand(planes[n], levels[n].kept_from(step)) for n in ("position", "direct"))
+    depth = expand(planes["depth"], levels["position"].kept_from(step, near))
+    position, direct = (expand(planes[n], levels[n].kept_from(step)) for n in ("position", "direct"))
     nearer, signs = (planes["signs"] & dp.NEARER) != 0, planes["signs"]
     for code in levels["position"].kept_from(step, near):
         limit = np.float64(levels["position"].values[code - 1])

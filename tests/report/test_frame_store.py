@@ -102,13 +102,3 @@ def test_spread_keeps_both_ends_and_always():
     assert spread(tuple(range(100)), 5, None) == [0, 25, 50, 74, 99]
     assert spread(tuple(range(100)), 4, 37) == [0, 37, 50, 99]
     assert spread((1, 2), 5, 2) == [1, 2]
-
-
-def test_images_of_earlier_versions_are_read(tmp_path):
-    record(tmp_path / "run", 2)
-    former, (name, schema) = tmp_path / "run" / frame_store.FOLDER, *frame_store._FORMER.items()
-    index = former / frame_store.INDEX
-    index.write_text(index.read_text().replace(frame_store.SCHEMA, schema))
-    former.rename(tmp_path / "run" / name)
-    stored, why = stored_frames(tmp_path / "run")
-    assert why == "" and stored.frames == (1, 2)

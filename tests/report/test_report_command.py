@@ -57,12 +57,6 @@ def test_errors_are_one_line_with_exit_code_2(run, tmp_path, monkeypatch, capsys
     assert not list(tmp_path.rglob("*.html"))
 
 
-def test_former_name_of_the_images_option(run, tmp_path, capsys):
-    run.save(tmp_path / "run")
-    assert report(tmp_path / "run", "--pictures", "3") == 0
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 def test_evaluate_report_needs_a_folder(capsys):
     with pytest.raises(SystemExit) as done:
         main(["evaluate", "scene.glb", "--report"])

@@ -137,13 +137,6 @@ def test_every_builtin_method_with_history_reports_it():
     assert silent <= {"oidn", "fsr2-class"}  # filters one frame; blends tone-mapped colors at another size
 
 
-def test_former_name_of_ideal_masks(capsys):
-    assert load_method("oracle").name == "ideal-masks"
-    assert "ideal-masks" in capsys.readouterr().err
-    done = evaluate(still(), ["oracle@cap=4"], (0, 3))
-    assert list(done.summary["methods"]) == ["ideal-masks@cap=4"] and not done.failed
-
-
 @pytest.mark.parametrize(
     "scene",
     [

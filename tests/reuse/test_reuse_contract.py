@@ -230,12 +230,6 @@ def test_empty_folder_is_no_method(tmp_path):
     assert caught.value.where == str(tmp_path / "method.toml")
 
 
-def test_former_input_name_is_accepted_with_a_note(tmp_path, capsys):
-    toml = PLAIN_TOML.replace('"radiance"', '"radiance", "truth_mask"')
-    method = load_method(write_method(tmp_path / "m", toml, a=PLAIN_GLSL))
-    assert method.reads == ("radiance", "exact_mask") and capsys.readouterr().err.count("\n") == 1
-
-
 def test_validation_opens_no_context():
     code = (
         "import sys; import moderngl; moderngl.create_context = None; from taubench_gl.reuse.loading import *\n"

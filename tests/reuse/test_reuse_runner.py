@@ -43,8 +43,8 @@ def test_history_starts_at_zero_at_first_frames_cuts_and_resets(gpu, tmp_path):
         assert read_result(runner.step(uploader.frame(steps[5])))[0, 0, 0] == 1
         # A sequence that starts again from frame 0 has no history either.
         assert read_result(runner.step(uploader.frame(steps[0])))[0, 0, 1] == 0
-        other = (24, 10)
-        runner.resize(other)
+    other = (24, 10)
+    with MethodRunner(gpu, str(folder), other) as runner:
         assert runner.bytes == other[0] * other[1] * (16 + 2 * 4)
         with pytest.raises(MethodError, match=r"40x23.*24x10"):
             runner.step(uploader.frame(steps[0]))

@@ -1,4 +1,4 @@
-"""``taubench-gl selftest``: rows, verdict, exit code, JSON, former names."""
+"""``taubench-gl selftest``: rows, verdict, exit code, JSON."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from taubench_gl.apps import cli
 from taubench_gl.selftest import camera
 from taubench_gl.selftest.case import REGISTRY, Case, Outcome
-from taubench_gl.selftest.runner import FORMER_NAMES, cases, run_case
+from taubench_gl.selftest.runner import run_case
 
 
 @pytest.fixture
@@ -99,9 +99,3 @@ def test_gl_error_fails_the_case():
     one = Case("x", "camera", "w", "e", "h", 0.0, "s", lambda b: Outcome(0, 0, 0.0))
     result = run_case(one, Bench())
     assert not result.passed and "GL_INVALID_OPERATION" in result.failure
-
-
-def test_former_names_of_cases_are_accepted(run):
-    assert set(FORMER_NAMES.values()) <= {one.name for one in cases()}
-    code, out, err = run("--list", "--only", "twin-camera")
-    assert code == 0 and "reference-camera" in out and err.count("\n") == 1

@@ -15,7 +15,6 @@ from taubench_gl.settings import Settings
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.actions import (
     ACTIONS,
-    FORMER_ACTIONS,
     KEYS,
     MOVEMENT,
     help_lines,
@@ -328,21 +327,6 @@ def test_preferences_that_cannot_be_written_return_a_note(tmp_path):
 
 def test_overlays_have_the_keys_of_frames_csv():
     assert {"frustum", "position", "normal", "disoccluded", "lit", "history_sky"} <= set(OVERLAYS)
-
-
-def test_former_names_of_variables_and_values_still_work(capsys):
-    s = state(channels=("headlight", "object_motion"), channel="object_motion")
-    set_variable(s, "channel", "shape")
-    assert s.channel == "headlight"
-    set_variable(s, "channel", "motion_error")
-    assert s.channel == "object_motion"
-    set_variable(s, "section.picture", "off")
-    assert not s.sections["image"]
-    assert capsys.readouterr().err.count(" is now ") == 3
-
-
-def test_former_actions_name_current_ones():
-    assert set(FORMER_ACTIONS.values()) <= set(ACTIONS) and not set(FORMER_ACTIONS) & set(ACTIONS)
 
 
 def test_a_feed_of_the_viewer_resolves_its_lighting(gpu):

@@ -40,14 +40,6 @@ def test_errors_name_their_line(drive, text, line):
     assert error.value.where.endswith(f"script.txt:{line}")
 
 
-def test_former_names_in_scripts(drive, capsys):
-    driven = drive()
-    former = "minimise\nresize 700 500\naction next picture\nexpect picture.width == 96\naction motion error"
-    driven.run(former)
-    assert driven.state.channel == "object_motion"
-    assert capsys.readouterr().err.count(" is now ") == 4
-
-
 def test_unreadable_scripts(tmp_path):
     pytest.importorskip("imgui_bundle")
     from taubench_gl.viewer.script import parse

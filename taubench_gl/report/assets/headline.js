@@ -1,5 +1,5 @@
 // The reusable pixels at the thresholds of the page, from the stored distances of every frame with images: the sentence,
-// the rates and the reasons that occur together.  The words are those of report/reusable.py and report/upset.py.
+// the rates and the bars of the reasons.  The words are those of report/reusable.py and run.html.
 
 const KEPT_BYTES = 2 ** 27; // of decoded frames, so that dragging does not decode them again
 const SLICE_MS = 12;
@@ -28,8 +28,8 @@ async function countFrames(run, bits, wanted, progress) {
   return out;
 }
 
-// Means over the frames in % of all pixels: {rates: {rate: {mean, low, high}}, rate, shares: {reason: %}, together}, where
-// `rate` is the one that the reasons refer to, and `together` as from report/upset.py, the largest first.
+// Means over the frames in % of all pixels: {rates: {rate: {mean, low, high}}, rate, shares: {reason: %}}, where `rate` is
+// the one that the disjoint reasons refer to.
 function summarizeFrames(frames, run, state) {
   const mean = (values) => values.reduce((sum, v) => sum + v, 0) / values.length;
   const rates = {};
@@ -40,24 +40,15 @@ function summarizeFrames(frames, run, state) {
     last = reason;
   }
   if (!last) return { rates, rate: null };
-  const { bits } = state, terms = state.reuse.terms.filter((term) => last.of === "shading" || !term.light);
-  const shares = Object.fromEntries(terms.map((term) => [term.name, 0])), together = new Map();
-  let all = 0;
+  const terms = state.reuse.terms.filter((term) => last.of === "shading" || !term.light);
+  const shares = Object.fromEntries(terms.map((term) => [term.name, 0]));
   for (const frame of frames) {
-    all += frame.pixels;
-    for (const [recorded, pixels] of frame.counts) {
-      let word = recorded;
+    for (const [word, pixels] of frame.counts) {
       if (!(word & last.bits)) continue;
       shares[terms.find((term) => word & term.bits).name] += (100 * pixels) / frame.pixels / frames.length;
-      if (word & (bits.disoccluded | bits.occluding)) word &= ~bits.features.position;
-      if (word & (bits.lit | bits.shadowed)) word &= ~bits.features.direct;
-      const key = terms.flatMap((term, k) => (word & term.bits ? [k] : [])).join();
-      together.set(key, (together.get(key) || 0) + pixels);
     }
   }
-  const sets = [...together].map(([key, pixels]) => ({ places: key.split(",").map(Number), share: (100 * pixels) / all }));
-  const order = (a, b) => b.share - a.share || a.places.length - b.places.length || a.places.reduce((r, p, k) => r || p - b.places[k], 0);
-  return { rates, rate: last.of, shares, together: sets.sort(order).map(({ places, share }) => ({ names: places.map((k) => terms[k].name), share })) };
+  return { rates, rate: last.of, shares };
 }
 
 // report/reusable.py, sentence.
@@ -84,42 +75,19 @@ function percentText(value) {
   return `${fixed(value, value === 0 || value === 100 ? 0 : 1)} %`;
 }
 
-// report/upset.py: the largest sets in words, and the plot, null where one reason is all there is.
-function upsetText({ together: found }, { terms, most }) {
-  const joined = (names) => names.map((name) => terms.find((t) => t.name === name).label).join(" and ");
-  if (!found.length) return "Every pixel is reusable.";
-  if (new Set(found.flatMap((one) => one.names)).size === 1) return `The only reason is ${joined(found[0].names)}, ${fixed(found[0].share, 2)} % of all pixels.`;
-  const rest = found.slice(most);
-  return `Reasons that occur together, % of all pixels: ${found.slice(0, 5).map((one) => `${joined(one.names)} ${fixed(one.share, 2)} %`).join(", ")}`
-    + (rest.length ? `; ${rest.length} more combinations, ${fixed(rest.reduce((sum, one) => sum + one.share, 0), 2)} % in all, are not in the plot.` : ".");
+// The bars of run.html: the disjoint reasons, the largest first, and the line below them.
+function reasonBars({ shares }, { terms }) {
+  const rows = terms.filter(({ name }) => shares[name] > 0).sort((a, b) => shares[b.name] - shares[a.name]);
+  const most = rows.length ? shares[rows[0].name] : 1;
+  const table = el("table", { class: "bars", "aria-label": "Why pixels are not reusable" }, el("tbody", {}, ...rows.map(({ name, label }) => {
+    const bar = el("i");
+    bar.style.width = `${(100 * shares[name]) / most}%`;
+    return el("tr", {}, el("th", { scope: "row" }, label), el("td", {}, `${exact(shares[name])} %`), el("td", { class: "bar" }, bar));
+  })));
+  const words = rows.length ? "Why pixels are not reusable, % of all pixels. A pixel counts once, under its first reason." : "Every pixel is reusable.";
+  return [...(rows.length ? [table] : []), el("figcaption", { class: "muted" }, words)];
 }
-function upsetPlot({ together: found }, { terms, most }, label) {
-  const shown = found.slice(0, most), rows = terms.filter((term) => shown.some((one) => one.names.includes(term.name)));
-  if (rows.length < 2) return null;
-  const sums = rows.map((term) => found.reduce((sum, one) => sum + (one.names.includes(term.name) ? one.share : 0), 0));
-  const STEP = 36, ROW = 30, top = 150, bars = 120, left = bars + 180, right = left + STEP * shown.length;
-  const width = right + 2, height = top + ROW * rows.length + 12;
-  const root = svg("svg", { class: "upset", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label, fill: "currentColor" });
-  root.style.maxWidth = `${width}px`;
-  const tall = linearScale(0, Math.max(...shown.map((one) => one.share)), top - 12, 34);
-  const long = linearScale(0, Math.max(...sums), bars, 48);
-  root.append(text(left - 8, 40, "% of all pixels", { "text-anchor": "end" }), text(bars, top - 12, "in all, %", { "text-anchor": "end" }));
-  rows.forEach((term, k) => {
-    const y = top + ROW * (k + 0.5);
-    if (k % 2 === 0) root.append(svg("rect", { x: left, y: y - ROW / 2, width: right - left, height: ROW, opacity: 0.07 }));
-    root.append(svg("rect", { x: long(sums[k]), y: y - ROW / 4, width: bars - long(sums[k]), height: ROW / 2 }),
-      text(long(sums[k]) - 6, y + 4, fixed(sums[k], 2), { "text-anchor": "end" }), text(left - 10, y + 4, term.label, { "text-anchor": "end" }));
-  });
-  shown.forEach((one, k) => {
-    const x = left + STEP * (k + 0.5), member = rows.map((term) => one.names.includes(term.name));
-    const y = (i) => top + ROW * (i + 0.5);
-    root.append(svg("rect", { x: x - STEP / 4, y: tall(one.share), width: STEP / 2, height: top - 12 - tall(one.share) }),
-      text(x, tall(one.share) - 6, fixed(one.share, 2), { "text-anchor": "middle" }));
-    root.append(svg("line", { x1: x, x2: x, y1: y(member.indexOf(true)), y2: y(member.lastIndexOf(true)), stroke: "currentColor", "stroke-width": 2 }));
-    member.forEach((on, i) => root.append(svg("circle", { cx: x, cy: y(i), r: 7, opacity: on ? 1 : 0.15 })));
-  });
-  return root;
-}
+function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : fixed(value, 2); }
 
 // Links the headline `box` of a run: thresholds() counts again; at the thresholds of the run it shows the recorded values.
 function makeHeadline(box, run, state) {
@@ -143,7 +111,7 @@ function makeHeadline(box, run, state) {
   }
 
   function show(counted) {
-    const found = summarizeFrames(counted.frames, run, state), words = upsetText(found, state.reuse);
+    const found = summarizeFrames(counted.frames, run, state);
     const line = `${reuseSentence(found, state.reuse)}${found.rate === "shading" ? "" : " (light was not measured)"}.`;
     sentence.textContent = line[0].toUpperCase() + line.slice(1);
     for (const [rate, { mean, low, high }] of Object.entries(found.rates)) {
@@ -151,12 +119,9 @@ function makeHeadline(box, run, state) {
       of.querySelector(".big").replaceChildren(exact(mean), el("small", {}, " %"));
       of.querySelector(".small").textContent = `${exact(low)} to ${exact(high)} %`;
     }
-    const plot = upsetPlot(found, state.reuse, words);
-    const scroll = plot && el("div", { class: "wide", tabindex: "0", role: "region", "aria-label": "Reasons that occur together" }, plot);
-    figure.replaceChildren(...(scroll ? [scroll] : []), el("figcaption", { class: "muted" }, words));
+    figure.replaceChildren(...reasonBars(found, state.reuse));
     note.textContent = coverage(counted);
   }
-  function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : fixed(value, 2); }
 
   return {
     async thresholds() {

@@ -35,7 +35,6 @@ MAX_FRAMES = 100_000
 
 _RATE = re.compile(r"@(\d+(?:\.\d+)?)$")
 _PLACE = re.compile(r"%0?\d*d|\*")
-_NUMBER = re.compile(r"(\d+)(?=\D*$)")
 
 
 def is_sequence(text: str) -> bool:
