@@ -322,7 +322,7 @@ def environment_options(command: Any) -> Any:
         of_settings(
             "--light-unit",
             "Unit of punctual lights.  watt: intensities divided by 683, as Blender exports them.  candela: as "
-            "written.  auto: watt for files of Blender's exporter 3.6 or newer.  [default: auto]",
+            "written.  auto: watt for files of Blender's exporter 3.4 or newer.  [default: auto]",
             type=click.Choice(LIGHT_UNITS),
             show_default=False,
         ),

@@ -8,20 +8,15 @@ radiance of such a file in W/(sr m2), as Cycles renders it, needs the intensitie
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import Any
 
+from taubench_gl.scene.gltf.blender import LUMENS_PER_WATT, exporter_version
 from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
 
-LUMENS_PER_WATT = 683.0
-"""Luminous efficacy at 555 nm, ``PBR_WATTS_TO_LUMENS`` of Blender's exporter."""
-
-WATT_SINCE = (3, 6)
-"""First version of Blender's glTF exporter that writes 683 lm for each watt."""
-
-_BLENDER = re.compile(r"Khronos glTF Blender I/O v(\d+)\.(\d+)")
+WATT_SINCE = (3, 4)
+"""First version of Blender's glTF exporter that writes 683 lm for each watt: 3.4.40, released with Blender 3.4."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +90,11 @@ def unit_divisor(unit: str) -> float:
 
 def light_unit_of(scene: Scene) -> Choice:
     """The light unit that ``auto`` stands for."""
-    found = _BLENDER.match(scene.generator)
-    if found and (int(found[1]), int(found[2])) >= WATT_SINCE:
+    version = exporter_version(scene.generator)
+    if version is not None and version >= WATT_SINCE:
         return Choice("watt", f"written by {_named(scene)}: {LUMENS_PER_WATT:g} lm for each watt")
-    if found:
-        return Choice("candela", f"written by {_named(scene)}, older than 3.6")
+    if version is not None:
+        return Choice("candela", f"written by {_named(scene)}, older than {WATT_SINCE[0]}.{WATT_SINCE[1]}")
     return Choice("candela", f"written by {_named(scene)}" if scene.generator else "the file names no generator")
 
 

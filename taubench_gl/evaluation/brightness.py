@@ -1,4 +1,4 @@
-"""Pixels that clip, are black or are noisy, counted in the first, middle and last evaluated frame of a run."""
+"""Pixels that clip, are black, noisy or behind culled backs: counts of the first, middle and last frame of a run."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ BLACK_RADIANCE = BLACK / 12.92
 WHITE = 1.0 - 1e-4
 """Display color, or radiance times exposure, from which a channel clips: 1 less rounding."""
 
-MOST_CLIPPED, MOST_BLACK, MOST_NOISY = 0.2, 0.9, 0.01
-"""Shares above which a run has a note: of lit pixels, of all pixels, of all pixels."""
+MOST_CLIPPED, MOST_BLACK, MOST_NOISY, MOST_BEHIND = 0.2, 0.9, 0.01, 0.01
+"""Shares above which a run has a note: of lit pixels, and three of all pixels."""
 
 
 @dataclass(slots=True)
@@ -31,7 +31,7 @@ class Brightness:
     """Counts of pixels.  Lit: of a surface, not black.  Clipped: lit, a channel is at white.
 
     Noisy: the standard error of path-traced direct or indirect luminance, times exposure and sqrt(2) for the difference
-    of two frames, is above the threshold.
+    of two frames, is above the threshold.  Behind: seen through a culled back of a face that casts shadows.
     """
 
     frames: int = 0
@@ -40,6 +40,7 @@ class Brightness:
     lit: int = 0
     clipped: int = 0
     noisy: int = 0
+    behind: int = 0
 
     def add(self, other: Mapping[str, int]) -> None:
         """Add the counts of ``as_dict``."""
@@ -66,7 +67,7 @@ class Brightness:
         if "path_info" in textures:
             noisy = noise_of_a_sample(textures, settings) > np.sqrt(settings.lighting.path_samples)
         counts = {"pixels": top.size, "black": dark.sum(), "lit": lit.sum(), "clipped": clipped.sum()}
-        counts["noisy"] = noisy.sum()
+        counts |= {"noisy": noisy.sum(), "behind": source.hidden_backs()}
         self.add({"frames": 1} | {name: int(count) for name, count in counts.items()})
 
     def as_dict(self) -> dict[str, int]:
@@ -74,7 +75,7 @@ class Brightness:
         return asdict(self)
 
     def notes(self, settings: Settings, unit_reason: str = "") -> list[str]:
-        """At most one line each on clipped, black and noisy pixels.  ``unit_reason``: why the light unit was chosen."""
+        """At most one line for each kind.  ``unit_reason``: why the light unit was chosen."""
         exposure = f"exposure {settings.lighting.exposure_factor:.4g}"
         where = f"in {self.frames} frame{'s' if self.frames != 1 else ''}"
         notes = []
@@ -94,6 +95,10 @@ class Brightness:
             spp = settings.lighting.path_samples
             what = f"noise of path-traced light exceeds a threshold in {share:.0f} % of pixels {where} at {spp} samples"
             notes.append(f"{what}: where something moves, columns of light are too high; give a higher --spp")
+        if self.behind > MOST_BEHIND * self.pixels:
+            share = 100.0 * self.behind / self.pixels
+            what = f"{share:.0f} % of pixels {where} are seen through backs of single-sided faces"
+            notes.append(f"{what}, which cast shadows but are not drawn: --culling none draws them")
         return notes
 
 

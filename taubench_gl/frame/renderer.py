@@ -151,6 +151,10 @@ class Renderer:
         extent = np.linalg.norm(placement.relative[:, :3, 3], axis=1)
         return in_view(view.clip_from_relative(*self.size), centers - view.position, radii, extent)
 
+    def hidden_backs(self) -> int:
+        """Pixels of the frame drawn last whose surface is seen through the culled back of a face."""
+        return self._gbuffer.hidden_backs(self.frame)
+
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:
         """A channel of the current (or previous) frame in the renderer's own history.
 

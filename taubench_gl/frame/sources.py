@@ -58,6 +58,9 @@ class Source(Protocol):
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:
         """A channel as (h, w, components), row 0 at the top."""
 
+    def hidden_backs(self) -> int:
+        """Pixels of the current frame that are seen through a culled back of a face that casts shadows."""
+
     def describe(self) -> dict[str, Any]:
         """Summary blocks that depend on the kind of source: ``effects``, ``memory``."""
 
@@ -219,6 +222,10 @@ class RasterSource:
 
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:
         return read_channel((self.previous if previous else self.current)[name], name)
+
+    def hidden_backs(self) -> int:
+        occluded = any(self.effects[name].enabled for name in ("shadows", "path_traced"))
+        return self.renderer.hidden_backs() if occluded else 0
 
     def previous_position(self, position: np.ndarray) -> np.ndarray | None:
         """Where the surface point at ``position`` was in the previous frame, both relative to the current camera.

@@ -116,6 +116,9 @@ class PathTracedSource:
         out[..., : values.shape[-1]] = values
         return out
 
+    def hidden_backs(self) -> int:
+        return 0  # unknown
+
     def describe(self) -> dict[str, Any]:
         """The summary blocks ``effects`` (none) and ``path_traced``: the source of camera and passes."""
         index = self.sequence.index

@@ -160,6 +160,10 @@ REMARKS: dict[str, Kind] = {
     "channel-unknown-path": Kind("animation channel{s} of unknown path", "ignored"),
     "not-animated": Kind("animation channel{s} of a property that is not animated here", "constant"),
     "interpolation-number": Kind("animation sampler{s} with a number as interpolation", "LINEAR is used"),
+    "blender-intensity": Kind("light{s} whose intensity Blender's exporter animates in another unit than the light's",
+                              "keys in the unit of the light"),
+    "blender-cone": Kind("spot light{s} whose cone Blender's exporter animates by its blend or by invalid pointers",
+                         "read as cone angles"),
     "repeated-key": Kind("key{s} with the same time as a later key", "the later key is used"),
 }  # fmt: skip
 """Kind of a remark -> its words."""

@@ -37,7 +37,7 @@ def scene(generator: str = "", *, lights: int = 0, image_based: bool = False, dr
         ("Khronos glTF Blender I/O v3.6.28", "watt"),
         ("Khronos glTF Blender I/O v4.5.51", "watt"),
         ("Khronos glTF Blender I/O v10.0.1", "watt"),
-        ("Khronos glTF Blender I/O v3.5.30", "candela"),
+        ("Khronos glTF Blender I/O v3.4.50", "watt"),
         ("Khronos glTF Blender I/O v3.3.27", "candela"),
         ("Khronos glTF Blender I/O v0.9.36", "candela"),
         ("Khronos Blender glTF 2.0 exporter", "candela"),

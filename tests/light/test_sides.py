@@ -1,4 +1,4 @@
-"""Which side of a surface light falls on: two-sided, mirrored and normal-mapped surfaces against the closed form."""
+"""Which side of a surface light falls on, and which stop it: two-sided, mirrored, normal-mapped and culled surfaces."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from light_tools import facing, lambert, look, picture, worst
+from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
 
 from taubench_gl import math3d
-from taubench_gl.scene.model import Image, Scene, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, quad, sphere
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.scene.model import Channel, Image, Scene, Texture
+from taubench_gl.selftest.scenes import SceneBuilder, quad, sphere, turn_x
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 ALBEDO = 0.5
 SUN = math3d.normalize(np.array([0.3, 0.4, 1.0]))
@@ -80,3 +82,58 @@ def test_a_normal_map_turns_the_light(gpu, degrees, eye_side, double_sided):
     n = n if eye_side > 0 else -n
     expected = np.full(shot.direct.shape, ALBEDO / np.pi * 2.0 * max(0.0, float(n @ sun)))
     assert shot.surface.all() and worst(shot.direct, expected, shot.surface) < 5e-3
+
+
+# ------------------------------------------------------------------------------------------------------- culled backs
+def roofed(side: float, *, double_sided: bool = False, eye: str = "below") -> Scene:
+    """A floor, a sheet of 2 x 2 m 1 m above it whose front is up (1) or down (-1), and a sun right above both."""
+    b = SceneBuilder()
+    floor(b, material=lambert(b, ALBEDO))
+    sheet = b.mesh(quad(1.0, 1.0, material=lambert(b, ALBEDO, double_sided=double_sided)))
+    b.node(mesh=sheet, translation=(0.0, 1.0, 0.0), rotation=turn_x(-90.0 * side))
+    b.light(rotation=turn_x(-90.0), kind="directional", intensity=2.0)
+    look_down(b, 2.0, height=0.5 if eye == "below" else 8.0)
+    return b.build()
+
+
+METHODS = {"raster": {"shadow_size": 512}, "path-traced": {"spp": 4, "bounces": 1}}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("side", "double_sided", "eye"), [
+    (1.0, False, "below"), (-1.0, False, "below"), (1.0, True, "below"), (-1.0, False, "above"),
+])  # fmt: skip
+def test_both_sides_of_a_face_stop_light(gpu, method, side, double_sided, eye):
+    """Culling is the camera's alone: whichever side is towards the light or the camera, the shadow is the same."""
+    scene = roofed(side, double_sided=double_sided, eye=eye)
+    shot = picture(gpu, scene, light=method, exposure=1.0, environment="none", **METHODS[method])
+    x, z = shot.points[..., 0], shot.points[..., 2]
+    under = np.maximum(np.abs(x), np.abs(z)) < 0.95
+    free = np.maximum(np.abs(x), np.abs(z)) > 1.05
+    assert shot.surface.all() and np.abs(shot.points[..., 1]).max() < 1e-4, "only the floor is seen"
+    assert under.sum() > 300 and np.all(shot.direct[under] == 0.0)
+    np.testing.assert_allclose(shot.direct[free], ALBEDO / np.pi * 2.0, rtol=5e-3)
+
+
+@pytest.mark.parametrize(("side", "double_sided", "eye", "pixels"), [
+    (-1.0, False, "above", 24 * 24), (1.0, False, "above", 0), (-1.0, True, "above", 0), (-1.0, False, "below", 0),
+])  # fmt: skip
+def test_pixels_seen_through_culled_backs_are_counted(gpu, side, double_sided, eye, pixels):
+    """48 rows of pixels are 4 m.  Counting changes neither this frame nor the next."""
+    with opened(gpu, roofed(side, double_sided=double_sided, eye=eye)) as source:
+        before = shoot(source)
+        assert source.hidden_backs() == pixels
+        np.testing.assert_array_equal(source.read("direct")[..., :3], before.direct)
+        np.testing.assert_array_equal(shoot(source).direct, before.direct)
+    with opened(gpu, roofed(side, double_sided=double_sided, eye=eye), shadow_lights=0) as source:
+        shoot(source)
+        assert source.hidden_backs() == 0, "nothing casts shadows"
+
+
+def test_a_run_notes_pixels_seen_through_culled_backs():
+    still = Channel("node", 0, "scale", "LINEAR", np.array([0.0, 1.0]), np.ones((2, 3)))
+    scene = dataclasses.replace(roofed(-1.0, eye="above"), channels=(still,))
+    settings = Settings(**FIXED_LIGHTING, width=64, height=48, columns=("direct",), frames=(0, 2), camera=0)
+    found = {culling: evaluate_scene(scene, settings.replace(culling=culling)).summary for culling in ("gltf", "none")}
+    assert [run["brightness"]["behind"] for run in found.values()] == [24 * 24, 0]
+    assert [sum("--culling none" in note for note in run["notes"]) for run in found.values()] == [1, 0]

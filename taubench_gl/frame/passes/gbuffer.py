@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.context import FrameContext
@@ -129,7 +132,10 @@ class GBufferPass:
         ctx.depth_func = ">"
         prepass = PIXELS_PER_TRIANGLE * buffers.shown_triangles <= targets.size[0] * targets.size[1]
         if prepass:
-            self._draw_depth(frame)
+            target = self._depth_target(frame)
+            target.use()
+            target.clear(depth=0.0)  # infinitely far, reversed Z
+            self._draw_depth(frame, buffers.seen_groups)
         targets.framebuffer.use()
         targets.framebuffer.depth_mask = not prepass  # keep the depth of the pre-pass
         targets.clear()
@@ -147,17 +153,39 @@ class GBufferPass:
         drawn = (texture for name, texture in targets.textures.items() if CHANNELS[name].attachment)
         hazards.wrote(drawn, drawn=True)
 
-    def _draw_depth(self, frame: FrameContext) -> None:
-        """Depth of what no alpha mask cuts out, from infinitely far (0, reversed Z)."""
-        ctx = self._gpu.ctx
+    def hidden_backs(self, frame: FrameContext) -> int:
+        """Pixels of the frame of the last ``run`` whose surface is seen through a culled back.
+
+        Draws the backs into the frame's depth, which nothing reads later.  Those that alpha masks cut out do not count.
+        """
+        ctx, groups = self._gpu.ctx, [group for group in frame.buffers.seen_groups if group.cull]
+        if not groups:
+            return 0
+        target = self._depth_target(frame)
+        drawn = np.frombuffer(target.read(components=1, attachment=-1, dtype="f4"), np.float32)
+        target.use()
+        self._frame.bind_to_uniform_block(self._raster.bindings["F"])
+        ctx.enable_only(ctx.DEPTH_TEST)
+        ctx.depth_func = ">"
+        self._draw_depth(frame, [replace(group, mirrored=not group.mirrored) for group in groups])
+        ctx.front_face = "ccw"
+        ctx.disable(ctx.CULL_FACE)
+        nearest = np.frombuffer(target.read(components=1, attachment=-1, dtype="f4"), np.float32)
+        return int(np.count_nonzero((drawn > 0.0) & (nearest > drawn)))
+
+    def _depth_target(self, frame: FrameContext) -> moderngl.Framebuffer:
+        """The depth of a frame without its channels."""
         depth = frame.targets.framebuffer.depth_attachment
         if self._depth is None or self._depth.depth_attachment is not depth:
             self._release_depth()
-            self._depth = ctx.framebuffer((), depth)
-        self._depth.use()
-        self._depth.clear(depth=0.0)
+            self._depth = self._gpu.ctx.framebuffer((), depth)
+        return self._depth
+
+    def _draw_depth(self, frame: FrameContext, groups: Iterable[Group]) -> None:
+        """Depth of what no alpha mask cuts out, a little too far away."""
+        ctx = self._gpu.ctx
         ctx.polygon_offset = PREPASS_OFFSET
-        for group in frame.buffers.seen_groups:
+        for group in groups:
             if not frame.materials.keys[group.material + 1].alpha_test:
                 set_facing(ctx, group)
                 variant = geometry_variant(MaterialKey((), False, False), group.posed)

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.scene.gltf.blender import intensity_factor
+
 _MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
 _VISIBILITY, _POINTER = "KHR_node_visibility", "KHR_animation_pointer"
 _FLOAT, _UNSIGNED_BYTE = 5126, 5121
 _INTENSITY = re.compile(r"/extensions/KHR_lights_punctual/lights/(\d+)/intensity")
-_LUMENS_PER_WATT = 683.0
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -79,7 +80,7 @@ class Glb:
     def match_intensities(self) -> None:
         """Scale animated light intensities to the value of the light, which is that of the first key.
 
-        Blender 4.5's exporter leaves out the factor 1 / (4 pi) of points and spots, 683 of suns, and the exposure.
+        Blender's exporter leaves out the factors of ``scene.gltf.blender`` and the exposure of the light.
         """
         lights = self.root.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", ())
         for animation in self.root.get("animations", ()):
@@ -90,7 +91,7 @@ class Glb:
                     continue
                 light = lights[int(found[1])]
                 values = self._floats(animation["samplers"][channel["sampler"]]["output"])
-                usual = _LUMENS_PER_WATT if light["type"] == "directional" else 1.0 / (4.0 * np.pi)
+                usual = intensity_factor(light["type"])
                 values *= np.float32(light["intensity"] / values[0] if values[0] > 0 else usual)
 
     def hide(self, visible: dict[str, list[bool]], fps: float) -> None:

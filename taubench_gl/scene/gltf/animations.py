@@ -11,6 +11,7 @@ import numpy as np
 from taubench_gl.scene.files import shortened
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import FLOAT, Accessors
+from taubench_gl.scene.gltf.blender import CONES, means_blender
 from taubench_gl.scene.gltf.document import Document
 from taubench_gl.scene.gltf.nodes import LIGHTS, check_quaternions, pick, punctual_lights
 from taubench_gl.scene.model import Animation, Channel, Mesh
@@ -79,6 +80,8 @@ def _resolve(
     if lights is None or index >= len(lights.lights):
         document.repair("channel-ignored", "refers to a light that does not exist", pointer)
         return []
+    if path in CONES and means_blender(document):
+        return [Target("light", index, path, 1)]
     return [Target("light", index, *_LIGHT[path])] if path in _LIGHT else []
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from taubench_gl.scene.files import find_referenced
 from taubench_gl.scene.gltf.accessors import Accessors
 from taubench_gl.scene.gltf.animations import AnimationReader, choose_animations
+from taubench_gl.scene.gltf.blender import light_keys
 from taubench_gl.scene.gltf.document import Document, open_document
 from taubench_gl.scene.gltf.extensions import check_extensions, unsimulated
 from taubench_gl.scene.gltf.materials import MaterialReader
@@ -51,7 +52,8 @@ def read_gltf(
     skins = read_skins(document, accessors, parent)
     cameras, lights = read_cameras(document), read_lights(document)
     nodes = read_nodes(document, accessors, parent, in_scene, NodeTargets(meshes, skins, lights))
-    animations = AnimationReader(document, accessors, meshes).read()
+    written = AnimationReader(document, accessors, meshes).read()
+    animations = tuple(replace(a, channels=light_keys(document, a.channels, lights)) for a in written)
     channels, playing = choose_animations(document, animations, animation)
     own = _own_extras(document)
     if CONSTANT_LIGHTS in own:

@@ -1,0 +1,220 @@
+"""Keys of lights that Blender's glTF exporter writes in other units than the lights themselves.
+
+The numbers are those of files that bpy 4.2.23, 4.5.15 and 5.0.1 wrote (exporter 4.2.83, 4.5.51 and 5.0.21, which agree)
+with export_pointer_animation and export_animation_mode SCENE: a point light of 100 W, a spot light of 200 W (size 1.2,
+blend 0.25) and a sun of 2 W/m2, strengths keyed to double by frame 5.  ``BLEND`` and ``ANGLE``: of blend and size.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gltf_builders import LIGHT, pointer
+from gltf_files import Gltf
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.gltf.blender import KEYS_SEEN, KEYS_SINCE
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+POINT, SPOT, SUN = range(3)
+TIMES = np.arange(1, 6) / 24
+RISE = np.array([1.0, 1.15625, 1.5, 1.84375, 2.0])
+STATIC = (5435.141306588225, 10870.28261317645, 1366.0)
+INNER, OUTER = 0.45000001788139343, 0.6000000238418579
+KEYS = (68300.0 * RISE, 136600.0 * RISE, 2.0 * RISE)
+BLEND = np.array([0.25, 0.2890625, 0.375, 0.4609375, 0.5])
+ANGLE = np.array([0.6, 0.609375, 0.63, 0.650625, 0.66])
+VERSIONS = ["4.2.83", "4.5.51", "5.0.21", "5.3.18"]
+
+
+def written(version: str = "5.0.21", static=STATIC, keys=KEYS, program: str = "Khronos glTF Blender I/O v") -> Gltf:
+    gltf = Gltf()
+    gltf.json["asset"]["generator"] = program + version
+    cone = {"innerConeAngle": INNER, "outerConeAngle": OUTER}
+    kinds = ({"type": "point"}, {"type": "spot", "spot": cone}, {"type": "directional"})
+    gltf.extension("KHR_lights_punctual", {"lights": [{"intensity": i} | k for i, k in zip(static, kinds)]})
+    gltf.extension("KHR_animation_pointer")
+    for light in range(3):
+        gltf.node(extensions={"KHR_lights_punctual": {"light": light}})
+    for light, values in enumerate(keys):
+        gltf.animation(pointer(f"{LIGHT[:-1]}{light}/intensity"), TIMES, values)
+    return gltf
+
+
+def keys_of(scene: Scene, light: int, path: str = "intensity") -> np.ndarray:
+    (found,) = [c for c in scene.channels if (c.target, c.index, c.path) == ("light", light, path)]
+    return found.values[:, 0]
+
+
+def counts(scene: Scene) -> dict[str, int]:
+    return {note.kind: note.count for note in scene.notes if note.kind}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_intensities_are_in_the_unit_of_the_light(tmp_path: Path, version: str) -> None:
+    scene = load_scene(written(version).save(tmp_path))
+    for light, static in enumerate(STATIC):
+        np.testing.assert_allclose(keys_of(scene, light), static * RISE, rtol=1e-6)
+    assert counts(scene) == {"blender-intensity": 3}
+
+
+@pytest.mark.parametrize("fields", [{"version": "4.1.63"}, {"program": "another exporter v"}])
+def test_other_programs_are_read_as_written(tmp_path: Path, fields: dict) -> None:
+    scene = load_scene(written(**fields).save(tmp_path))
+    for light, keys in enumerate(KEYS):
+        np.testing.assert_allclose(keys_of(scene, light), keys, rtol=1e-6)
+    assert counts(scene) == {}
+
+
+def test_strict_reads_by_the_book(tmp_path: Path) -> None:
+    gltf = written()
+    gltf.animation(pointer(f"{LIGHT}/spot.outerConeAngle"), TIMES, ANGLE)
+    scene = load_scene(gltf.save(tmp_path), strict=True)
+    for light, keys in enumerate(KEYS):
+        np.testing.assert_allclose(keys_of(scene, light), keys, rtol=1e-6)
+    assert counts(scene) == {"not-animated": 1}
+
+
+def test_a_light_that_is_off_in_the_first_frame(tmp_path: Path) -> None:
+    fade = np.linspace(0.0, 1.0, 5)
+    gltf = written(static=(0.0, 0.0, 0.0), keys=(68300.0 * fade, 136600.0 * fade, 2.0 * fade))
+    scene = load_scene(gltf.save(tmp_path))
+    for light, static in enumerate(STATIC):
+        np.testing.assert_allclose(keys_of(scene, light), static * fade, rtol=1e-6)
+
+
+def test_the_light_is_written_at_another_frame(tmp_path: Path) -> None:
+    """Option "Use Current Frame": the light's own strength is that of the last key here, not of the first."""
+    scene = load_scene(written(static=tuple(2.0 * i for i in STATIC)).save(tmp_path))
+    for light, static in enumerate(STATIC):
+        np.testing.assert_allclose(keys_of(scene, light), static * RISE, rtol=1e-6)
+
+
+def test_unitless_and_raw_files(tmp_path: Path) -> None:
+    """The lighting mode changes what is missing: Unitless has no 683 lm/W, Raw also no 4 pi."""
+    watts = (100.0, 200.0, 2.0)
+    keys = tuple(w * RISE for w in watts)
+    unitless = load_scene(written(static=(100 / (4 * math.pi), 200 / (4 * math.pi), 2.0), keys=keys).save(tmp_path))
+    assert counts(unitless) == {"blender-intensity": 2}
+    raw = load_scene(written(static=watts, keys=keys).save(tmp_path))
+    assert counts(raw) == {}
+    for scene in (unitless, raw):
+        for light in range(3):
+            np.testing.assert_allclose(keys_of(scene, light), scene.lights[light].intensity * RISE, rtol=1e-6)
+
+
+def test_the_exposure_of_a_light(tmp_path: Path) -> None:
+    """Blender 4.5 and later: in the light's own intensity, here 5 stops, and not in its keys."""
+    scene = load_scene(written(static=tuple(32.0 * i for i in STATIC)).save(tmp_path))
+    for light, static in enumerate(STATIC):
+        np.testing.assert_allclose(keys_of(scene, light), 32.0 * static * RISE, rtol=1e-6)
+
+
+def test_an_exporter_that_writes_the_right_unit_some_day(tmp_path: Path) -> None:
+    keys = tuple(i * RISE for i in STATIC)
+    assert KEYS_SINCE < KEYS_SEEN
+    later = f"{KEYS_SEEN[0]}.{KEYS_SEEN[1] + 1}.0"
+    fade = np.linspace(0.0, 1.0, 5)
+    for static, values in ((STATIC, keys), ((0.0, 0.0, 0.0), tuple(i * fade for i in STATIC))):
+        scene = load_scene(written(later, static, values).save(tmp_path))
+        assert counts(scene) == {}
+        for light in range(3):
+            np.testing.assert_allclose(keys_of(scene, light), values[light], rtol=1e-6)
+    scene = load_scene(written(later).save(tmp_path))  # it does not yet
+    np.testing.assert_allclose(keys_of(scene, SUN), 1366.0 * RISE, rtol=1e-6)
+
+
+def test_what_convert_wrote_has_the_right_unit(tmp_path: Path) -> None:
+    gltf = written(static=(0.0, 0.0, 0.0), keys=tuple(i * np.linspace(0, 1, 5) for i in STATIC))
+    gltf.json["asset"]["extras"] = {"taubench_gl": {"name": "lamps", "note": "converted from lamps.blend"}}
+    scene = load_scene(gltf.save(tmp_path))
+    assert keys_of(scene, POINT)[-1] == pytest.approx(STATIC[POINT]) and counts(scene) == {}
+
+
+@pytest.mark.parametrize(("version", "inner"), [
+    ("4.2.83", BLEND), ("5.0.21", BLEND), ("5.2.39", BLEND), ("5.3.18", (1.0 - BLEND) * ANGLE),
+])  # fmt: skip
+def test_cones(tmp_path: Path, version: str, inner: np.ndarray) -> None:
+    """The exporter's pointers have a dot, and until 5.2 the inner angle is the blend."""
+    gltf = written(version, keys=())
+    gltf.animation(pointer(f"{LIGHT}/spot.innerConeAngle"), TIMES, inner)
+    gltf.animation(pointer(f"{LIGHT}/spot.outerConeAngle"), TIMES, ANGLE)
+    # One animation for each light, as Blender has it.
+    first, second = gltf.json["animations"]
+    first["samplers"] += second["samplers"]
+    first["channels"].append(second["channels"][0] | {"sampler": 1})
+    del gltf.json["animations"][1]
+    scene = load_scene(gltf.save(tmp_path))
+    np.testing.assert_allclose(keys_of(scene, SPOT, "outer_cone"), ANGLE, rtol=1e-6)
+    np.testing.assert_allclose(keys_of(scene, SPOT, "inner_cone"), (1.0 - BLEND) * ANGLE, rtol=1e-6)
+    assert counts(scene) == {"blender-cone": 1}
+
+
+def test_one_part_of_a_cone(tmp_path: Path) -> None:
+    """What is constant has no keys: a blend stays the same share of a growing cone, and a size stays as it is."""
+    size, blend = (written(keys=()) for _ in range(2))
+    size.animation(pointer(f"{LIGHT}/spot.outerConeAngle"), TIMES, ANGLE)
+    grows = load_scene(size.save(tmp_path))
+    np.testing.assert_allclose(keys_of(grows, SPOT, "inner_cone"), 0.75 * ANGLE, rtol=1e-6)
+    np.testing.assert_allclose(keys_of(grows, SPOT, "outer_cone"), ANGLE, rtol=1e-6)
+    blend.animation(pointer(f"{LIGHT}/spot.innerConeAngle"), TIMES, BLEND)
+    softens = load_scene(blend.save(tmp_path))
+    np.testing.assert_allclose(keys_of(softens, SPOT, "inner_cone"), (1.0 - BLEND) * OUTER, rtol=1e-6)
+    assert {c.path for c in softens.channels} == {"inner_cone"}
+
+
+def test_cubic_keys_of_cones_are_read(tmp_path: Path) -> None:
+    """Blender writes none; a tool that edits its file may."""
+    gltf = written(keys=())
+    values = np.stack([0 * BLEND, BLEND, 0 * BLEND], axis=1).reshape(-1)
+    gltf.animation(pointer(f"{LIGHT}/spot.innerConeAngle"), TIMES, values, "CUBICSPLINE")
+    scene = load_scene(gltf.save(tmp_path))
+    np.testing.assert_allclose(keys_of(scene, SPOT, "inner_cone"), (1.0 - BLEND) * OUTER, rtol=1e-6)
+
+
+def lit_floor(folder: Path, light: int, *, animated: bool) -> Scene:
+    """A white floor under one of the lights, 3 m above it, seen from above; the others are off."""
+    on = [float(i == light) for i in range(3)]
+    keys = [k * o for k, o in zip(KEYS, on)] if animated else ()
+    gltf = written(static=[i * o for i, o in zip(STATIC, on)], keys=keys)
+    corners = np.array([[-2, -2, 0], [2, -2, 0], [-2, 2, 0], [2, 2, 0]], np.float32)
+    rough = {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    gltf.add(
+        "materials", {"pbrMetallicRoughness": rough, "extensions": {"KHR_materials_specular": {"specularFactor": 0}}}
+    )
+    gltf.extension("KHR_materials_specular")
+    mesh = gltf.mesh(corners, [0, 1, 2, 2, 1, 3])
+    gltf.json["meshes"][mesh]["primitives"][0]["material"] = 0
+    gltf.node(mesh=mesh)
+    for node in gltf.json["nodes"][:3]:
+        node["translation"] = [0, 0, 3]
+    lens = {"xmag": 1.5, "ymag": 1.5, "znear": 0.1, "zfar": 20.0}
+    gltf.add("cameras", {"type": "orthographic", "orthographic": lens})
+    gltf.node(camera=0, translation=[0, 0, 8])
+    return load_scene(gltf.save(folder))
+
+
+@pytest.mark.parametrize("light", [POINT, SPOT, SUN])
+def test_an_animated_light_is_as_bright_as_its_static_twin(gpu, tmp_path: Path, light: int) -> None:
+    """In W/(sr m2), at the closed form right below the light: W / (4 pi r2) / pi, and E / pi for the sun."""
+    shots = {}
+    for animated in (False, True):
+        scene = lit_floor(tmp_path, light, animated=animated)
+        settings = Settings(width=32, height=32, fps=24.0, light_unit="watt", exposure=1.0, environment="none",
+                            columns=("frustum", "direct"))  # fmt: skip
+        source = RasterSource(gpu, scene, choose_camera(scene), settings)
+        for frame in (1, 3, 5):
+            source.advance(frame)
+            shots[animated, frame] = source.read("direct")[..., 0].astype(np.float64)
+        source.release()
+    below = (100.0 / (4 * math.pi * 9) / math.pi, 200.0 / (4 * math.pi * 9) / math.pi, 2.0 / math.pi)[light]
+    for frame, rise in ((1, 1.0), (3, 1.5), (5, 2.0)):
+        static, moving = shots[False, frame], shots[True, frame]
+        assert static.mean() > 0.1 * below and static[16, 16] == pytest.approx(below, rel=0.01)
+        assert moving.mean() == pytest.approx(rise * static.mean(), rel=0.01)
