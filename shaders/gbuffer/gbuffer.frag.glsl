@@ -37,7 +37,15 @@ void main() {
 #if ALPHA_TEST || OUTPUT_BASE_COLOR
     vec4 base = m.base_color;
 #if BASE_COLOR_MAP
-    base *= sample_map(base_color_map, m, SLOT_BASE_COLOR);
+#if OUTPUT_BASE_COLOR
+    vec4 texel = sample_map(base_color_map, m, SLOT_BASE_COLOR);
+#else
+    vec4 texel = vec4(1.0);
+#endif
+#if ALPHA_TEST
+    texel.a = sample_alpha(base_color_map, m, SLOT_BASE_COLOR);
+#endif
+    base *= texel;
 #endif
 #if COLORS
     base *= vertex_color;

@@ -13,7 +13,7 @@ void main() {
     MaterialRecord m = material;
     float alpha = m.base_color.a;
 #if BASE_COLOR_MAP
-    alpha *= sample_map(base_color_map, m, SLOT_BASE_COLOR).a;
+    alpha *= sample_alpha(base_color_map, m, SLOT_BASE_COLOR);
 #endif
 #if COLORS
     alpha *= vertex_color.a;

@@ -20,6 +20,7 @@ from taubench_gl.evaluation import (
     Brightness,
     assemble_summary,
     describe_brightness,
+    describe_scale,
     exact_summary,
     frame_columns,
     mark_cuts,
@@ -69,6 +70,7 @@ def merge_job(
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
     summary |= source
     describe_brightness(summary, brightness, settings)
+    describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
     if job.lobes:
         missing = missing_of_scene(job.lobes, unmeasured)
         summary["lobes"] = summarize_lobes(missing, [records[p].lobes for p in job_positions(job, head)])

@@ -145,6 +145,7 @@ class Worker:
             report = {
                 "source": loaded.source.describe(),
                 "brightness": results.brightness.as_dict(),
+                "depths": results.depths,
                 "unmeasured": dict(loaded.source.unmeasured),
                 "reprojection": loaded.source.reprojection,
                 "provenance": provenance(gpu, timer.clock) | _process_info(time.perf_counter() - started),

@@ -27,6 +27,7 @@ from taubench_gl.evaluation.pairs import (
     evaluate_pairs,
     iterate_pairs,
 )
+from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, frame_columns, open_scene, require_triangles
 from taubench_gl.evaluation.schedule import (
     frame_range,
@@ -54,6 +55,7 @@ __all__ = [
     "assemble_summary",
     "checked_frames",
     "describe_brightness",
+    "describe_scale",
     "environment_image",
     "evaluate_pairs",
     "evaluate_scene",

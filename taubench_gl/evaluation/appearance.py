@@ -110,6 +110,7 @@ def _surfaces(
         storage="float",
         pairs="all",
         environment="none",
+        textures="finest",  # alpha as the test of the cutoff reads it
     )
     materials, alpha = [], []
     with open_gpu(settings.device.backend, settings.device.device) as gpu:

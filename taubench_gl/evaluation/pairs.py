@@ -20,6 +20,7 @@ from taubench_gl.conventions import COLUMNS, FEATURES
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation.brightness import Brightness, checked_frames
 from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
+from taubench_gl.evaluation.scale import median_depths
 from taubench_gl.evaluation.schedule import Schedule
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import ComparedSource, Counts, MaskPass
@@ -353,6 +354,7 @@ class PairResults:
     views: list[View]  # of all frames drawn, through pixel centers
     stats: SequenceStats  # sums over all pairs
     brightness: Brightness  # of the frames that were checked
+    depths: list[float]  # median depth of each of them that shows a surface, scene units
 
 
 def evaluate_pairs(
@@ -365,20 +367,23 @@ def evaluate_pairs(
 ) -> PairResults:
     """Evaluate the pairs of ``schedule``.
 
-    ``checked``: frames whose brightness is counted; None: ``checked_frames`` of ``schedule``, which is the whole run's.
+    ``checked``: frames whose brightness and depth are measured; None: ``checked_frames`` of ``schedule``, which is the
+    whole run's.
     After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
     images = observers.on_pair is not None
     evaluator = PairEvaluator(context, source, settings, images=images, distances=observers.distances)
-    results = PairResults([], [], _stats_of(source), Brightness())
+    results = PairResults([], [], _stats_of(source), Brightness(), [])
     checked = checked_frames(schedule) if checked is None else checked
     total = sum(evaluate for _, evaluate in schedule)
     try:
         for frame, evaluate in schedule:
             view, finished = evaluator.step(frame, evaluate)
             results.views.append(view)
-            if evaluate and frame in checked and source.radiance:
-                results.brightness.count(source, settings)
+            if evaluate and frame in checked:
+                results.depths.extend(median_depths(source))
+                if source.radiance:
+                    results.brightness.count(source, settings)
             for pair in finished:
                 _report(pair, evaluator, results, observers, total)
         for pair in evaluator.finish():

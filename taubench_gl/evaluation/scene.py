@@ -13,6 +13,7 @@ from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_sum
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
+from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule, with_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.sources import RasterSource, SourceOptions
@@ -116,6 +117,7 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run
             summary["notes"] += described.pop("notes")
             summary |= described
             describe_brightness(summary, results.brightness, settings)
+            describe_scale(summary, results.depths, settings)
             if lobes:
                 summary["lobes"] = apart.summary()
             if exact:

@@ -18,6 +18,7 @@ from taubench_gl.evaluation import (
     PairEvaluator,
     assemble_summary,
     describe_brightness,
+    describe_scale,
     evaluate_pairs,
     finish_run,
     frame_schedule,
@@ -159,6 +160,7 @@ def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, obse
             record = read_render(sequence.folder)
             summary["settings"] |= _lighting(record)
             describe_brightness(summary, results.brightness, settings)
+            describe_scale(summary, results.depths, settings)
             summary["path_traced"]["render"] = None if record is None else record.summary(frames)
             if options.lobes:
                 summary["lobes"] = lobes.summary()

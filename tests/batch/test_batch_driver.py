@@ -50,6 +50,7 @@ def answer(unit: Unit) -> bytes:
     report = {
         "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []},
         "brightness": {},
+        "depths": [],
         "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
         "provenance": {"host": "h"},
         "passes_ms": {},

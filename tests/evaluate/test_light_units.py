@@ -257,7 +257,7 @@ def test_a_batch_meters_once_and_equals_evaluate(tmp_path):
     run_batch(spec, tmp_path / "out", chunk=2)
     batch = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id).summary
     alone = evaluate_scene(DEMO, Settings(**SIZE | AUTO, frames=(0, 6), columns=LIGHT)).summary
-    for block in ("settings", "lighting", "discard", "brightness", "notes"):
+    for block in ("settings", "lighting", "discard", "brightness", "scale", "notes"):
         assert batch[block] == json.loads(json.dumps(alone[block])), block
     assert batch["brightness"]["frames"] == 3
 
