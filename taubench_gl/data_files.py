@@ -1,12 +1,14 @@
-"""The one reader of JSON, TOML and CSV files, which other programs and people may have written.
+"""The one opener of files that other programs and people may have written, and the reader of JSON, TOML and CSV.
 
-It reads regular files up to a size limit, numbers that fit their types, and a bounded nesting.  Every fault is one
-error of the class that the caller names.  JSON has no NaN and no infinity; ``checked`` compares values with a type.
+Only regular files are opened, up to a size limit; names may have any bytes.  Numbers fit their types, nesting and keys
+are bounded.  Every fault is one error of the class that the caller names.  JSON has no NaN and no infinity; ``checked``
+compares values with a type.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import math
 import os
@@ -16,7 +18,7 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgspec
 
@@ -36,25 +38,80 @@ _READ_FAULTS = (ValueError, RecursionError, OverflowError, csv.Error)
 Fault = type[TaubenchError]
 
 
-def read_bytes(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> bytes:
-    """The content of a regular file of at most ``max_bytes``.  Raises ``fault``; pipes and devices are not read."""
-    where = str(path)
+def opened(
+    path: str | Path,
+    fault: Fault = OutputError,
+    *,
+    max_bytes: int | None = None,
+    links: bool = True,
+    where: str | None = None,
+) -> BinaryIO:
+    """A regular file of at most ``max_bytes``, open for reading.  Raises ``fault``; pipes and devices are not opened.
+
+    ``links``: follow a link in the place of the file; False in output folders, where others may have put it.  Libraries
+    that open files by name get ``by_descriptor``.  ``where``: what refers to the file, by default the file itself.
+    """
+    where = where or str(path)
+    follow = 0 if links else os.O_NOFOLLOW
     try:
         # Without O_NONBLOCK, opening a pipe waits for its writer.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with open(descriptor, "rb") as file:
-            kind = os.fstat(descriptor).st_mode
-            if not stat.S_ISREG(kind):
-                what = "is a folder, not a file" if stat.S_ISDIR(kind) else "is not a regular file"
-                raise fault(what, where=where)
-            data = file.read(max_bytes + 1)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | follow)
     except FileNotFoundError:
-        raise fault("no such file", where=where) from None
+        raise fault("no such file", where=where, hint="check the path") from None
     except (OSError, ValueError) as error:
         raise fault(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=where) from None
+    about = os.fstat(descriptor)
+    what = None
+    if not stat.S_ISREG(about.st_mode):
+        what = "is a folder, not a file" if stat.S_ISDIR(about.st_mode) else "is not a regular file"
+    elif max_bytes is not None and about.st_size > max_bytes:
+        what = f"{'' if where == str(path) else f'{Path(path).name} '}is larger than {shown_bytes(max_bytes)}"
+    if what is not None:
+        os.close(descriptor)
+        raise fault(what, where=where)
+    return open(descriptor, "rb")
+
+
+def by_descriptor(file: BinaryIO) -> str:
+    """A name of an open file for libraries that open by name: the same file, whatever its name and its bytes are."""
+    return f"/dev/fd/{file.fileno()}"
+
+
+def shown_bytes(count: int) -> str:
+    """A number of bytes for messages: 12 KiB, 1.5 GiB."""
+    unit = max((u for u in range(4) if count >= 1024**u), default=0)
+    return f"{count / 1024**unit:.4g} {('bytes', 'KiB', 'MiB', 'GiB')[unit]}"
+
+
+def read_bytes(
+    path: str | Path,
+    fault: Fault = OutputError,
+    *,
+    max_bytes: int = MAX_BYTES,
+    links: bool = True,
+    where: str | None = None,
+) -> bytes:
+    """The content of a file that ``opened`` opens.  Raises ``fault``, also for one that grows beyond ``max_bytes``."""
+    with opened(path, fault, max_bytes=max_bytes, links=links, where=where) as file:
+        try:
+            data = file.read(max_bytes + 1) if os.fstat(file.fileno()).st_size == 0 else file.read()
+        except OSError as error:
+            raise fault(f"cannot be read: {error.strerror}", where=where or str(path)) from None
     if len(data) > max_bytes:
-        raise fault(f"is larger than {max_bytes >> 20} MiB", where=where)
+        raise fault(f"is larger than {shown_bytes(max_bytes)}", where=where or str(path))
     return data
+
+
+def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> Any:
+    """``digest``, by default a new SHA-256, with the bytes of a file added.  Raises ``fault``."""
+    digest = hashlib.sha256() if digest is None else digest
+    with opened(path, fault) as file:
+        try:
+            while block := file.read(1 << 20):
+                digest.update(block)
+        except OSError as error:
+            raise fault(f"cannot be read: {error.strerror}", where=str(path)) from None
+    return digest
 
 
 def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> str:

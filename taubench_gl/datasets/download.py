@@ -22,6 +22,7 @@ from urllib.parse import urlsplit
 
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import DatasetError, OutputError
+from taubench_gl.outputs import own_file, write_atomically
 
 CHUNK = 1 << 20
 TRIES = 4
@@ -111,8 +112,8 @@ def _attempt(url: str, part: Path, progress: Progress | None) -> str | None:
             have = 0
             if response.status_code != 200:
                 return "the file changes with every answer"
-        _record(part).write_text(json.dumps(asdict(version)), encoding="utf-8")
-        with part.open("ab") as file:
+        write_atomically(_record(part), json.dumps(asdict(version)))
+        with own_file(part, append=True) as file:
             read = getattr(response.raw, "read1", response.raw.read)
             while chunk := read(CHUNK):
                 file.write(chunk)

@@ -23,7 +23,7 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.data_files import read_bytes, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.masks import PixelDistances
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import cannot_write, folder_in, write_atomically
 from taubench_gl.report.distance_planes import (
     CODES,
     EncodedDistances,
@@ -175,7 +175,7 @@ class KeptFrames:
 
     def _clear(self) -> None:
         """Remove the images of an earlier run; called when the first image is about to be written."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        folder_in(self.folder.parent, self.folder.name)
         for old in self.folder.iterdir():
             if old.name in (INDEX, LEVELS) or any(old.match(pattern) for pattern in self._patterns):
                 old.unlink()

@@ -116,7 +116,7 @@ class Video:
 
     def __init__(self, path: Path, fps: float, kind: str = "mp4"):
         self.path, self._fps, self._kind = path, fps, kind
-        self._partial = new_partial(path, f".{kind}")
+        self._partial: Path | None = None
         self._writer: Any = None
         self._added = 0
 
@@ -129,6 +129,7 @@ class Video:
         try:
             if self._writer is None:
                 codec, more = CODECS[self._kind]
+                self._partial = new_partial(self.path, f".{self._kind}")
                 self._writer = imageio_ffmpeg.write_frames(
                     str(self._partial), image.shape[1::-1], fps=self._fps, codec=codec, macro_block_size=1,
                     output_params=more, ffmpeg_log_level="error",
@@ -141,7 +142,7 @@ class Video:
 
     def close(self) -> Path | None:
         """Finish the file.  -> its path, None without frames.  Raises OutputError."""
-        if self._writer is None:
+        if self._writer is None or self._partial is None:
             return None
         import imageio_ffmpeg
 
@@ -166,7 +167,8 @@ class Video:
         if self._writer is not None:  # not closed: an error occurred
             self._writer.close()
             self._writer = None
-        self._partial.unlink(missing_ok=True)
+        if self._partial is not None:
+            self._partial.unlink(missing_ok=True)
 
 
 def _amount(evaluated: EvaluatedFrame, label: str) -> str:

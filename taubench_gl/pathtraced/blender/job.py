@@ -24,6 +24,7 @@ from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.curves import sample_channel
 from taubench_gl.effects.lighting import Sun, unit_divisor
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
 from taubench_gl.scene.model import Channel, Scene
 
@@ -176,7 +177,7 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
     _strip(root, scene)
     for buffer in root.get("buffers", ()):
         if "uri" not in buffer and chunk is not None:
-            (folder / "scene.bin").write_bytes(chunk)
+            write_atomically(folder / "scene.bin", chunk)
             buffer["uri"], chunk = "scene.bin", None
     for item in (*root.get("buffers", ()), *root.get("images", ())):
         uri = item.get("uri", "data:")
@@ -185,9 +186,9 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
     channels = [c for c in scene.channels if c.target == "node" and c.path in _PATHS]
     root.pop("animations", None)
     if channels:
-        (folder / "keys.bin").write_bytes(_add_animation(root, channels, frames, fps))
+        write_atomically(folder / "keys.bin", _add_animation(root, channels, frames, fps))
     path = folder / "scene.gltf"
-    path.write_text(json.dumps(root), encoding="utf-8")
+    write_atomically(path, json.dumps(root))
     return path
 
 
