@@ -15,6 +15,8 @@ import os
 import re
 import stat
 import tomllib
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,16 +25,26 @@ from typing import Any, BinaryIO
 import msgspec
 
 from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.memory_budget import require, shown_bytes
 
-MAX_BYTES = 64 << 20
-"""Size limit of a file."""
+MAX_BYTES = 256 << 20
+"""Size limit of a file, unless its reader gives another."""
+MAX_TOML_BYTES = 4 << 20
+MAX_VALUES = 4_000_000
+"""Limit on the values of a JSON file; each takes about a hundred bytes."""
 MAX_DEPTH = 64
 """Limit on the nesting of objects and lists; deeper values exhaust the stack of the functions that handle them."""
 _INTEGER = re.compile(r"[+-]?[0-9]+")
+_KEY_PART = r"(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
+_LONG_KEY = re.compile(rf"(?<![\w-]){_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART}){{{MAX_DEPTH}}}")
 _EXPECTED = re.compile(r"Expected (.*), got (.*)")
 _WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
           "bool": "true or false"}  # fmt: skip
 _MAX_DIGITS = 20  # of an integer: 64 bits with a sign
+_ARRAY_FAULTS = (
+    OSError, ValueError, KeyError, EOFError, MemoryError, AttributeError, TypeError, zipfile.BadZipFile, zlib.error,
+    NotImplementedError,
+)  # fmt: skip
 _READ_FAULTS = (ValueError, RecursionError, OverflowError, csv.Error)
 
 Fault = type[TaubenchError]
@@ -77,12 +89,6 @@ def by_descriptor(file: BinaryIO) -> str:
     return f"/dev/fd/{file.fileno()}"
 
 
-def shown_bytes(count: int) -> str:
-    """A number of bytes for messages: 12 KiB, 1.5 GiB."""
-    unit = max((u for u in range(4) if count >= 1024**u), default=0)
-    return f"{count / 1024**unit:.4g} {('bytes', 'KiB', 'MiB', 'GiB')[unit]}"
-
-
 def read_bytes(
     path: str | Path,
     fault: Fault = OutputError,
@@ -102,6 +108,20 @@ def read_bytes(
     return data
 
 
+@contextmanager
+def stored_arrays(path: str | Path, fault: Fault = OutputError, hint: str | None = None) -> Iterator[Any]:
+    """The arrays of a NumPy archive (.npz) by name, read on demand.  Raises ``fault``, also inside the block."""
+    import numpy as np
+
+    with opened(path, fault) as file:
+        try:
+            with np.load(file, allow_pickle=False) as arrays:
+                require(sum(entry.file_size for entry in arrays.zip.infolist()), "the arrays", fault, str(path))
+                yield arrays
+        except _ARRAY_FAULTS as error:
+            raise fault(f"is damaged: {error!s:.200}", where=str(path), hint=hint) from None
+
+
 def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> Any:
     """``digest``, by default a new SHA-256, with the bytes of a file added.  Raises ``fault``."""
     digest = hashlib.sha256() if digest is None else digest
@@ -114,9 +134,9 @@ def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> 
     return digest
 
 
-def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> str:
+def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES, links: bool = True) -> str:
     """``read_bytes`` as UTF-8 text, without a byte order mark.  Raises ``fault``."""
-    data = read_bytes(path, fault, max_bytes=max_bytes)
+    data = read_bytes(path, fault, max_bytes=max_bytes, links=links)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -143,7 +163,7 @@ def read_toml(
     fault: Fault = OutputError,
     *,
     hint: str | None = None,
-    max_bytes: int = MAX_BYTES,
+    max_bytes: int = MAX_TOML_BYTES,
 ) -> dict[str, Any]:
     """The tables of a TOML file, which match the type ``kind`` (``checked``).  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
@@ -182,12 +202,17 @@ def read_csv(
 
 def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text.  Raises ValueError or RecursionError, also for NaN, infinity and oversized numbers."""
+    comma, opening = (",", "{[") if isinstance(text, str) else (b",", (b"{", b"["))
+    if text.count(comma) + sum(text.count(one) for one in opening) > MAX_VALUES:
+        raise ValueError(f"more than {MAX_VALUES:,} values")
     value = json.loads(text, parse_int=integer, parse_float=real, parse_constant=_no_constant)
     return _bounded(value)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text.  Raises ValueError or RecursionError, also for numbers that do not fit."""
+    if _LONG_KEY.search(text):  # the parser's memory grows with the square of the parts
+        raise ValueError(f"more than {MAX_DEPTH} levels of nesting")
     return _bounded(tomllib.loads(text, parse_float=_toml_real))
 
 

@@ -15,6 +15,7 @@ import io
 import itertools
 import os
 import re
+import shutil
 import stat
 import time
 from collections import defaultdict
@@ -22,10 +23,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
 
 DAY = 86400.0
@@ -100,6 +102,12 @@ def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) ->
         rest = memoryview(text_bytes(data) if isinstance(data, str) else data)
         while rest:
             rest = rest[file.write(rest) :]
+
+
+def copy_atomically(source: BinaryIO, path: Path) -> None:
+    """Write the rest of an open file to ``path``, completely or not at all.  Raises OutputError."""
+    with replacing(path) as partial, open(partial, "wb") as file:
+        shutil.copyfileobj(source, file, 1 << 20)
 
 
 def new_file(path: Path) -> io.FileIO:
@@ -205,7 +213,7 @@ def output_folder(out: str | Path) -> Path:
 
 
 def folder_in(out: Path, name: str) -> Path:
-    """The folder ``name`` in the output folder ``out``, created unless it exists.  Raises OutputError, also for a link."""
+    """The folder ``name`` in the output folder ``out``, created unless it exists; a link raises OutputError."""
     try:
         with _opened(out) as folder:
             with contextlib.suppress(FileExistsError):
@@ -298,8 +306,8 @@ def _process_space() -> str:
     A hash of the running kernel and of its PID namespace; host names may repeat in a network and in containers.
     """
     try:
-        kernel, namespace = Path("/proc/sys/kernel/random/boot_id").read_bytes(), os.stat("/proc/self/ns/pid").st_ino
-    except OSError:
+        kernel, namespace = read_bytes("/proc/sys/kernel/random/boot_id"), os.stat("/proc/self/ns/pid").st_ino
+    except (OSError, OutputError):
         return ""
     return f"-{sha256(kernel + str(namespace).encode()).hexdigest()[:8]}"
 

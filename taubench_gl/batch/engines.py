@@ -17,6 +17,7 @@ from taubench_gl.batch.units import Event, Failed, Finished, Lost, NoGraphics, P
 from taubench_gl.batch.worker import Worker, attempt
 from taubench_gl.data_files import opened
 from taubench_gl.errors import OutputError
+from taubench_gl.memory_budget import VARIABLE, limit
 from taubench_gl.outputs import folder_in, log_file
 
 THREADS_VARIABLE = "LP_NUM_THREADS"
@@ -34,12 +35,13 @@ def available_cores() -> int:
 
 
 def worker_environment(workers: int) -> dict[str, str]:
-    """The environment of each of ``workers`` processes: all of them together have one thread of a kind per core.
+    """The environment of each of ``workers`` processes, which share one thread of a kind per core, and the memory.
 
     A value that the user has set is kept.
     """
     threads = str(max(1, available_cores() // workers))
-    return dict.fromkeys(THREADS_VARIABLES, threads) | dict(os.environ)
+    memory = {VARIABLE: str(max(limit() // workers, 1 << 20))}
+    return dict.fromkeys(THREADS_VARIABLES, threads) | memory | dict(os.environ)
 
 
 class InProcess:

@@ -7,7 +7,6 @@ distances, also their planes (WebP, ``distance_planes``) and ``levels.bin``: the
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import zlib
@@ -20,7 +19,7 @@ import msgspec
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE
-from taubench_gl.data_files import read_bytes, read_json
+from taubench_gl.data_files import hashed, read_bytes, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.outputs import cannot_write, folder_in, write_atomically
@@ -127,8 +126,8 @@ class StoredFrames:
     no_planes: str = NO_PLANES
 
     def uri(self, part: str, frame: int) -> str:
-        """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OSError."""
-        return data_uri((self.folder / file_name(part, frame)).read_bytes(), _SUFFIX[part])
+        """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OutputError."""
+        return data_uri(read_bytes(self.folder / file_name(part, frame)), _SUFFIX[part])
 
 
 class KeptFrames:
@@ -442,4 +441,4 @@ def _downscaled(image: Array, step: int, shape: tuple[int, int]) -> Array:
 
 def file_sha256(path: Path) -> str:
     """Of the bytes of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashed(path).hexdigest()

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import (
@@ -266,7 +267,7 @@ class ReuseFolder:
         if self._worst_image is not None:
             written.append(out / "side_by_side.png")
             write_png(written[-1], self._worst_image)
-            image = written[-1].read_bytes()
+            image = read_bytes(written[-1])
         written += plot_reuse(evaluation.summary, evaluation.rows, out)
         if self._recorder is not None:
             self._recorder.finish(written[0])

@@ -24,8 +24,10 @@ from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.curves import sample_channel
 from taubench_gl.effects.lighting import Sun, unit_divisor
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.memory_budget import limit
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
+from taubench_gl.scene.files import read_file
 from taubench_gl.scene.model import Channel, Scene
 
 FRAME_NAME = "frame_%04d.exr"
@@ -193,7 +195,7 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
 
 
 def _read(path: Path) -> tuple[dict[str, Any], bytes | None]:
-    data = path.read_bytes()  # the scene reader has checked it
+    data = read_file(path, max_bytes=limit())  # the scene reader has checked it
     if data[:4] != b"glTF":
         return json.loads(data), None
     offset, chunks = 12, []
