@@ -26,7 +26,7 @@ from taubench_gl.evaluation import (
 from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.outputs import write_arrays
+from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import (
     PathTracedInput,
@@ -280,6 +280,7 @@ class _Saver:
         self._out, self._save, self._recorder, self._on_pair = out, save, recorder, on_pair
         self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
         self._measured: set[str] = set()
+        self._written: list[Path] = []
 
     def __call__(self, pair: Pair) -> None:
         self._measured = {name for name in FEATURE_BIT if pair.row[name] is not None}
@@ -296,25 +297,24 @@ class _Saver:
             if "channels" in self._save:
                 self._save_channels(pair)
         except OSError as error:
-            raise OutputError(f"cannot be written: {error.strerror}", where=str(self._out)) from None
+            raise cannot_write(self._out, error) from None
         if self._on_pair is not None:
             self._on_pair(pair)
 
     def _save_masks(self, pair: Pair) -> None:
-        folder = self._out / "masks"
-        folder.mkdir(exist_ok=True)
-        mask = pair.mask
-        write_arrays(folder / f"mask_{pair.frame:05d}.npz", {"mask": mask.astype(np.uint16)})
+        file, mask = folder_in(self._out, "masks") / f"mask_{pair.frame:05d}.npz", pair.mask
+        write_arrays(file, {"mask": mask.astype(np.uint16)})
         title = f"frame {pair.frame}"
-        save_mask_image(folder / f"mask_{pair.frame:05d}.png", mask, shaded(pair), self._reasons(), title)
+        save_mask_image(file.with_suffix(".png"), mask, shaded(pair), self._reasons(), title)
+        self._written += [file, file.with_suffix(".png")]
 
     def _save_channels(self, pair: Pair) -> None:
-        folder = self._out / "channels"
-        folder.mkdir(exist_ok=True)
+        file = folder_in(self._out, "channels") / f"channels_{pair.frame:05d}.npz"
         arrays = {name: pair.source.read(name) for name in pair.source.channels}
         arrays |= {"motion": pair.motion, "mask": pair.mask, "camera_position": pair.view.position}
         arrays["world_from_view"] = pair.view.world_from_view
-        write_arrays(folder / f"channels_{pair.frame:05d}.npz", arrays)
+        write_arrays(file, arrays)
+        self._written.append(file)
 
     def _reasons(self) -> tuple[Reason, ...]:
         features = tuple(FEATURE_BIT[n] for n in FEATURE_BIT if n in self._measured and n not in ("position",))
@@ -322,7 +322,13 @@ class _Saver:
         return (*_GEOMETRY_REASONS, *(f for f in features if f is not Reason.DIRECT), *light)
 
     def finish(self, run: Run) -> None:
-        """Write the mask image of the worst frame and the index of the report's images."""
+        """Write the mask image of the worst frame and the index of the report's images.
+
+        Raises OutputError where a file of ``save`` is not there any more.
+        """
+        if lost := [file for file in self._written if not file.is_file()]:
+            hint = f"{len(lost)} of {len(self._written)} files that the run wrote were removed: run it again"
+            raise OutputError("was removed while the run went on", where=str(lost[0]), hint=hint)
         if self._worst is None or run.out is None:
             return
         if self._recorder is not None:

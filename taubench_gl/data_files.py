@@ -1,65 +1,142 @@
-"""The one reader of JSON, TOML and CSV files, which other programs and people may have written.
+"""The one opener of files that other programs and people may have written, and the reader of JSON, TOML and CSV.
 
-It reads regular files up to a size limit, numbers that fit their types, and a bounded nesting.  Every fault is one
-error of the class that the caller names.  JSON has no NaN and no infinity; ``checked`` compares values with a type.
+Only regular files are opened, up to a size limit; names may have any bytes.  Numbers fit their types, nesting and keys
+are bounded.  Every fault is one error of the class that the caller names.  JSON has no NaN and no infinity; ``checked``
+compares values with a type.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import math
 import os
 import re
 import stat
 import tomllib
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgspec
 
 from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.memory_budget import require, shown_bytes
 
-MAX_BYTES = 64 << 20
-"""Size limit of a file."""
+MAX_BYTES = 256 << 20
+"""Size limit of a file, unless its reader gives another."""
+MAX_TOML_BYTES = 4 << 20
+MAX_VALUES = 4_000_000
+"""Limit on the values of a JSON file; each takes about a hundred bytes."""
 MAX_DEPTH = 64
 """Limit on the nesting of objects and lists; deeper values exhaust the stack of the functions that handle them."""
 _INTEGER = re.compile(r"[+-]?[0-9]+")
+_KEY_PART = r"(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
+_LONG_KEY = re.compile(rf"(?<![\w-]){_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART}){{{MAX_DEPTH}}}")
 _EXPECTED = re.compile(r"Expected (.*), got (.*)")
 _WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
           "bool": "true or false"}  # fmt: skip
 _MAX_DIGITS = 20  # of an integer: 64 bits with a sign
+_ARRAY_FAULTS = (
+    OSError, ValueError, KeyError, EOFError, MemoryError, AttributeError, TypeError, zipfile.BadZipFile, zlib.error,
+    NotImplementedError,
+)  # fmt: skip
 _READ_FAULTS = (ValueError, RecursionError, OverflowError, csv.Error)
 
 Fault = type[TaubenchError]
 
 
-def read_bytes(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> bytes:
-    """The content of a regular file of at most ``max_bytes``.  Raises ``fault``; pipes and devices are not read."""
-    where = str(path)
+def opened(
+    path: str | Path,
+    fault: Fault = OutputError,
+    *,
+    max_bytes: int | None = None,
+    links: bool = True,
+    where: str | None = None,
+) -> BinaryIO:
+    """A regular file of at most ``max_bytes``, open for reading.  Raises ``fault``; pipes and devices are not opened.
+
+    ``links``: follow a link in the place of the file; False in output folders, where others may have put it.  Libraries
+    that open files by name get ``by_descriptor``.  ``where``: what refers to the file, by default the file itself.
+    """
+    where = where or str(path)
+    follow = 0 if links else os.O_NOFOLLOW
     try:
         # Without O_NONBLOCK, opening a pipe waits for its writer.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with open(descriptor, "rb") as file:
-            kind = os.fstat(descriptor).st_mode
-            if not stat.S_ISREG(kind):
-                what = "is a folder, not a file" if stat.S_ISDIR(kind) else "is not a regular file"
-                raise fault(what, where=where)
-            data = file.read(max_bytes + 1)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | follow)
     except FileNotFoundError:
-        raise fault("no such file", where=where) from None
+        raise fault("no such file", where=where, hint="check the path") from None
     except (OSError, ValueError) as error:
         raise fault(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=where) from None
+    about = os.fstat(descriptor)
+    what = None
+    if not stat.S_ISREG(about.st_mode):
+        what = "is a folder, not a file" if stat.S_ISDIR(about.st_mode) else "is not a regular file"
+    elif max_bytes is not None and about.st_size > max_bytes:
+        what = f"{'' if where == str(path) else f'{Path(path).name} '}is larger than {shown_bytes(max_bytes)}"
+    if what is not None:
+        os.close(descriptor)
+        raise fault(what, where=where)
+    return open(descriptor, "rb")
+
+
+def by_descriptor(file: BinaryIO) -> str:
+    """A name of an open file for libraries that open by name: the same file, whatever its name and its bytes are."""
+    return f"/dev/fd/{file.fileno()}"
+
+
+def read_bytes(
+    path: str | Path,
+    fault: Fault = OutputError,
+    *,
+    max_bytes: int = MAX_BYTES,
+    links: bool = True,
+    where: str | None = None,
+) -> bytes:
+    """The content of a file that ``opened`` opens.  Raises ``fault``, also for one that grows beyond ``max_bytes``."""
+    with opened(path, fault, max_bytes=max_bytes, links=links, where=where) as file:
+        try:
+            data = file.read(max_bytes + 1) if os.fstat(file.fileno()).st_size == 0 else file.read()
+        except OSError as error:
+            raise fault(f"cannot be read: {error.strerror}", where=where or str(path)) from None
     if len(data) > max_bytes:
-        raise fault(f"is larger than {max_bytes >> 20} MiB", where=where)
+        raise fault(f"is larger than {shown_bytes(max_bytes)}", where=where or str(path))
     return data
 
 
-def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> str:
+@contextmanager
+def stored_arrays(path: str | Path, fault: Fault = OutputError, hint: str | None = None) -> Iterator[Any]:
+    """The arrays of a NumPy archive (.npz) by name, read on demand.  Raises ``fault``, also inside the block."""
+    import numpy as np
+
+    with opened(path, fault) as file:
+        try:
+            with np.load(file, allow_pickle=False) as arrays:
+                require(sum(entry.file_size for entry in arrays.zip.infolist()), "the arrays", fault, str(path))
+                yield arrays
+        except _ARRAY_FAULTS as error:
+            raise fault(f"is damaged: {error!s:.200}", where=str(path), hint=hint) from None
+
+
+def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> Any:
+    """``digest``, by default a new SHA-256, with the bytes of a file added.  Raises ``fault``."""
+    digest = hashlib.sha256() if digest is None else digest
+    with opened(path, fault) as file:
+        try:
+            while block := file.read(1 << 20):
+                digest.update(block)
+        except OSError as error:
+            raise fault(f"cannot be read: {error.strerror}", where=str(path)) from None
+    return digest
+
+
+def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES, links: bool = True) -> str:
     """``read_bytes`` as UTF-8 text, without a byte order mark.  Raises ``fault``."""
-    data = read_bytes(path, fault, max_bytes=max_bytes)
+    data = read_bytes(path, fault, max_bytes=max_bytes, links=links)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -86,7 +163,7 @@ def read_toml(
     fault: Fault = OutputError,
     *,
     hint: str | None = None,
-    max_bytes: int = MAX_BYTES,
+    max_bytes: int = MAX_TOML_BYTES,
 ) -> dict[str, Any]:
     """The tables of a TOML file, which match the type ``kind`` (``checked``).  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
@@ -125,12 +202,17 @@ def read_csv(
 
 def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text.  Raises ValueError or RecursionError, also for NaN, infinity and oversized numbers."""
+    comma, opening = (",", "{[") if isinstance(text, str) else (b",", (b"{", b"["))
+    if text.count(comma) + sum(text.count(one) for one in opening) > MAX_VALUES:
+        raise ValueError(f"more than {MAX_VALUES:,} values")
     value = json.loads(text, parse_int=integer, parse_float=real, parse_constant=_no_constant)
     return _bounded(value)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text.  Raises ValueError or RecursionError, also for numbers that do not fit."""
+    if _LONG_KEY.search(text):  # the parser's memory grows with the square of the parts
+        raise ValueError(f"more than {MAX_DEPTH} levels of nesting")
     return _bounded(tomllib.loads(text, parse_float=_toml_real))
 
 

@@ -8,13 +8,15 @@ import json
 import os
 import platform
 import time
+from io import FileIO
 from pathlib import Path
-from typing import IO
 
+from taubench_gl.data_files import opened, parse_json
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, make_folders, remove_folders
+from taubench_gl.outputs import cannot_write, make_folders, own_file, remove_folders
 
 LOCK_FILE = ".lock"
+_MAX_BYTES = 1 << 16
 
 ATTEMPTS = 8
 """``lock_holder`` takes a shared lock for a moment; a writer that starts then must not report another writer."""
@@ -29,7 +31,7 @@ class FolderLock:
 
     def __init__(self, out: str | Path):
         self.path = Path(out) / LOCK_FILE
-        self._file: IO[str] | None = None
+        self._file: FileIO | None = None
         self._made: list[Path] = []
 
     def __enter__(self) -> FolderLock:
@@ -37,8 +39,8 @@ class FolderLock:
         try:
             self._file = self._locked()
             self._file.truncate(0)
-            self._file.write(json.dumps({"pid": os.getpid(), "host": platform.node(), "since": time.time()}))
-            self._file.flush()
+            holder = {"pid": os.getpid(), "host": platform.node(), "since": time.time()}
+            self._file.write(json.dumps(holder).encode())
         except (FileExistsError, NotADirectoryError):
             raise OutputError("is not a folder", where=str(folder), hint="give --out another name") from None
         except OSError as error:
@@ -57,12 +59,12 @@ class FolderLock:
                 file.close()
         remove_folders(self._made)
 
-    def _locked(self) -> IO[str]:
+    def _locked(self) -> FileIO:
         """The lock file, open and locked.  Raises OSError, and OutputError if another writer holds it."""
         waited = 0
         while True:
             self._made += make_folders(self.path.parent)
-            file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 (the lock lasts as long as the file is open)
+            file = own_file(self.path)  # locked as long as it is open
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -78,7 +80,7 @@ class FolderLock:
                 return file
             file.close()  # its holder has removed it in the meantime: it protects nothing
 
-    def _is_current(self, file: IO[str]) -> bool:
+    def _is_current(self, file: FileIO) -> bool:
         try:
             return os.path.samestat(os.stat(self.path), os.fstat(file.fileno()))
         except FileNotFoundError:
@@ -88,15 +90,15 @@ class FolderLock:
 def lock_holder(out: Path) -> str | None:
     """The process that writes into ``out`` now, in words; None if there is none."""
     try:
-        with open(out / LOCK_FILE, encoding="utf-8") as file:
+        with opened(out / LOCK_FILE, links=False) as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except OSError:
                 try:
-                    holder = json.loads(file.read())
+                    holder = parse_json(file.read(_MAX_BYTES))
                     return f"process {holder['pid']} on {holder['host']}"
-                except (ValueError, KeyError, TypeError):
+                except (ValueError, KeyError, TypeError, RecursionError):
                     return "another process"
-    except OSError:
+    except OutputError:
         return None
     return None

@@ -1,28 +1,33 @@
-"""Atomic writing of files, with system errors as one-line OutputErrors.
+"""The one creator of output files: whole, never through a link, with system errors as one-line OutputErrors.
 
-A file is written under a hidden name in the folder of its target and renamed with ``os.replace``.  The hidden name
-holds the process number of its writer, so that files left by killed writers can be found and removed.  This is why
-``tempfile`` does not choose the name; its files would also be unreadable for other users.
+A file is created under a hidden name in the folder of its target, which must not exist, and renamed once its content is
+on the disk.  The hidden name holds the process number of its writer, so that files left by killed writers can be found
+and removed.  This is why ``tempfile`` does not choose the name; its files would also be unreadable for other users.
+Output folders may hold links of others: a link in the place of a file is replaced or refused, never written through.
 """
 
 from __future__ import annotations
 
 import contextlib
 import csv
+import errno
 import io
 import itertools
 import os
 import re
+import shutil
+import stat
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
 
 DAY = 86400.0
@@ -35,7 +40,8 @@ _writes = itertools.count()  # distinguishes the partial files of the threads of
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:
     """The OutputError for a system error that occurred while writing ``path``."""
-    return OutputError(f"cannot be written: {error.strerror or error}", where=str(path))
+    what = "a link that is not followed" if error.errno == errno.ELOOP else error.strerror or error
+    return OutputError(f"cannot be written: {what}", where=str(path))
 
 
 def text_bytes(text: str) -> bytes:
@@ -62,31 +68,101 @@ def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterato
     Concurrent writers of one path do not disturb each other; the last to finish wins.  An error or interrupt leaves no
     partial file.  ``parents``: create missing folders.  Raises OutputError for system errors.
     """
-    partial = new_partial(path, suffix)
+    partial = None
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
+        partial = new_partial(path, suffix)
         yield partial
         put_in_place(partial, path)
     except BaseException as error:
-        with contextlib.suppress(OSError):  # also where the parent is not a folder
-            partial.unlink()
+        if partial is not None:
+            with contextlib.suppress(OSError):  # its folder is gone
+                partial.unlink()
         if isinstance(error, OSError):
             raise cannot_write(path, error) from None
         raise
 
 
 def put_in_place(partial: Path, path: Path) -> None:
-    """Rename a complete partial file once its contents are on the disk.  Raises OSError."""
-    with open(partial, "rb+") as file:
-        os.fsync(file.fileno())
-    os.replace(partial, path)
+    """Rename a complete partial file, in the folder of ``path``, once its content is on the disk.  Raises OSError."""
+    with _opened(path.parent) as folder:
+        file = os.open(partial.name, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)
+        os.replace(partial.name, path.name, src_dir_fd=folder, dst_dir_fd=folder)
+        _sync(folder)
 
 
 def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
     """Write ``data``, text by ``text_bytes``, completely or not at all.  Raises OutputError."""
-    with replacing(path, parents=parents) as partial:
-        partial.write_bytes(text_bytes(data) if isinstance(data, str) else data)
+    with replacing(path, parents=parents) as partial, open(partial, "wb", buffering=0) as file:
+        rest = memoryview(text_bytes(data) if isinstance(data, str) else data)
+        while rest:
+            rest = rest[file.write(rest) :]
+
+
+def copy_atomically(source: BinaryIO, path: Path) -> None:
+    """Write the rest of an open file to ``path``, completely or not at all.  Raises OutputError."""
+    with replacing(path) as partial, open(partial, "wb") as file:
+        shutil.copyfileobj(source, file, 1 << 20)
+
+
+def new_file(path: Path) -> io.FileIO:
+    """A new file at ``path`` for writing without a buffer; an older one, or a link, is removed.  Raises OSError."""
+    with _opened(path.parent) as folder:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path.name, dir_fd=folder)
+        file = os.open(path.name, os.O_WRONLY | _NEW, 0o666, dir_fd=folder)
+        _sync(folder)
+    return open(file, "wb", buffering=0)
+
+
+def own_file(path: Path, *, append: bool = False) -> io.FileIO:
+    """A file that grows or is locked in place, created if missing, for reading and writing or to ``append``.
+
+    Without a buffer.  Raises OSError, also for a link and for what is not a regular file.
+    """
+    access = os.O_WRONLY | os.O_APPEND if append else os.O_RDWR
+    with _opened(path.parent) as folder:
+        flags = access | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        file = os.open(path.name, flags, 0o666, dir_fd=folder)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise OSError(errno.EINVAL, "not a regular file")
+    return open(file, "ab" if append else "r+b", buffering=0)
+
+
+def log_file(path: Path) -> TextIO:
+    """A log to which whole lines are appended; a killed writer leaves whole lines.  Raises OutputError."""
+    try:
+        file = own_file(path, append=True)
+    except OSError as error:
+        raise cannot_write(path, error) from None
+    return io.TextIOWrapper(io.BufferedWriter(file), encoding="utf-8", errors="replace", line_buffering=True)
+
+
+_NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+
+
+@contextlib.contextmanager
+def _opened(folder: Path) -> Iterator[int]:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _sync(folder: int) -> None:
+    """Put the names in a folder on the disk, where its file system can."""
+    try:
+        os.fsync(folder)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EBADF):
+            raise
 
 
 def write_png(path: Path, image: np.ndarray) -> None:
@@ -136,6 +212,20 @@ def output_folder(out: str | Path) -> Path:
     return folder
 
 
+def folder_in(out: Path, name: str) -> Path:
+    """The folder ``name`` in the output folder ``out``, created unless it exists; a link raises OutputError."""
+    try:
+        with _opened(out) as folder:
+            with contextlib.suppress(FileExistsError):
+                os.mkdir(name, dir_fd=folder)
+            os.close(os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder))
+    except NotADirectoryError:
+        raise OutputError("is a link or a file, not a folder", where=str(out / name), hint="remove it") from None
+    except OSError as error:
+        raise cannot_write(out / name, error) from None
+    return out / name
+
+
 def make_folders(path: Path) -> list[Path]:
     """Create ``path`` and its missing parents.  -> the folders created, innermost first.  Raises OSError."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
@@ -158,13 +248,16 @@ def remove_folders(made: list[Path]) -> None:
 
 
 def new_partial(path: Path, suffix: str = "") -> Path:
-    """The partial file of a new writer of ``path``: hidden, in the same folder, not created yet.
+    """The partial file of a new writer of ``path``: hidden, new and empty, in the same folder.  Raises OSError.
 
     Abandoned partial files of ``path`` are removed.  ``suffix``: for libraries that derive the format from the name.
     """
-    with contextlib.suppress(OSError):  # a missing or unreadable folder is reported when ``path`` is written
+    with contextlib.suppress(OSError):
         _sweep(path)
-    return path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}{_process_space()}.partial{suffix}")
+    partial = path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}{_process_space()}.partial{suffix}")
+    with _opened(path.parent) as folder:
+        os.close(os.open(partial.name, os.O_WRONLY | _NEW, 0o666, dir_fd=folder))
+    return partial
 
 
 def is_partial_of(path: Path, other: Path) -> bool:
@@ -213,8 +306,8 @@ def _process_space() -> str:
     A hash of the running kernel and of its PID namespace; host names may repeat in a network and in containers.
     """
     try:
-        kernel, namespace = Path("/proc/sys/kernel/random/boot_id").read_bytes(), os.stat("/proc/self/ns/pid").st_ino
-    except OSError:
+        kernel, namespace = read_bytes("/proc/sys/kernel/random/boot_id"), os.stat("/proc/self/ns/pid").st_ino
+    except (OSError, OutputError):
         return ""
     return f"-{sha256(kernel + str(namespace).encode()).hexdigest()[:8]}"
 

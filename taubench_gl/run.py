@@ -16,7 +16,7 @@ from taubench_gl.conventions import COLUMNS, HISTOGRAM_MIN_EXPONENT, SUMMARY_SCH
 from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.outputs import cannot_write, csv_text, text_bytes, write_atomically
+from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
 from taubench_gl.run_schema import Summary
 
 SUMMARY_FILE = "summary.json"
@@ -173,7 +173,7 @@ class RunWriter:
         try:
             self.path(SUMMARY_FILE).unlink(missing_ok=True)
             # Unbuffered: one write call per row, so no row can be cut in two by an interrupt between flushes.
-            self._file = open(self.path(FRAMES_FILE), "wb", buffering=0)
+            self._file = new_file(self.path(FRAMES_FILE))
             self._begun = True
             self._write_line(self.columns)
         except OSError as error:

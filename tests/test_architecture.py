@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
-    "conventions", "channels", "data_files", "errors", "folder_lock", "glossary", "math3d", "outputs", "paths",
-    "preset", "run_schema", "settings", "srgb",
+    "conventions", "channels", "data_files", "errors", "folder_lock", "glossary", "math3d", "memory_budget", "outputs",
+    "paths", "preset", "run_schema", "settings", "srgb",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (

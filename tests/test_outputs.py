@@ -71,11 +71,11 @@ def test_two_writers_of_one_path_use_separate_partial_files(tmp_path, monkeypatc
     """A second write to the path happens between the write and the rename of the first."""
     path, seen, real = tmp_path / "file", [], os.replace
 
-    def replace(partial, target):
+    def replace(partial, target, **folders):
         seen.append(os.path.basename(partial))
         if len(seen) == 1:
             write_atomically(path, "second")
-        real(partial, target)
+        real(partial, target, **folders)
 
     monkeypatch.setattr(os, "replace", replace)
     write_atomically(path, "first")

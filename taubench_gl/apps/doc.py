@@ -13,6 +13,7 @@ import click
 
 from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
+from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import notes
 from taubench_gl.settings import GROUPS
@@ -242,7 +243,7 @@ def write() -> None:
     for stale in set(folder.glob("*.md")) - every.keys():
         stale.unlink()
     for path, text in every.items():
-        path.write_text(text, encoding="utf-8")
+        write_atomically(path, text)
 
 
 if __name__ == "__main__":

@@ -60,6 +60,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
     from taubench_gl.evaluation.appearance import transparency_notes
     from taubench_gl.frame.plan import FramePlan
+    from taubench_gl.scene.memory import memory_of
 
     poser = Poser(scene)
     frames = settings.sequence.frame_count(scene.duration)
@@ -72,6 +73,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     return {
         "name": scene.name,
         "path": None if scene.path is None else str(scene.path),
+        "memory_bytes": memory_of(scene),
         "bytes": scene.path.stat().st_size if scene.path is not None and scene.path.is_file() else None,
         "sha256": scene.sha256,
         "scenes": list(scene.scene_names),
@@ -153,6 +155,7 @@ def _show(facts: dict[str, Any]) -> None:
             "scenes": ", ".join(name or "(no name)" for name in facts["scenes"]) or None,
             "duration": f"{facts['duration_s']:.3f} s, {facts['frames']} frames at {facts['fps']:g} fps",
             "bounds": f"radius {size['radius_m']:.4g} m around ({where}) at time 0",
+            "memory": _memory_line(facts["memory_bytes"]),
             "materials, images": f"{facts['materials']}, {len(facts['images'])}",
             "camera used": facts["camera"],
             "light unit": "{value} ({reason})".format(**facts["light_unit"]),
@@ -179,6 +182,13 @@ def _show(facts: dict[str, Any]) -> None:
 
 def _exposure_text(value: float | None, reason: str) -> str:
     return f"{'not metered' if value is None else f'{value:g}'} ({reason})"
+
+
+def _memory_line(memory: dict[str, int]) -> str:
+    from taubench_gl.memory_budget import limit, shown_bytes
+
+    parts = ", ".join(f"{kind} {shown_bytes(count)}" for kind, count in memory.items() if count)
+    return f"{shown_bytes(sum(memory.values()))} of at most {shown_bytes(limit())} when drawn ({parts})"
 
 
 def _effect_lines(effects: dict[str, Any]) -> dict[str, str]:

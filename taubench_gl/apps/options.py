@@ -5,6 +5,7 @@ Help texts come from the metadata of Settings' fields and from the glossary.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import click
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.glossary import OPTIONS
+from taubench_gl.memory_budget import VARIABLE, parse_bytes
 from taubench_gl.settings import (
     AUTO,
     BACKENDS,
@@ -241,8 +243,33 @@ strict_option = click.option(
 )
 
 
+def _limit_memory(context: click.Context, _param: click.Parameter, value: str | None) -> None:
+    """Set the limit for this process and its workers until the command ends.  Raises SettingsError."""
+    if value is None:
+        return
+    before = os.environ.get(VARIABLE)
+
+    def restore() -> None:
+        os.environ.pop(VARIABLE)
+        if before is not None:
+            os.environ[VARIABLE] = before
+
+    os.environ[VARIABLE] = str(parse_bytes(value))
+    context.call_on_close(restore)
+
+
+memory_option = click.option(
+    "--max-memory",
+    metavar="SIZE",
+    expose_value=False,
+    callback=_limit_memory,
+    help="Refuse scenes that take more memory in one process, such as 4GiB; TAUBENCH_MAX_MEMORY is the same.  "
+    "[default: that of the machine or container, divided by the workers]",
+)
+
+
 def scene_options(command: Any) -> Any:
-    """``--scene`` and ``--animation``: the part of a file; and ``--strict``."""
+    """``--scene`` and ``--animation``: the part of a file; ``--strict`` and ``--max-memory``."""
     return with_options(
         command,
         click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's default]"),
@@ -254,6 +281,7 @@ def scene_options(command: Any) -> Any:
             help="Animation to play; may be repeated.  [default: all that do not collide]",
         ),
         strict_option,
+        memory_option,
     )
 
 

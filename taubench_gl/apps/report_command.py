@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from taubench_gl.apps.options import OutPath
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
 
 
@@ -67,7 +68,7 @@ def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:
         raise OutputError("a page shows one reuse evaluation", hint=hint)
     found = load_evaluation(runs[0])
     worst = found.out / "side_by_side.png"
-    image = worst.read_bytes() if worst.is_file() else None
+    image = read_bytes(worst) if worst.is_file() else None
     path = out or found.out / REPORT_FILE
     write_atomically(path, reuse_html(found.summary, found.rows, image, reuse_images(found.out, images)))
     return path

@@ -15,6 +15,10 @@ from pathlib import Path
 
 from taubench_gl.batch.units import Event, Failed, Finished, Lost, NoGraphics, PairDone, Slot, Unit
 from taubench_gl.batch.worker import Worker, attempt
+from taubench_gl.data_files import opened
+from taubench_gl.errors import OutputError
+from taubench_gl.memory_budget import VARIABLE, limit
+from taubench_gl.outputs import folder_in, log_file
 
 THREADS_VARIABLE = "LP_NUM_THREADS"
 """Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
@@ -31,12 +35,13 @@ def available_cores() -> int:
 
 
 def worker_environment(workers: int) -> dict[str, str]:
-    """The environment of each of ``workers`` processes: all of them together have one thread of a kind per core.
+    """The environment of each of ``workers`` processes, which share one thread of a kind per core, and the memory.
 
     A value that the user has set is kept.
     """
     threads = str(max(1, available_cores() // workers))
-    return dict.fromkeys(THREADS_VARIABLES, threads) | dict(os.environ)
+    memory = {VARIABLE: str(max(limit() // workers, 1 << 20))}
+    return dict.fromkeys(THREADS_VARIABLES, threads) | memory | dict(os.environ)
 
 
 class InProcess:
@@ -91,7 +96,7 @@ class Processes:
 
     def __enter__(self) -> Processes:
         self._lifeline = os.pipe()
-        self._logs.mkdir(parents=True, exist_ok=True)
+        folder_in(self._logs.parent, self._logs.name)
         for number in range(self._count):
             self._workers.append(self._spawn(number))
         return self
@@ -145,7 +150,7 @@ class Processes:
         ours, theirs = socket.socketpair()
         log = self._logs / f"worker-{number}.log"
         arguments = [str(theirs.fileno()), str(self._lifeline[0])]
-        with open(log, "ab") as output:
+        with log_file(log) as output:
             process = subprocess.Popen(
                 [sys.executable, "-m", "taubench_gl.batch.worker", *arguments],
                 stdin=subprocess.DEVNULL,
@@ -186,6 +191,8 @@ def how_it_ended(code: int) -> str:
 
 def _end_of(path: Path) -> str:
     try:
-        return path.read_bytes()[-TAIL_BYTES:].decode(errors="replace")
-    except OSError:
+        with opened(path, links=False) as file:
+            file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL_BYTES))
+            return file.read(TAIL_BYTES).decode(errors="replace")
+    except (OSError, OutputError):
         return ""

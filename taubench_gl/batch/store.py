@@ -26,7 +26,7 @@ import msgspec
 from taubench_gl import __version__
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
-from taubench_gl.data_files import checked, read_json
+from taubench_gl.data_files import checked, read_bytes, read_json, read_text
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.folder_lock import LOCK_FILE
 from taubench_gl.outputs import is_partial_of, write_atomically
@@ -171,8 +171,8 @@ class Store:
         reports: list[dict[str, Any]] = []
         for path in sorted(self.pairs_folder(job.id).glob("*.parquet")):
             try:
-                found, report = decode(path.read_bytes())
-            except (ValueError, OSError):
+                found, report = decode(read_bytes(path, max_bytes=MAX_HEAD_BYTES))
+            except (ValueError, OSError, OutputError):
                 path.unlink(missing_ok=True)
                 continue
             reports.append(report | {"pairs": [record.row["frame"] for record in found]})
@@ -198,8 +198,8 @@ class Store:
     def failure(self, job: str) -> str | None:
         """Why the job failed in its last attempt, in one line; None if it did not."""
         try:
-            return self.log_file(job).read_text(encoding="utf-8").partition("\n")[0]
-        except OSError:
+            return read_text(self.log_file(job), links=False).partition("\n")[0]
+        except OutputError:
             return None
 
     def clear_failure(self, job: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from taubench_gl.benchmark.merge import SCHEMA
-from taubench_gl.data_files import checked, read_json, schema_fault
+from taubench_gl.data_files import checked, read_bytes, read_json, schema_fault
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.benchmark import benchmark_html, benchmark_tables, plot_speeds
@@ -65,7 +65,7 @@ def write_results(summary: Mapping[str, Any], folder: Path) -> list[Path]:
     write_atomically(path, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     plots = plot_speeds(summary, folder)
     written = [path, *write_tables(folder, benchmark_tables(summary)), *plots]
-    write_atomically(folder / REPORT_FILE, benchmark_html(summary, plots[0].read_bytes() if plots else None))
+    write_atomically(folder / REPORT_FILE, benchmark_html(summary, read_bytes(plots[0]) if plots else None))
     return [*written, folder / REPORT_FILE]
 
 

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.motion_stats import MotionStats
@@ -102,4 +103,4 @@ def _cached(name: str, content: object) -> Path:
 def _code() -> str:
     """Hash of the modules that make scenes: another version makes other files."""
     files = [*sorted((PACKAGE / "datasets").glob("*.py")), Path(__file__)]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+    return hashlib.sha256(b"".join(read_bytes(path) for path in files)).hexdigest()

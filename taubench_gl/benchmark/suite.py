@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import msgspec
 
 from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
-from taubench_gl.data_files import read_toml
+from taubench_gl.data_files import hashed, read_toml
 from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
@@ -192,7 +192,7 @@ def read_suite(text: str | Path) -> Suite:
     ids = [case.id for case in cases]
     if repeated := next((one for one in ids if ids.count(one) > 1), None):
         raise SettingsError(f"two cases are {repeated}", where=str(path), hint="leave one out")
-    return Suite(given.name, hashlib.sha256(path.read_bytes()).hexdigest(), cases)
+    return Suite(given.name, hashed(path, SettingsError).hexdigest(), cases)
 
 
 def _expanded(suite: _Suite, table: _Cases, folder: Path) -> list[Case]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,6 +22,7 @@ import numpy as np
 from taubench_gl.batch.worker import open_context
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
+from taubench_gl.data_files import hashed
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import MethodError, SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
@@ -70,7 +72,8 @@ def _files_sha256(path: Path, root: Path) -> str:
     digest = hashlib.sha256()
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file() and p.suffix != ".pyc")
     for file in files:
-        digest.update(str(file.relative_to(root)).encode() + b"\0" + file.read_bytes())
+        digest.update(os.fsencode(file.relative_to(root)) + b"\0")
+        hashed(file, digest=digest)
     return digest.hexdigest()
 
 

@@ -8,12 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.data_files import parse_json
+from taubench_gl.data_files import parse_json, read_bytes
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, output_folder
+from taubench_gl.outputs import cannot_write, output_folder, own_file
 
 RECORDS_FILE = "records.jsonl"
 RECORDS_SCHEMA = "taubench-gl/cost-records/4"
+MAX_RECORDS = 1 << 30
+"""Limit on the bytes of the file."""
 
 Record = Mapping[str, Any]
 """``kind``: reference, masks, time or columns.  All but the first name their ``configuration``."""
@@ -31,13 +33,13 @@ class Records:
         self.path = output_folder(folder) / RECORDS_FILE
         header = {"kind": "study", "schema": RECORDS_SCHEMA, **header}
         try:
-            text = self.path.read_bytes() if self.path.exists() else b""
+            text = read_bytes(self.path, max_bytes=MAX_RECORDS, links=False) if self.path.exists() else b""
             whole = text[: text.rfind(b"\n") + 1]
             found = [_parse(line, self.path, i) for i, line in enumerate(whole.splitlines(), start=1)]
             if found:
                 _require_same(found[0], header, folder)
-            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-            os.ftruncate(self._file, len(whole))  # an incomplete last line was cut off when the process was killed
+            self._file = own_file(self.path, append=True)
+            self._file.truncate(len(whole))  # an incomplete last line was cut off when the process was killed
         except OSError as error:
             raise cannot_write(self.path, error) from None
         self.lines = found[1:]
@@ -62,14 +64,14 @@ class Records:
         return next(reversed(self.of("reference")), None)
 
     def close(self) -> None:
-        os.close(self._file)
+        self._file.close()
 
     def _write(self, record: Mapping[str, Any]) -> None:
         data = (json.dumps(record, allow_nan=False) + "\n").encode()
         try:
             while data:
-                data = data[os.write(self._file, data) :]
-            os.fsync(self._file)
+                data = data[self._file.write(data) :]
+            os.fsync(self._file.fileno())
         except OSError as error:
             raise cannot_write(self.path, error) from None
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.cost.pixels import Light, PairChannels, Subject, at_pixel_centers
+from taubench_gl.data_files import stored_arrays
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.references import PART
@@ -107,7 +108,7 @@ class TracedPixels:
         path = folder / SUMS_FILE
         if not path.is_file():
             return
-        with np.load(path) as stored:
+        with stored_arrays(path, hint="give --fresh to measure from scratch") as stored:
             self._sums = {s: {f: stored[f"{s}_{f}"] for f in of} for s, of in self._sums.items()}
             self._counts = dict(zip(self._sums, stored["counts"].tolist(), strict=True))
 

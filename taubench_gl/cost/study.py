@@ -36,9 +36,10 @@ from taubench_gl.cost.reference import (
 )
 from taubench_gl.cost.result import CostStudy, assemble
 from taubench_gl.cost.timing import Clock, Deadline, OpenConfiguration, OtherWork, OutOfTime, Pool, due_visits
+from taubench_gl.data_files import read_text
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.plan import FramePlan
@@ -280,10 +281,10 @@ def _identity(subject: Subject, about: Mapping[str, Any]) -> dict[str, str]:
 
 def _processor() -> str:
     try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+        for line in read_text("/proc/cpuinfo").splitlines():
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
-    except OSError:
+    except OutputError:
         pass
     return platform.processor() or platform.machine()
 

@@ -12,7 +12,6 @@ server that ignores If-Range is caught by the ETag, date and size of its answer.
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -20,8 +19,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from taubench_gl.data_files import read_json
+from taubench_gl.data_files import opened, read_json
 from taubench_gl.errors import DatasetError, OutputError
+from taubench_gl.outputs import copy_atomically, own_file, write_atomically
 
 CHUNK = 1 << 20
 TRIES = 4
@@ -76,7 +76,8 @@ def fetch(url: str, out: Path, part: Path, progress: Progress | None = None) -> 
         except requests.exceptions.RequestException as error:
             raise DatasetError(f"cannot be fetched: {error}", where=url) from None
         if problem is None:
-            shutil.copyfile(part, out)
+            with opened(part, DatasetError) as file:
+                copy_atomically(file, out)
             return
     raise DatasetError(f"the download failed {TRIES} times: {problem}", where=url, hint="run it again to resume")
 
@@ -111,8 +112,8 @@ def _attempt(url: str, part: Path, progress: Progress | None) -> str | None:
             have = 0
             if response.status_code != 200:
                 return "the file changes with every answer"
-        _record(part).write_text(json.dumps(asdict(version)), encoding="utf-8")
-        with part.open("ab") as file:
+        write_atomically(_record(part), json.dumps(asdict(version)))
+        with own_file(part, append=True) as file:
             read = getattr(response.raw, "read1", response.raw.read)
             while chunk := read(CHUNK):
                 file.write(chunk)

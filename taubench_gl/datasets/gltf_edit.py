@@ -16,7 +16,9 @@ import numpy as np
 
 from taubench_gl.data_files import parse_json
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.memory_budget import limit
 from taubench_gl.outputs import text_bytes, write_atomically
+from taubench_gl.scene.files import read_file
 from taubench_gl.scene.gltf.document import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document, read_uri
 from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
 
@@ -164,7 +166,7 @@ class GltfEditor:
 
 def _json_text(path: Path) -> bytes:
     """The JSON text of a file that ``open_document`` accepts."""
-    data = path.read_bytes()
+    data = read_file(path, max_bytes=limit())
     if data[:4] != GLB_MAGIC:
         return data
     return data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]

@@ -7,7 +7,6 @@ refused.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import lzma
 import os
@@ -19,14 +18,14 @@ import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import unquote, urlsplit
 
-from taubench_gl.data_files import read_json
+from taubench_gl.data_files import hashed, opened, read_json
 from taubench_gl.datasets.download import Progress, fetch, forget
 from taubench_gl.datasets.registry import VARIABLE, Entry, known_name, load_registry
 from taubench_gl.errors import DatasetError
-from taubench_gl.outputs import make_folders, remove_folders, write_atomically
+from taubench_gl.outputs import copy_atomically, make_folders, remove_folders, write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.settings import ENVIRONMENT_FILES
 
@@ -234,7 +233,8 @@ class CachedScene:
                 unpack(source, unpacked)
                 self._require_scene(source, unpacked)
             if source.resolve() != target.resolve():
-                shutil.copyfile(source, target)
+                with opened(source, DatasetError) as file:
+                    copy_atomically(file, target)
             if fresh:
                 shutil.rmtree(scene, ignore_errors=True)
                 unpacked.replace(scene)
@@ -292,33 +292,51 @@ def scene_text(cached: CachedScene) -> str:
 
 
 def sha256_of(path: Path) -> str:
-    """Checksum of a file, 64 hexadecimal digits.  Raises OSError."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """Checksum of a file, 64 hexadecimal digits.  Raises DatasetError."""
+    return hashed(path, DatasetError).hexdigest()
 
 
 ARCHIVES = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
 """Endings of names that archives have."""
 
 
+_COMPRESSED = {b"\x1f\x8b": "r:gz", b"BZh": "r:bz2", b"\xfd7zXZ\x00": "r:xz"}
+
+
 def unpack(archive: Path, folder: Path) -> None:
     """Unpack a zip or tar archive, or copy a single scene file, to a new folder.  Raises DatasetError."""
     folder.mkdir(parents=True)
+    with opened(archive, DatasetError) as file:
+        try:
+            if zipfile.is_zipfile(file):
+                with zipfile.ZipFile(file) as z:
+                    _require_bounded(archive, ((m.filename, m.file_size) for m in z.infolist()))
+                    z.extractall(folder)
+            elif (packed := _tar(file)) is not None:
+                with packed as t:
+                    _require_bounded(archive, ((m.name, m.size) for m in t))
+                    t.extractall(folder, filter="data")
+            elif archive.name.lower().endswith(ARCHIVES):  # a damaged one is recognized by nothing else
+                raise DatasetError("is a damaged archive", where=str(archive), hint="is the file complete?")
+            else:
+                file.seek(0)
+                copy_atomically(file, folder / archive.name)
+        except _ARCHIVE_FAULTS as e:
+            raise DatasetError(f"cannot be unpacked: {e}", where=str(archive), hint="is the file complete?") from None
+
+
+def _tar(file: BinaryIO) -> tarfile.TarFile | None:
+    """The tar archive in a file; None if it holds none.  ``tarfile`` itself tries every compression on every byte."""
+    file.seek(0)
+    start = file.read(512)
+    file.seek(0)
+    if not any(start):  # the end of a tar archive
+        return None
+    mode = next((mode for mark, mode in _COMPRESSED.items() if start.startswith(mark)), "r:")
     try:
-        if zipfile.is_zipfile(archive):
-            with zipfile.ZipFile(archive) as z:
-                _require_bounded(archive, ((m.filename, m.file_size) for m in z.infolist()))
-                z.extractall(folder)
-        elif tarfile.is_tarfile(archive):
-            with tarfile.open(archive) as t:
-                _require_bounded(archive, ((m.name, m.size) for m in t))
-                t.extractall(folder, filter="data")
-        elif archive.name.lower().endswith(ARCHIVES):  # a damaged one is recognized by nothing else
-            raise DatasetError("is a damaged archive", where=str(archive), hint="is the file complete?")
-        else:
-            shutil.copyfile(archive, folder / archive.name)
-    except _ARCHIVE_FAULTS as e:
-        raise DatasetError(f"cannot be unpacked: {e}", where=str(archive), hint="is the file complete?") from None
+        return tarfile.open(fileobj=file, mode=mode)
+    except tarfile.TarError:
+        return None
 
 
 def _require_bounded(archive: Path, members: Iterable[tuple[str, int]]) -> None:

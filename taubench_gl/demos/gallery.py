@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl import __version__
+from taubench_gl.data_files import read_bytes
 from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.opening import opening_settings, pair_text
@@ -104,7 +105,7 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | No
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
     folder.
     """
-    figures = [{"uri": data_uri(figure.path.read_bytes()), "caption": figure.caption} for figure in result.figures]
+    figures = [{"uri": data_uri(read_bytes(figure.path)), "caption": figure.caption} for figure in result.figures]
     numbered = len(figures) > 1
     figure_links = [(f"figure-{i}", f"Figure {i}" if numbered else "Figure") for i in range(1, len(figures) + 1)]
     before, after = around or (None, None)
@@ -242,7 +243,7 @@ def _thumbnail(path: Path) -> bytes:
     """A PNG of the width of a card."""
     from PIL import Image
 
-    with Image.open(path) as image:
+    with Image.open(io.BytesIO(read_bytes(path))) as image:
         image = image.convert("RGB")
         image.thumbnail((_CARD_WIDTH, 2000))
         buffer = io.BytesIO()

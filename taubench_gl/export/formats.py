@@ -13,7 +13,7 @@ import numpy as np
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.channels import channel_named, stored_as
 from taubench_gl.export.frames import ExportFrame
-from taubench_gl.outputs import cannot_write, plain_text, replacing
+from taubench_gl.outputs import cannot_write, folder_in, plain_text, replacing
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.pathtraced.passes import EXPORT_ATTRIBUTE
 
@@ -151,6 +151,7 @@ class ZarrWriter:
         except ImportError:
             raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
         with _writing(self.path):
+            folder_in(self.path.parent, self.path.name)
             self._open(zarr)
 
     def _open(self, zarr: Any) -> None:

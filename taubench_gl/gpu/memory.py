@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from taubench_gl.errors import GraphicsError
+from taubench_gl.data_files import read_text
+from taubench_gl.errors import GraphicsError, OutputError
 from taubench_gl.gpu.context import Gpu
 
 SHARE = 0.8
@@ -14,10 +13,10 @@ SHARE = 0.8
 def available_bytes() -> int | None:
     """Memory a program can still use without swapping; None where the system does not report it."""
     try:
-        for line in Path("/proc/meminfo").read_text().splitlines():
+        for line in read_text("/proc/meminfo").splitlines():
             if line.startswith("MemAvailable:"):
                 return int(line.split()[1]) * 1024
-    except (OSError, ValueError, IndexError):
+    except (OutputError, ValueError, IndexError):
         pass
     return None
 

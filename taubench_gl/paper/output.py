@@ -9,6 +9,7 @@ from typing import Any
 
 from taubench_gl import __version__
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import TaubenchError
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.paper.figures import draw_figures
@@ -104,7 +105,7 @@ def _about(results: Sequence[SceneResult], found: Found, options: PaperOptions) 
 
 def page(tables: Sequence[Table], figures: Sequence[Figure], about: Sequence[str]) -> str:
     """The page: one file that loads nothing."""
-    images = [(data_uri(path.read_bytes()), caption) for path, caption in figures]
+    images = [(data_uri(read_bytes(path)), caption) for path, caption in figures]
     return render_page("paper.html", about=about, images=images, tables=to_html(tables, scroll=True))
 
 

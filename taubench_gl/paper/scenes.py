@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import hashed
 from taubench_gl.datasets.registry import Entry, known_name
 from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
 from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
@@ -96,6 +97,6 @@ def _write_stand_in(name: str, file: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / file.name
         make_stand_in(name, made)
-        if not file.is_file() or made.read_bytes() != file.read_bytes():
+        if not file.is_file() or hashed(made).digest() != hashed(file).digest():
             with replacing(file, parents=True) as partial:
                 shutil.copyfile(made, partial)

@@ -6,8 +6,6 @@ Works without OpenGL.  ``compare_runs`` compares, ``save_comparison`` writes tex
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FRUSTUM
+from taubench_gl.data_files import read_bytes, stored_arrays
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.feature_errors import FeatureErrors
 from taubench_gl.outputs import output_folder, write_atomically
@@ -102,7 +101,7 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
     image = None
     if "frame" in result["worst"]:
         written.append(save_worst_image(out / "worst.png", result, *_worst_arrays(result)))
-        image = written[0].read_bytes()
+        image = read_bytes(written[0])
     texts = {
         "comparison.txt": "\n".join(comparison_text(result)) + "\n",
         "comparison.json": json.dumps(result, indent=2, allow_nan=False) + "\n",
@@ -247,11 +246,8 @@ class _Saved:
         return self._read(lambda arrays: arrays[name])
 
     def _read(self, take: Callable[[Any], Any]) -> Any:
-        try:
-            with np.load(self._path) as arrays:
-                return take(arrays)
-        except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
-            raise OutputError(f"cannot be read: {error}", where=str(self._path)) from None
+        with stored_arrays(self._path) as arrays:
+            return take(arrays)
 
 
 def _saved_pairs(

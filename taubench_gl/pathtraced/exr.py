@@ -20,7 +20,9 @@ from typing import Any, BinaryIO
 import numpy as np
 import OpenEXR
 
+from taubench_gl.data_files import by_descriptor, opened
 from taubench_gl.errors import PathTracedError
+from taubench_gl.memory_budget import require
 from taubench_gl.outputs import write_atomically
 
 Array = np.ndarray
@@ -31,10 +33,6 @@ MAGIC = b"\x76\x2f\x31\x01"
 _NON_IMAGE_FLAG = 1 << 11  # version field, bit 11: the file holds deep data
 MAX_SIDE = 16384
 """Largest accepted width or height of the data and display windows, in pixels."""
-
-MAX_PIXEL_BYTES = 8 << 30
-"""Largest accepted decoded size of one file, in bytes.  69 float channels of 3840x2160 take 2.3 GB, so only broken
-headers exceed it."""
 
 MAX_CHANNELS = 4096
 """Most channels of one file, all parts together.  Files of renderers have about a hundred; the time that the library
@@ -74,13 +72,14 @@ class ExrImage:
 def read_exr(path: str | Path) -> ExrImage:
     """Read one image: single-part or multi-part; half, float or uint; any compression that the library supports.
 
-    Raises PathTracedError for missing, damaged, truncated and deep files, and above MAX_SIDE or MAX_PIXEL_BYTES.
+    Raises PathTracedError for missing, damaged, truncated and deep files, and for sizes above MAX_SIDE
+    or the memory limit.
     """
     path = Path(path)
-    _check_kind(path)
-    headers = [part.header for part in _open(path)]
-    display = _check_headers(path, headers)
-    parts = _open(path, expected=len(headers))
+    with opened(path, PathTracedError) as file:
+        headers = _headers(path, file)
+        display = _check_headers(path, headers)
+        parts = _parts(path, file, expected=len(headers))
     planes: dict[str, tuple[Array, Window]] = {}
     for part, header in zip(parts, headers, strict=True):
         window = _window(header["dataWindow"])
@@ -105,8 +104,8 @@ class ExrHeader:
 def read_header(path: str | Path) -> ExrHeader:
     """Read size and names without decoding pixels.  Raises PathTracedError as ``read_exr`` does."""
     path = Path(path)
-    _check_kind(path)
-    headers = [part.header for part in _open(path)]
+    with opened(path, PathTracedError) as file:
+        headers = _headers(path, file)
     x0, y0, x1, y1 = _check_headers(path, headers)
     names = dict.fromkeys(_full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
     return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names), frozenset(headers[0]))
@@ -141,24 +140,23 @@ def _full_name(channel: str, part: str | None) -> str:
     return f"{part}.{channel}"
 
 
-def _channel_count(path: Path, multipart: bool) -> int:
+def _channel_count(file: BinaryIO, multipart: bool) -> int:
     """Channels of all headers, without the library; counts up to the first damage, which the library reports."""
     count = 0
-    with open(path, "rb") as file:
-        file.seek(8)
-        while count <= MAX_CHANNELS:
-            attributes = 0
-            while name := _text_from(file):
-                kind, size = _text_from(file), int.from_bytes(file.read(4), "little", signed=True)
-                attributes += 1
-                if size < 0 or kind is None:
-                    return count
-                if kind == b"chlist" and name == b"channels":
-                    count += _channels_in(file.read(size)) if size <= MAX_CHANNELS * 512 else MAX_CHANNELS + 1
-                else:
-                    file.seek(size, 1)
-            if not multipart or not attributes or name is None:  # an empty header ends the list
-                break
+    file.seek(8)
+    while count <= MAX_CHANNELS:
+        attributes = 0
+        while name := _text_from(file):
+            kind, size = _text_from(file), int.from_bytes(file.read(4), "little", signed=True)
+            attributes += 1
+            if size < 0 or kind is None:
+                return count
+            if kind == b"chlist" and name == b"channels":
+                count += _channels_in(file.read(size)) if size <= MAX_CHANNELS * 512 else MAX_CHANNELS + 1
+            else:
+                file.seek(size, 1)
+        if not multipart or not attributes or name is None:  # an empty header ends the list
+            break
     return count
 
 
@@ -186,21 +184,24 @@ def _text_from(file: BinaryIO) -> bytes | None:
     return None
 
 
-def _check_kind(path: Path) -> None:
-    """Raise PathTracedError unless the first 8 bytes are those of a flat OpenEXR image."""
-    try:
-        with open(path, "rb") as file:
-            head = file.read(8)
-    except OSError as error:
-        raise PathTracedError(f"cannot be read: {error.strerror}", where=str(path)) from None
+def _headers(path: Path, file: BinaryIO) -> list[dict[str, Any]]:
+    """The header of each part.  Raises PathTracedError unless the first 8 bytes are those of a flat OpenEXR image."""
+    head = file.read(8)
     if head[:4] != MAGIC:
         raise PathTracedError("is not an OpenEXR file", where=str(path), hint="its first bytes are another format's")
     if len(head) < 8:
         raise _damaged(path, "the file ends within its header")
-    if _channel_count(path, bool(int.from_bytes(head[4:8], "little") & _MULTIPART_FLAG)) > MAX_CHANNELS:
+    if _channel_count(file, bool(int.from_bytes(head[4:8], "little") & _MULTIPART_FLAG)) > MAX_CHANNELS:
         raise PathTracedError(f"has more than {MAX_CHANNELS} channels", where=str(path), hint="export fewer passes")
     if int.from_bytes(head[4:], "little") & _NON_IMAGE_FLAG:
         raise _deep(path)
+    try:
+        headers = [part.header for part in _parts(path, file)]
+        for header in headers:
+            [channel.name for channel in header["channels"]]
+        return headers
+    except UnicodeDecodeError as error:  # the library decodes a header when it is asked for
+        raise _from_library(path, error) from None
 
 
 def _check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
@@ -222,13 +223,11 @@ def _check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
                 raise PathTracedError(f"its {what} window is {width}x{height} pixels", where=str(path), hint=hint)
             if what == "data":
                 total += width * height * sum(_sample_bytes(c) for c in header["channels"])
-    if total > MAX_PIXEL_BYTES:
-        limit = f"the limit is {MAX_PIXEL_BYTES >> 30} GiB; write fewer passes or a smaller image"
-        raise PathTracedError(f"its pixels need {total / 2**30:.1f} GiB", where=str(path), hint=limit)
+    require(int(total), "its pixels", PathTracedError, str(path))
     return display
 
 
-def _open(path: Path, *, expected: int | None = None) -> list[Any]:
+def _parts(path: Path, file: BinaryIO, *, expected: int | None = None) -> list[Any]:
     """Parts of the file.  ``expected`` None: headers only; otherwise with pixels, and this many parts must decode.
 
     The library raises several exception types.  It drops a part that it cannot decode and only prints a message.
@@ -236,7 +235,7 @@ def _open(path: Path, *, expected: int | None = None) -> list[Any]:
     printed, native = io.StringIO(), []
     try:
         with contextlib.redirect_stdout(printed), _native_stderr(native):
-            parts = OpenEXR.File(str(path), separate_channels=True, header_only=expected is None).parts
+            parts = OpenEXR.File(by_descriptor(file), separate_channels=True, header_only=expected is None).parts
     except Exception as error:
         raise _from_library(path, error) from None
     if expected is not None and len(parts) != expected:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.data_files import hashed, read_json, stored_arrays
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import replacing, write_atomically
 from taubench_gl.paths import PACKAGE, SHADERS, cache_folder
@@ -147,7 +147,8 @@ def code_version() -> str:
     files = {path for root in roots for path in ([root] if root.is_file() else root.rglob("*.*"))}
     digest = hashlib.sha256()
     for path in sorted(f for f in files if f.suffix in (".py", ".glsl")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+        digest.update(path.name.encode() + b"\0")
+        hashed(path, digest=digest)
     return digest.hexdigest()[:16]
 
 
@@ -184,11 +185,8 @@ class StoredReference:
         path = self._path(frame, view, size)
         if path is None or not path.is_file():
             return Accumulated.empty(size)
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                loaded = Accumulated(*(stored[name] for name in ("counts", "sums", "variance")))
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            raise OutputError("is damaged", where=str(path), hint="delete it: it is rendered again") from None
+        with stored_arrays(path, hint="delete it: it is rendered again") as stored:
+            loaded = Accumulated(*(stored[name] for name in ("counts", "sums", "variance")))
         if loaded.sums.shape != Accumulated.empty(size).sums.shape:
             raise OutputError("is of another size", where=str(path), hint="delete it: it is rendered again")
         return loaded
@@ -241,8 +239,8 @@ def listed(root: Path | None = None) -> list[Listed]:
 
 def _listed(folder: Path) -> Listed:
     try:
-        about = json.loads((folder / "reference.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        about = read_json(folder / "reference.json", dict[str, Any])
+    except OutputError:
         about = {}
     files = sorted(folder.glob("frame_*.npz"))
     counts = [n for n in map(_samples_in, files) if n is not None]
@@ -252,9 +250,9 @@ def _listed(folder: Path) -> Listed:
 
 def _samples_in(path: Path) -> int | None:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with stored_arrays(path) as stored:
             return int(stored["counts"].sum())
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except OutputError:
         return None
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.data_files import hashed
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
 from taubench_gl.pathtraced.passes import (
@@ -165,9 +166,7 @@ class PathTracedSequence:
         """Hash of the bytes of all files, in frame order."""
         digest = hashlib.sha256()
         for path in (p for paths in self.files.values() for p in paths):
-            with open(path, "rb") as file:
-                while block := file.read(1 << 20):
-                    digest.update(block)
+            hashed(path, PathTracedError, digest)
         return digest.hexdigest()
 
     def _check_passes(self, image: ExrImage) -> None:

@@ -7,7 +7,6 @@ distances, also their planes (WebP, ``distance_planes``) and ``levels.bin``: the
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import zlib
@@ -20,10 +19,10 @@ import msgspec
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE
-from taubench_gl.data_files import read_bytes, read_json
+from taubench_gl.data_files import hashed, read_bytes, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.masks import PixelDistances
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import cannot_write, folder_in, write_atomically
 from taubench_gl.report.distance_planes import (
     CODES,
     EncodedDistances,
@@ -125,8 +124,8 @@ class StoredFrames:
     no_planes: str = NO_PLANES
 
     def uri(self, part: str, frame: int) -> str:
-        """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OSError."""
-        return data_uri((self.folder / file_name(part, frame)).read_bytes(), _SUFFIX[part])
+        """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OutputError."""
+        return data_uri(read_bytes(self.folder / file_name(part, frame)), _SUFFIX[part])
 
 
 class KeptFrames:
@@ -173,7 +172,7 @@ class KeptFrames:
 
     def _clear(self) -> None:
         """Remove the images of an earlier run; called when the first image is about to be written."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        folder_in(self.folder.parent, self.folder.name)
         for old in self.folder.iterdir():
             if old.name in (INDEX, LEVELS) or any(old.match(pattern) for pattern in self._patterns):
                 old.unlink()
@@ -436,4 +435,4 @@ def _downscaled(image: Array, step: int, shape: tuple[int, int]) -> Array:
 
 def file_sha256(path: Path) -> str:
     """Of the bytes of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashed(path).hexdigest()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
+
+from taubench_gl.data_files import read_json
 
 PATH = Path(__file__).with_name("numerics.json")
 SCHEMA = "taubench-gl/numerics/1"
@@ -12,4 +13,4 @@ SCHEMA = "taubench-gl/numerics/1"
 
 def recorded() -> dict[str, Any]:
     """``renderer``, ``driver``, ``date``, ``size``, and ``rows``: rule, case, its error with the rule and without."""
-    return json.loads(PATH.read_text(encoding="utf-8"))
+    return read_json(PATH)

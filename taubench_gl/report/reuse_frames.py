@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from taubench_gl.data_files import read_json
+from taubench_gl.data_files import read_bytes, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.frame_store import (
@@ -165,7 +165,7 @@ def reuse_images(out: Path | None, most: int = MAX_IMAGES, budget: int = MAX_IMA
 
     def uri(part: str, at: int | None, frame: int) -> str | None:
         path = folder / file_name(part, at, frame)
-        return data_uri(path.read_bytes(), path.suffix.removeprefix(".")) if path.is_file() else None
+        return data_uri(read_bytes(path), path.suffix.removeprefix(".")) if path.is_file() else None
 
     def load(frame: int) -> dict[str, Any]:
         images, errors = ([uri(part, i, frame) for i in range(len(names))] for part in ("image", "error"))

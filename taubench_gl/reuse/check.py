@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.frame import read_result
@@ -76,13 +77,12 @@ def write_example(path: Path, python: bool = False) -> list[Path]:
         if not python:
             path.mkdir()
         for name, target in templates.items():
-            with open(target, "x", encoding="utf-8") as file:
-                made.append(target)
-                file.write((_TEMPLATE / name).read_text(encoding="utf-8"))
-    except OSError as error:
+            write_atomically(target, read_bytes(_TEMPLATE / name))
+            made.append(target)
+    except (OSError, OutputError) as error:
         for target in made:
             target.unlink(missing_ok=True)
         if not python and path.is_dir() and not any(path.iterdir()):
             path.rmdir()
-        raise cannot_write(path, error) from None
+        raise (cannot_write(path, error) if isinstance(error, OSError) else error) from None
     return made

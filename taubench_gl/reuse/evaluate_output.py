@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import (
@@ -116,7 +117,7 @@ class Video:
 
     def __init__(self, path: Path, fps: float, kind: str = "mp4"):
         self.path, self._fps, self._kind = path, fps, kind
-        self._partial = new_partial(path, f".{kind}")
+        self._partial: Path | None = None
         self._writer: Any = None
         self._added = 0
 
@@ -129,6 +130,7 @@ class Video:
         try:
             if self._writer is None:
                 codec, more = CODECS[self._kind]
+                self._partial = new_partial(self.path, f".{self._kind}")
                 self._writer = imageio_ffmpeg.write_frames(
                     str(self._partial), image.shape[1::-1], fps=self._fps, codec=codec, macro_block_size=1,
                     output_params=more, ffmpeg_log_level="error",
@@ -141,7 +143,7 @@ class Video:
 
     def close(self) -> Path | None:
         """Finish the file.  -> its path, None without frames.  Raises OutputError."""
-        if self._writer is None:
+        if self._writer is None or self._partial is None:
             return None
         import imageio_ffmpeg
 
@@ -166,7 +168,8 @@ class Video:
         if self._writer is not None:  # not closed: an error occurred
             self._writer.close()
             self._writer = None
-        self._partial.unlink(missing_ok=True)
+        if self._partial is not None:
+            self._partial.unlink(missing_ok=True)
 
 
 def _amount(evaluated: EvaluatedFrame, label: str) -> str:
@@ -264,7 +267,7 @@ class ReuseFolder:
         if self._worst_image is not None:
             written.append(out / "side_by_side.png")
             write_png(written[-1], self._worst_image)
-            image = written[-1].read_bytes()
+            image = read_bytes(written[-1])
         written += plot_reuse(evaluation.summary, evaluation.rows, out)
         if self._recorder is not None:
             self._recorder.finish(written[0])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from taubench_gl.errors import SceneError
+from taubench_gl.scene.memory import within_memory
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.obj.reader import is_sequence
 
@@ -61,7 +62,8 @@ def load_scene(
     departs from the format and would otherwise be repaired (docs/formats.md).  ``Scene.notes`` lists the reader's
     decisions and repairs, one counted note for each kind.
 
-    Raises ``SceneError`` for files that are missing, unreadable, invalid or not supported.
+    Raises ``SceneError`` for files that are missing, unreadable, invalid or not supported, and for a scene that takes
+    more memory than ``memory_budget.limit``.
     """
     if not str(path):
         raise SceneError("the path is empty", hint="give a scene file, a folder of numbered .obj files, or exr:DIR")
@@ -71,7 +73,7 @@ def load_scene(
     if is_sequence(str(path)):
         from taubench_gl.scene.obj.reader import read_obj_sequence
 
-        return read_obj_sequence(str(path), scene, animation, strict)
+        return within_memory(read_obj_sequence(str(path), scene, animation, strict))
     path = Path(path)
     if os.path.isdir(path):  # False, not an error, for a name that is too long
         raise _no_scene_in(path)
@@ -83,7 +85,7 @@ def load_scene(
         elif not path.suffix:
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
-    return reader(path, scene, animation, strict)
+    return within_memory(reader(path, scene, animation, strict))
 
 
 def _no_scene_in(folder: Path) -> SceneError:

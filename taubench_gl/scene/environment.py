@@ -6,18 +6,27 @@ Files are untrusted: size and layout are checked before pixels are decoded, and 
 from __future__ import annotations
 
 import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from taubench_gl.data_files import by_descriptor, opened
 from taubench_gl.errors import SettingsError
+from taubench_gl.memory_budget import require
 
 Array = np.ndarray
 
 MAX_SIZE = (8192, 4096)
 """Largest accepted width and height, pixels."""
+
+MAX_BYTES = 2 << 30
+"""Largest accepted file."""
 
 MAX_CHANNELS = 8
 """Most channels that are decoded, those between the first and the last of R, G and B."""
@@ -45,13 +54,22 @@ class EnvironmentImage:
 def read_environment(path: str | Path) -> EnvironmentImage:
     """Read an environment image; a file that has not changed is read once.  Raises SettingsError."""
     path = Path(path)
-    try:
-        about = path.stat()
-    except (OSError, ValueError) as error:
-        raise _fault(path, f"cannot be opened: {getattr(error, 'strerror', None) or error}") from None
-    if not path.is_file():
-        raise _fault(path, "is not a file")
+    with _opened(path) as file:
+        about = os.fstat(file.fileno())
     return _read(path, about.st_mtime_ns, about.st_size)
+
+
+def environment_bytes(path: str | Path) -> int:
+    """Memory that the radiance of an environment image takes, from its header.  Raises SettingsError."""
+    with _opened(Path(path)) as file, _source(Path(path), file) as source:
+        return 12 * source.spec().width * source.spec().height
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return opened(path, SettingsError, max_bytes=MAX_BYTES)
+    except SettingsError as error:
+        raise _fault(path, error.what) from None
 
 
 def _fault(path: Path, what: str, hint: str | None = None) -> SettingsError:
@@ -61,13 +79,37 @@ def _fault(path: Path, what: str, hint: str | None = None) -> SettingsError:
 @lru_cache(maxsize=2)
 def _read(path: Path, modified: int, size: int) -> EnvironmentImage:
     """``modified`` and ``size`` of the file: part of the key of the cache."""
+    with _opened(path) as file, _source(path, file) as source:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        spec = source.spec()
+        width, height = spec.width, spec.height
+        require(12 * width * height, "its radiance", SettingsError, str(path))
+        names = list(spec.channelnames)
+        if not {"R", "G", "B"} <= set(names):
+            raise _fault(path, f"has the channels {', '.join(names[:8])}", "R, G and B are needed")
+        order = [names.index(channel) for channel in "RGB"]
+        first, end = min(order), max(order) + 1
+        if end - first > MAX_CHANNELS:
+            raise _fault(path, f"has {end - first} channels from the first to the last of R, G and B")
+        pixels = source.read_image(0, 0, first, end, "float")
+        if pixels is None:
+            raise _fault(path, f"is damaged: {_first_line(source.geterror())}")
+    pixels = np.asarray(pixels, dtype=np.float32).reshape(height, width, end - first)
+    radiance = np.ascontiguousarray(pixels[..., [i - first for i in order]])
+    if bad := int(np.count_nonzero(~np.isfinite(radiance))):
+        raise _fault(path, f"has {bad} value{'s' * (bad > 1)} that are not finite")
+    negative = int(np.count_nonzero(radiance < 0))
+    radiance = np.maximum(radiance, 0.0)
+    radiance.flags.writeable = False
+    return EnvironmentImage(path, sha256, radiance, negative)
+
+
+@contextmanager
+def _source(path: Path, file: BinaryIO) -> Iterator[Any]:
+    """An open image whose size and layout are those of an environment.  Raises SettingsError."""
     import OpenImageIO as oiio
 
-    try:
-        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise _fault(path, f"cannot be read: {error.strerror}") from None
-    source = oiio.ImageInput.open(str(path))
+    source = oiio.ImageInput.open(by_descriptor(file))
     if source is None:
         raise _fault(path, f"cannot be read: {_first_line(oiio.geterror())}")
     try:
@@ -79,26 +121,9 @@ def _read(path: Path, modified: int, size: int) -> EnvironmentImage:
             raise _fault(path, f"has {width}x{height} pixels", "an equirectangular image is twice as wide as high")
         if spec.deep or spec.depth > 1 or (spec.x, spec.y, spec.full_width, spec.full_height) != (0, 0, width, height):
             raise _fault(path, "is not one flat image that fills its window")
-        names = list(spec.channelnames)
-        if not {"R", "G", "B"} <= set(names):
-            raise _fault(path, f"has the channels {', '.join(names[:8])}", "R, G and B are needed")
-        order = [names.index(channel) for channel in "RGB"]
-        first, end = min(order), max(order) + 1
-        if end - first > MAX_CHANNELS:
-            raise _fault(path, f"has {end - first} channels from the first to the last of R, G and B")
-        pixels = source.read_image(0, 0, first, end, "float")
-        if pixels is None:
-            raise _fault(path, f"is damaged: {_first_line(source.geterror())}")
+        yield source
     finally:
         source.close()
-    pixels = np.asarray(pixels, dtype=np.float32).reshape(height, width, end - first)
-    radiance = np.ascontiguousarray(pixels[..., [i - first for i in order]])
-    if bad := int(np.count_nonzero(~np.isfinite(radiance))):
-        raise _fault(path, f"has {bad} value{'s' * (bad > 1)} that are not finite")
-    negative = int(np.count_nonzero(radiance < 0))
-    radiance = np.maximum(radiance, 0.0)
-    radiance.flags.writeable = False
-    return EnvironmentImage(path, sha256, radiance, negative)
 
 
 def _first_line(text: str) -> str:

@@ -9,14 +9,17 @@ import io
 import re
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import PIL.Image
 
+from taubench_gl.data_files import hashed, opened, read_bytes
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Image
 from taubench_gl.scene.notes import Notes
@@ -29,42 +32,28 @@ MakeError = Callable[[str, str | None], SceneError]
 MAX_TEXT_BYTES = 2**30
 """Size limit of a text file."""
 MAX_SIDE = 16384
-"""Limit on the width and height of a texture.  Pillow's own limit of about 179 million pixels also applies."""
+"""Limit on the width and height of a texture."""
 TEXT_SCENE_IMAGES = ("PNG", "JPEG", "WEBP", "PPM", "BMP", "TGA", "TIFF")
 """Image formats read for OBJ and AFF scenes."""
 
 _ABSOLUTE = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:|[/\\]")
-_BLOCK = 1 << 20
-_warnings_lock = threading.Lock()  # warnings.catch_warnings is not thread-safe
+_pillow_lock = threading.Lock()  # the limit of Pillow and warnings.catch_warnings belong to the process
 
 
-def read_file(path: Path, where: str | None = None, max_bytes: int | None = None) -> bytes:
-    """The content of a regular file that is not empty.
+def read_file(path: Path, where: str | None = None, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """The content of a regular file of at most ``max_bytes`` that is not empty.
 
-    ``where``: what refers to the file, by default the file itself.  Raises SceneError for anything else, and for a file
-    larger than ``max_bytes``.
+    ``where``: what refers to the file, by default the file itself.  Raises SceneError for anything else.
     """
-    where = where or str(path)
-    try:
-        if path.is_dir():
-            raise SceneError("is a folder, not a scene file", where=where, hint="name a file inside it")
-        if path.exists() and not path.is_file():
-            raise SceneError("is not a regular file", where=where)
-        if max_bytes is not None and path.exists() and path.stat().st_size > max_bytes:
-            raise SceneError(f"{path.name} is larger than {max_bytes >> 20} MiB", where=where)
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise SceneError("no such file", where=where, hint="check the path") from None
-    except (OSError, ValueError) as e:
-        raise SceneError(f"cannot be read: {getattr(e, 'strerror', None) or e}", where=where) from None
+    data = read_bytes(path, SceneError, max_bytes=max_bytes, where=where)
     if not data:
-        raise SceneError("is empty", where=where, hint="export the scene again")
+        raise SceneError("is empty", where=where or str(path), hint="export the scene again")
     return data
 
 
 def read_text_file(path: Path, where: str | None = None) -> bytes:
     """``read_file`` for text of at most ``MAX_TEXT_BYTES``; raises SceneError for binary content."""
-    data = read_file(path, where, MAX_TEXT_BYTES)
+    data = read_file(path, where)
     if b"\0" in data[:4096]:
         raise _no_text(path, where)
     return data
@@ -75,7 +64,7 @@ def read_any_text(path: Path, notes: Notes, where: str | None = None) -> tuple[b
 
     Strict ``notes``: the two are the same.  Raises SceneError for binary content.
     """
-    data = read_file(path, where, MAX_TEXT_BYTES)
+    data = read_file(path, where)
     text, place = data, where or path.name
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         notes.repair("text-encoding", lambda: _no_text(path, where), where=place)
@@ -119,21 +108,36 @@ def shortened(text: str, limit: int = 80) -> str:
     return repr(text if len(text) <= limit else text[: limit - 3] + "...")
 
 
-def open_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> PIL.Image.Image:
+@contextmanager
+def open_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> Iterator[PIL.Image.Image]:
     """An opened image whose size is known and whose pixels are not decoded.  Raises ``error``."""
-    file = io.BytesIO(source) if isinstance(source, (bytes, memoryview)) else source
+    with image_file(source, error) as file:
+        try:
+            with _pillow_lock, warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                PIL.Image.MAX_IMAGE_PIXELS, pixels = MAX_SIDE**2, PIL.Image.MAX_IMAGE_PIXELS
+                try:
+                    image = PIL.Image.open(file, formats=formats)
+                finally:
+                    PIL.Image.MAX_IMAGE_PIXELS = pixels
+        except PIL.UnidentifiedImageError:
+            raise error(f"is not an image of type {', '.join(formats)}", "export the texture again") from None
+        except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as e:
+            raise error(f"image cannot be read: {e}", None) from None
+        with image:
+            if max(image.size) > MAX_SIDE:
+                raise error(f"image is {image.size[0]} x {image.size[1]} pixels; the limit is {MAX_SIDE} a side", None)
+            yield image
+
+
+def image_file(source: ImageSource, error: MakeError) -> BinaryIO:
+    """The bytes of an image, open for reading.  Raises ``error``."""
+    if not isinstance(source, Path):
+        return io.BytesIO(source)
     try:
-        with _warnings_lock, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            opened = PIL.Image.open(file, formats=formats)
-    except PIL.UnidentifiedImageError:
-        raise error(f"is not an image of type {', '.join(formats)}", "export the texture again") from None
-    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as e:
-        raise error(f"image cannot be read: {e}", None) from None
-    if max(opened.size) > MAX_SIDE:
-        opened.close()
-        raise error(f"image is {opened.size[0]} x {opened.size[1]} pixels; the limit is {MAX_SIDE} a side", None)
-    return opened
+        return opened(source, SceneError)
+    except SceneError as e:
+        raise error(e.what, e.hint) from None
 
 
 def check_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> None:
@@ -141,28 +145,32 @@ def check_image(source: ImageSource, formats: tuple[str, ...], error: MakeError)
 
     Only an image without its format's end mark is decoded, since some programs write more after it.
     """
-    data = source.read_bytes() if isinstance(source, Path) else bytes(source)
+    with image_file(source, error) as file:
+        start = file.read(8)
+        length = file.seek(0, io.SEEK_END)
+        file.seek(max(0, length - 12))
+        end = file.read(12)
     whole = {
-        b"\x89PNG": data[-12:-4].endswith(b"IEND"),
-        b"\xff\xd8": data[-2:] == b"\xff\xd9",
-        b"RIFF": len(data) >= 8 + int.from_bytes(data[4:8], "little"),
+        b"\x89PNG": end[:-4].endswith(b"IEND"),
+        b"\xff\xd8": end[-2:] == b"\xff\xd9",
+        b"RIFF": length >= 8 + int.from_bytes(start[4:8], "little"),
     }
-    if any(complete for start, complete in whole.items() if data.startswith(start)):
+    if any(complete for mark, complete in whole.items() if start.startswith(mark)):
         return
-    decode_image(data, formats, error)
+    decode_image(source, formats, error)
 
 
 def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> Array:
     """RGBA pixels (h, w, 4) uint8, row 0 = top.  Raises ``error``."""
-    try:
-        with open_image(source, formats, error) as opened:
-            opened.load()
-            if opened.mode.startswith("I"):  # 16-bit gray: Pillow's conversion clips instead of scaling
-                gray = (np.asarray(opened).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
+    with open_image(source, formats, error) as image:
+        try:
+            image.load()
+            if image.mode.startswith("I"):  # 16-bit gray: Pillow's conversion clips instead of scaling
+                gray = (np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
                 return np.dstack([gray, gray, gray, np.full_like(gray, 255)])
-            return np.array(opened.convert("RGBA"))
-    except (OSError, ValueError, SyntaxError, EOFError) as e:
-        raise error(f"image cannot be decoded: {e}", "export the texture again") from None
+            return np.array(image.convert("RGBA"))
+        except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as e:
+            raise error(f"image cannot be decoded: {e}", "export the texture again") from None
 
 
 def read_image(path: Path, check: bool = False) -> Image:
@@ -205,12 +213,7 @@ class Identity:
             return
         self._added.add(path)
         self.files += 1
-        try:
-            with path.open("rb") as file:
-                while block := file.read(_BLOCK):
-                    self._digest.update(block)
-        except OSError as e:
-            raise SceneError(f"cannot be read: {e.strerror}", where=path.name) from None
+        hashed(path, SceneError, self._digest)
 
     def hexdigest(self) -> str:
         """64 hexadecimal digits over everything added."""

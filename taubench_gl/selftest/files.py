@@ -11,6 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import Poser, pose_vertices, sample
 from taubench_gl.errors import SceneError
+from taubench_gl.outputs import write_atomically
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
@@ -70,7 +71,7 @@ class _File:
         self.json["buffers"] = [{"byteLength": len(self._blob), "uri": uri}]
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "case.gltf"
-            path.write_text(json.dumps(self.json), encoding="utf-8")
+            write_atomically(path, json.dumps(self.json))
             return load_scene(path)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.outputs import cannot_write, new_partial, write_png
+from taubench_gl.outputs import cannot_write, new_partial, put_in_place, write_png
 from taubench_gl.viewer import prefs, session_file
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.comparisons import open_comparisons
@@ -271,12 +270,11 @@ class Clip:
         except ImportError:
             raise OutputError(NO_VIDEO) from None
         self.path, self.frames = path, 0
-        self._partial = new_partial(path, path.suffix)
         self._even = (size[0] // 2 * 2, size[1] // 2 * 2)
         if min(self._even) < 2:
             raise OutputError("the image is too small for a clip")
         try:
-            self._partial.touch()
+            self._partial = new_partial(path, path.suffix)
         except OSError as error:
             raise cannot_write(path, error) from None
         self._writer: Any = imageio_ffmpeg.write_frames(
@@ -300,7 +298,7 @@ class Clip:
         self._writer.close()
         if self.frames:
             try:
-                os.replace(self._partial, self.path)
+                put_in_place(self._partial, self.path)
             except OSError as error:
                 raise cannot_write(self.path, error) from None
         else:

@@ -80,9 +80,9 @@ def test_summary_is_the_last_file(tmp_path, monkeypatch):
     """In the order in which files get their names; a folder with a summary.json lacks nothing."""
     names, replace = [], os.replace
 
-    def record(source, target):
+    def record(source, target, **folders):
         names.append(Path(target).name)
-        replace(source, target)
+        replace(source, target, **folders)
 
     monkeypatch.setattr(os, "replace", record)
     evaluate(DEMO, out=tmp_path, **OPTIONS)

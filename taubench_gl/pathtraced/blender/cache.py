@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
+from taubench_gl.data_files import hashed
 from taubench_gl.errors import SceneError
 from taubench_gl.paths import cache_folder
 from taubench_gl.pathtraced.blender.convert import VERSION, convert
@@ -28,13 +28,7 @@ def converted(source: str | Path, take: str | None = None, announce: Callable[[P
     OutputError.
     """
     source = Path(source)
-    try:
-        with source.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256")
-    except FileNotFoundError:
-        raise SceneError("does not exist", where=str(source)) from None
-    except OSError as error:
-        raise SceneError(f"cannot be read: {error.strerror}", where=str(source)) from None
+    digest = hashed(source, SceneError)
     digest.update(f" {source.suffix.lower()} {take} {VERSION}".encode())
     target = cache_folder() / FOLDER / digest.hexdigest()[:24] / f"{source.stem}.glb"
     if not target.is_file():

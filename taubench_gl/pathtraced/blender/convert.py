@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import opened, read_bytes
 from taubench_gl.errors import SceneError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.blender.glb import Glb
@@ -21,6 +22,8 @@ VERSION = 1
 
 _BINARY_FBX = b"Kaydara FBX Binary"
 _MAX_LOST = 40
+MAX_BYTES = 4 << 30
+"""Limit on a file that Blender has written: the largest binary glTF file."""
 _KINDS = (("meshes", "MESH"), ("cameras", "CAMERA"), ("lights", "LIGHT"), ("armatures", "ARMATURE"))
 
 
@@ -59,9 +62,9 @@ def convert(
                "lights": LIGHTING_MODE, "take": take}  # fmt: skip
         done = _run(python, job, folder, source)
         environment = _environment(done, image, target)
-        data = _finished(made.read_bytes(), done, source, environment)
+        data = _finished(read_bytes(made, max_bytes=MAX_BYTES), done, source, environment)
         if isinstance(environment, Path):
-            write_atomically(environment, image.read_bytes(), parents=True)
+            write_atomically(environment, read_bytes(image, max_bytes=MAX_BYTES), parents=True)
         write_atomically(target, data, parents=True)
     counts = {name: done["counts"][kind] for name, kind in _KINDS} | {"actions": done["actions"]}
     first, last = done["frames"]
@@ -79,7 +82,7 @@ def _check(source: Path, target: Path, take: str | None) -> None:
         raise SceneError("can only be written as .glb", where=str(target), hint="give a name that ends in .glb")
     if suffix not in (".fbx", ".blend") and take is not None:
         raise SceneError("has no takes", where=str(source), hint="only FBX and .blend files have: omit --take")
-    with source.open("rb") as file:
+    with opened(source, SceneError) as file:
         start = file.read(512)
     if suffix == ".stl" and not start.lstrip().startswith(b"solid"):
         # Blender reads the triangles of any bytes: an 80-byte header, their number, 50 bytes each.

@@ -24,7 +24,10 @@ from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.curves import sample_channel
 from taubench_gl.effects.lighting import Sun, unit_divisor
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.memory_budget import limit
+from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
+from taubench_gl.scene.files import read_file
 from taubench_gl.scene.model import Channel, Scene
 
 FRAME_NAME = "frame_%04d.exr"
@@ -176,7 +179,7 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
     _strip(root, scene)
     for buffer in root.get("buffers", ()):
         if "uri" not in buffer and chunk is not None:
-            (folder / "scene.bin").write_bytes(chunk)
+            write_atomically(folder / "scene.bin", chunk)
             buffer["uri"], chunk = "scene.bin", None
     for item in (*root.get("buffers", ()), *root.get("images", ())):
         uri = item.get("uri", "data:")
@@ -185,14 +188,14 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
     channels = [c for c in scene.channels if c.target == "node" and c.path in _PATHS]
     root.pop("animations", None)
     if channels:
-        (folder / "keys.bin").write_bytes(_add_animation(root, channels, frames, fps))
+        write_atomically(folder / "keys.bin", _add_animation(root, channels, frames, fps))
     path = folder / "scene.gltf"
-    path.write_text(json.dumps(root), encoding="utf-8")
+    write_atomically(path, json.dumps(root))
     return path
 
 
 def _read(path: Path) -> tuple[dict[str, Any], bytes | None]:
-    data = path.read_bytes()  # the scene reader has checked it
+    data = read_file(path, max_bytes=limit())  # the scene reader has checked it
     if data[:4] != b"glTF":
         return json.loads(data), None
     offset, chunks = 12, []

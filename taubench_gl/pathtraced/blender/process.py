@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.errors import PathTracedError
+from taubench_gl.outputs import write_atomically
 
 INTERPRETER = "TAUBENCH_BLENDER_PYTHON"
 HOW_TO_GET_BPY = (
@@ -62,7 +63,7 @@ def run_script(
     callback raises, the process is terminated; if this process is killed, it ends too.
     """
     job_file = folder / "job.json"
-    job_file.write_text(json.dumps(job), encoding="utf-8")
+    write_atomically(job_file, json.dumps(job))
     command = [python, str(Path(__file__).with_name(script)), str(job_file)]
     tail: deque[str] = deque(maxlen=_KEPT_LINES)
     process = subprocess.Popen(

@@ -21,7 +21,7 @@ from taubench_gl.animation import CameraTrack, View
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, PathTracedError
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.outputs import cannot_write, make_folders, write_atomically
+from taubench_gl.outputs import cannot_write, log_file, make_folders, write_atomically
 from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text, read_camera_file
@@ -144,7 +144,7 @@ def render_seeds(
             _merge_cameras(folder, views, fps, size)
         path = write_resampled(scene, range(frames[0] - 1, frames[-1] + 2), fps, job_folder)
         job |= {"scene": str(path), "folders": [str(f.resolve()) for f in folders], "seeds": list(seeds)}
-        with open(out / LOG_FILE, "a", buffering=1, encoding="utf-8") as log:
+        with log_file(out / LOG_FILE) as log:
             failure = run_script(python, "render_script.py", job, job_folder, on_event, log.write)
     if failure is not None:
         raise PathTracedError(failure, where=str(out / LOG_FILE))
@@ -209,7 +209,7 @@ def _run(
         if progress is not None and event["event"] in ("frame", "samples", "ready"):
             progress(RenderProgress(done, total, share, seconds))
 
-    with open(out / LOG_FILE, "a", buffering=1, encoding="utf-8") as log:  # a killed driver leaves whole lines
+    with log_file(out / LOG_FILE) as log:
         failure = run_script(python, "render_script.py", job, folder, on_event, log.write)
     if failure is not None:
         raise PathTracedError(failure, where=str(out / LOG_FILE))

@@ -77,11 +77,8 @@ ROWS_COLUMNS = {"SCALAR": (1, 1), "VEC2": (2, 1), "VEC3": (3, 1), "VEC4": (4, 1)
                 "MAT4": (4, 4)}  # fmt: skip
 
 MAX_FILLED_BYTES = 256 << 20
-"""Limit on the total size of accessors without a bufferView: a few bytes of JSON can request terabytes of zeros."""
-
-MAX_UNPACKED_BYTES = 4 << 30
-"""Limit on the total size of decompressed bufferViews, sparse accessors and converted integers: many small objects can
-refer to one large bufferView."""
+"""Limit on the total size of accessors without a bufferView, and of the instances that they place: a few bytes of JSON
+can request terabytes of zeros."""
 
 
 class Accessors:
@@ -94,7 +91,7 @@ class Accessors:
         self._floats: dict[int, Array] = {}
         self._usage: dict[int, str] = {}
         self._nonfinite: dict[int, SceneError] = {}  # accessors with NaN or infinity -> the error of their use
-        self._filled = self._unpacked = 0
+        self._filled = 0
 
     def check_all(self) -> None:
         """Check every bufferView, and every accessor with data, also unused ones.  Raises SceneError."""
@@ -154,7 +151,7 @@ class Accessors:
         raw = self.raw(index, pointer, allow_nonfinite=allow_nonfinite)
         if index not in self._floats:
             if raw.dtype != np.float32 or not raw.flags.c_contiguous:
-                self._spend(raw.size * 4, pointer)
+                self.document.reserve("decoded data", raw.size * 4, pointer)
             self._floats[index] = self.to_float(self.get(index, pointer), raw)
         return self._floats[index]
 
@@ -196,12 +193,12 @@ class Accessors:
             what = "its bufferView has a byteStride, which only vertex attributes may have"
             self.document.repair("stride", what, pointer)
 
-    def _spend(self, size: int, pointer: str) -> None:
-        self._unpacked += size
-        if self._unpacked > MAX_UNPACKED_BYTES:
-            raise self.document.error(
-                f"the decompressed file exceeds {MAX_UNPACKED_BYTES >> 20} MiB", pointer, "split it into smaller files"
-            )
+    def fill(self, size: int, pointer: str) -> None:
+        """Count bytes that no byte of the file stands for.  Raises SceneError."""
+        self._filled += size
+        if self._filled > MAX_FILLED_BYTES:
+            what = f"accessors without a bufferView request more than {MAX_FILLED_BYTES >> 20} MiB"
+            raise self.document.error(what, pointer)
 
     def view_bytes(self, index: int, pointer: str) -> memoryview:
         """Bytes of one bufferView, decompressed where necessary."""
@@ -253,7 +250,7 @@ class Accessors:
                 raise self.document.error(
                     f"{packed.count} x {packed.byte_stride} bytes differ from byteLength {view.byte_length}", where
                 )
-            self._spend(view.byte_length, where)
+            self.document.reserve("decoded data", view.byte_length, where)
             return decode_meshopt(self.document, packed, buffer[packed.byte_offset : end], where)
         return None
 
@@ -266,11 +263,7 @@ class Accessors:
             data = self.view_bytes(accessor.buffer_view, f"{pointer}/bufferView")
             array = self._elements(accessor, data, accessor.byte_offset, accessor.count, view, pointer)
         else:
-            self._filled += count * components * dtype.itemsize
-            if self._filled > MAX_FILLED_BYTES:
-                raise self.document.error(
-                    f"accessors without a bufferView request more than {MAX_FILLED_BYTES >> 20} MiB of zeros", pointer
-                )
+            self.fill(count * components * dtype.itemsize, pointer)
             array = np.zeros((count, components), dtype)
         if not array.flags.aligned:
             array = array.copy()
@@ -371,7 +364,7 @@ class Accessors:
             raise self.document.error(
                 f"sparse index {indices.max()} of an accessor with {accessor.count} elements", f"{where}/indices"
             )
-        self._spend(base.nbytes, where)
+        self.document.reserve("decoded data", base.nbytes, where)
         out = base.copy()
         out[indices] = values
         return out

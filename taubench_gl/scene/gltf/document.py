@@ -13,8 +13,10 @@ from urllib.parse import unquote, unquote_to_bytes
 
 import msgspec
 
+from taubench_gl.data_files import opened, read_bytes
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.files import Identity, find_referenced, read_file, shortened
+from taubench_gl.memory_budget import Budget, limit, over, require
+from taubench_gl.scene.files import MAX_TEXT_BYTES, Identity, find_referenced, read_file, shortened
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.lenient import Lenient
 from taubench_gl.scene.notes import Notes
@@ -38,10 +40,16 @@ class Document:
     notes: Notes = field(default_factory=Notes)
     repaired: bytes | None = None  # its JSON after repairs; None: as in the file
     identity: Identity = field(default_factory=Identity)
+    budget: Budget = field(default_factory=Budget)  # of what is allocated while it is read
 
     def error(self, what: str, pointer: str = "", hint: str | None = None) -> SceneError:
         """A SceneError at a JSON pointer of this file, for the caller to raise."""
         return SceneError(what, where=f"{self.path.name}#{pointer}" if pointer else self.path.name, hint=hint)
+
+    def reserve(self, kind: str, count: int, pointer: str) -> None:
+        """Count bytes that are about to be allocated for the object at ``pointer``.  Raises SceneError."""
+        if (what := self.budget.add(kind, count)) is not None:
+            raise self.error(what, pointer, over(self.budget.limit))
 
     @property
     def strict(self) -> bool:
@@ -108,9 +116,11 @@ def read_uri(document: Document, uri: str, pointer: str, media_types: tuple[str,
     path = resolve_uri(document, uri, pointer)
     if path not in document.external:
         try:
-            document.external[path] = path.read_bytes()
-        except OSError as e:
-            raise document.error(f"{shortened(uri)} cannot be read: {e.strerror}", pointer) from None
+            data = read_bytes(path, SceneError, max_bytes=limit())
+            document.reserve("files", len(data), pointer)
+            document.external[path] = data
+        except SceneError as e:
+            raise document.error(f"{shortened(uri)} {e.what}", pointer) from None
     return document.external[path]
 
 
@@ -173,19 +183,26 @@ MESHOPT = frozenset({"EXT_meshopt_compression", "KHR_meshopt_compression"})
 COMPRESSION = MESHOPT | {"KHR_draco_mesh_compression"}
 """Extensions without which there is no geometry: an invalid one is an error in every mode."""
 
+OBJECT_BYTES = 400
+"""Memory of one object of the JSON, about."""
+
 _decoder = msgspec.json.Decoder(schema.Root)
 
 
 def open_document(path: Path, strict: bool = False) -> Document:
     """Read a .gltf or .glb file and all its buffers.  Raises SceneError."""
-    data = read_file(path)
+    with opened(path, SceneError) as file:
+        most = limit() if file.read(4) == GLB_MAGIC else MAX_TEXT_BYTES
+    data = read_file(path, max_bytes=most)
     notes = Notes(strict)
     binary = data[:4] == GLB_MAGIC or path.suffix.lower() == ".glb"
     json_bytes, chunk, extra = _split_glb(data, path) if binary else (data, None, 0)
+    require(OBJECT_BYTES * bytes(json_bytes).count(b"{"), "its JSON", SceneError, path.name)
     root, repaired = _decode(json_bytes, path, notes)
     document = Document(path, root, binary, chunk, notes=notes, repaired=repaired)
     if extra:
         document.note(f"{extra} bytes after the end of the binary container are ignored")
+    document.reserve("files", len(data), "")
     _check_version(document)
     document.identity.add(data)
     for index, buffer in enumerate(document.root.buffers or []):

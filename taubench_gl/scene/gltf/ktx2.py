@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import importlib
-from pathlib import Path
+import io
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.scene.files import MAX_SIDE, ImageSource, MakeError
+from taubench_gl.scene.files import MAX_SIDE, ImageSource, MakeError, image_file
 
 Array = np.ndarray
 
 IDENTIFIER = b"\xabKTX 20\xbb\r\n\x1a\n"
 HEADER = 104
 """Bytes of the header, the index, and the entry of one level."""
-MAX_PIXELS = 2**27
-"""Limit on the pixels of one image: half a gigabyte of RGBA."""
 
 
 def is_ktx2(source: ImageSource, error: MakeError) -> bool:
@@ -27,14 +25,15 @@ def is_ktx2(source: ImageSource, error: MakeError) -> bool:
 def ktx2_size(source: ImageSource, error: MakeError) -> tuple[int, int]:
     """Width and height of the header, pixels.  Raises ``error``, also where opengl_basisu is not installed."""
     _library(error)
-    header = _start(source, HEADER, error)
+    with image_file(source, error) as file:
+        header, total = file.read(HEADER), file.seek(0, io.SEEK_END)
     width, height, depth, layers, faces = (int.from_bytes(header[i : i + 4], "little") for i in range(20, 40, 4))
     if len(header) < HEADER or not width or not height or depth or layers or faces != 1:
         raise error("is not a KTX 2 file with one two-dimensional image", "export the texture again")
-    if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
+    if max(width, height) > MAX_SIDE:
         raise error(f"image is {width} x {height} pixels; the limit is {MAX_SIDE} a side", None)
     # Offset and length of the largest level.
-    if sum(int.from_bytes(header[i : i + 8], "little") for i in (80, 88)) > _length(source):
+    if sum(int.from_bytes(header[i : i + 8], "little") for i in (80, 88)) > total:
         raise error("image is cut off", "export the texture again")
     return width, height
 
@@ -42,7 +41,8 @@ def ktx2_size(source: ImageSource, error: MakeError) -> tuple[int, int]:
 def decode_ktx2(source: ImageSource, error: MakeError) -> Array:
     """RGBA pixels of the largest level, (h, w, 4) uint8, row 0 = top.  Raises ``error``."""
     library, size = _library(error), ktx2_size(source, error)
-    data = source.read_bytes() if isinstance(source, Path) else bytes(source)
+    with image_file(source, error) as file:
+        data = file.read()
     try:
         image = library.open(data).transcode("rgba8")
     except ValueError as e:  # BasisuError is one
@@ -61,15 +61,6 @@ def _library(error: MakeError) -> Any:
         raise error("is a KTX 2 image, and the Python module opengl_basisu is not installed", hint) from None
 
 
-def _length(source: ImageSource) -> int:
-    return source.stat().st_size if isinstance(source, Path) else len(source)
-
-
 def _start(source: ImageSource, count: int, error: MakeError) -> bytes:
-    if not isinstance(source, Path):
-        return bytes(source[:count])
-    try:
-        with source.open("rb") as file:
-            return file.read(count)
-    except OSError as e:
-        raise error(f"cannot be read: {e.strerror}", None) from None
+    with image_file(source, error) as file:
+        return file.read(count)

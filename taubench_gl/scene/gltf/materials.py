@@ -17,6 +17,7 @@ from taubench_gl.scene.gltf.document import Document, is_data_uri, read_uri, res
 from taubench_gl.scene.gltf.ktx2 import decode_ktx2, is_ktx2, ktx2_size
 from taubench_gl.scene.gltf.specular_glossiness import NAME as GLOSSINESS
 from taubench_gl.scene.gltf.specular_glossiness import SpecularGlossiness
+from taubench_gl.scene.memory import TEXEL_BYTES
 from taubench_gl.scene.model import Image, Material, Sampler, Texture
 
 Array = np.ndarray
@@ -51,11 +52,13 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     name = image.name or (source.stem if isinstance(source, Path) else "")
     if is_ktx2(source, error):
         size = ktx2_size(source, error)
+        document.reserve("images", size[0] * size[1] * TEXEL_BYTES, pointer)
         if not document.strict:  # as below; transcoding is fast
             decode_ktx2(source, error)
         return Image(name, size, partial(decode_ktx2, source, error))
     with open_image(source, IMAGE_FORMATS, error) as opened:
         size = opened.size
+    document.reserve("images", size[0] * size[1] * TEXEL_BYTES, pointer)
     if not document.strict:  # a truncated image becomes a flat color, instead of an error when it is decoded
         check_image(source, IMAGE_FORMATS, error)
     return Image(name, size, partial(decode_image, source, IMAGE_FORMATS, error))

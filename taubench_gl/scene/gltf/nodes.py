@@ -190,6 +190,9 @@ MATRIX_TOLERANCE = 1e-3  # on the cosine between columns
 MAX_DEPTH = 2000
 """Limit on the depth of the hierarchy: world matrices are composed level by level."""
 
+INSTANCE_BYTES = 600
+"""Memory of one instance while its matrix is made: float64 parts, rotation and matrix."""
+
 INSTANCING, VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
 
 
@@ -406,6 +409,9 @@ def _instances(document: Document, accessors: Accessors, instancing: schema.Inst
     if len(counts) != 1:
         raise document.error(f"attributes have {len(counts)} different counts", pointer)
     (count,) = counts
+    if all(accessors.get(index, pointer).buffer_view is None for index in instancing.attributes.values()):
+        accessors.fill(count * INSTANCE_BYTES, pointer)
+    document.reserve("instances", count * INSTANCE_BYTES, pointer)
     normalized = {(5120, True), (5122, True)}
     parts: dict[str, Array] = {}
     for name, kind, formats in (

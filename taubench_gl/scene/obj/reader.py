@@ -20,6 +20,7 @@ import numpy as np
 
 from taubench_gl.errors import SceneError
 from taubench_gl.math3d import normalize
+from taubench_gl.memory_budget import require
 from taubench_gl.scene.build import NodeList
 from taubench_gl.scene.files import Identity
 from taubench_gl.scene.model import Animation, Channel, Mesh, MorphTarget, Primitive, Scene
@@ -129,8 +130,8 @@ def _shape(file: ObjFile, parts: list[Part]) -> Shape:
     return Shape(tuple(p.material for p in parts), corners, *arrays)
 
 
-MAX_MORPHED = 200_000_000
-"""Limit on the vertices of all morph targets (5 GB) plus the weights of all frames."""
+MORPHED_BYTES, WEIGHT_BYTES = 72, 8
+"""Memory of a vertex of one shape, float64 and as morph target; of the weight of a shape in one frame."""
 MAX_OBJECTS = 100_000
 
 
@@ -214,8 +215,10 @@ class _Assembly:
             open_tracks = now
             if len(self.tracks) > MAX_OBJECTS:
                 raise SceneError(f"more than {MAX_OBJECTS} objects", where=path.name)
-            if sum(len(t.others) * (len(t.base.v) + len(t.which)) for t in self.tracks) > MAX_MORPHED:
-                raise SceneError("the sequence is too large for memory", where=path.name)
+            morphed = sum(
+                len(t.others) * (MORPHED_BYTES * len(t.base.v) + WEIGHT_BYTES * len(t.which)) for t in self.tracks
+            )
+            require(morphed, "the shapes up to this file", SceneError, path.name)
 
     def _notes(self, file: ObjFile) -> None:
         for names, where in file.libraries:

@@ -1,0 +1,108 @@
+"""How much memory a scene takes once it is drawn, added up from its sizes before anything is expanded.
+
+A file can share one list of indices among hundreds of primitives, one mesh among millions of instances, or hold images
+that decode to a thousand times their bytes: what it takes does not follow from its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from taubench_gl.data_files import Fault
+from taubench_gl.errors import SceneError, TaubenchError
+from taubench_gl.memory_budget import limit, over, shown_bytes
+from taubench_gl.scene.environment import environment_bytes
+from taubench_gl.scene.model import Primitive, Scene
+
+Array = np.ndarray
+
+VERTEX_BYTES = 160
+"""Bytes of a vertex: 72 in the joined pool and on the GPU, and its source; measured with software rendering: 150."""
+INDEX_BYTES = 12
+"""Bytes of an index: in its primitive, in the joined pool and on the GPU."""
+DRAW_BYTES = 1536
+"""Bytes of one instance of one primitive: its draw, record, matrices of two frames and bounds; measured: 1450."""
+TEXEL_BYTES = 12
+"""Bytes of a texel: decoded, and on the GPU with its smaller levels, in 4 bytes each."""
+
+
+def parts(scene: Scene) -> Iterator[tuple[str, str, int]]:
+    """(kind, name, bytes) of every object that takes memory when ``scene`` is drawn."""
+    seen: set[int] = set()
+    shared = 0
+    times = np.zeros(len(scene.meshes), dtype=np.int64)  # draws of each mesh
+    placed: dict[int, int] = {}  # mesh -> draws whose vertices move and are stored for each
+    for node in map(int, scene.mesh_nodes):
+        mesh = int(scene.nodes.mesh[node])
+        count = len(scene.nodes.instances[node]) if node in scene.nodes.instances else 1
+        times[mesh] += count
+        placed[mesh] = placed.get(mesh, 0) + count
+    for mesh_index, mesh in enumerate(scene.meshes):
+        for index, primitive in enumerate(mesh.primitives):
+            for array in _arrays(primitive):
+                base = _owner(array)
+                shared += 0 if id(base) in seen else base.nbytes
+                seen.add(id(base))
+            if not times[mesh_index]:
+                continue
+            name = f"primitive {index} of mesh {mesh_index} {mesh.name!r:.40}"
+            moves = bool(primitive.targets) or primitive.joints is not None
+            copies = placed[mesh_index] if moves else 1
+            flat = primitive.normals is None
+            vertices = primitive.triangles.size if flat else len(primitive.positions)
+            yield "primitives", name, copies * (vertices * VERTEX_BYTES + primitive.triangles.size * INDEX_BYTES)
+        drawn = sum(1 for primitive in mesh.primitives if len(primitive.triangles))
+        if times[mesh_index]:
+            yield (
+                "instances",
+                f"{times[mesh_index]:,} x mesh {mesh_index} {mesh.name!r:.40}",
+                int(times[mesh_index]) * drawn * DRAW_BYTES,
+            )
+    for node, matrices in scene.nodes.instances.items():
+        if id(matrices) not in seen:
+            seen.add(id(matrices))
+            yield "instances", f"instances of node {node} {scene.nodes.names[node]!r:.40}", matrices.nbytes
+    yield "arrays", "arrays of the file", shared
+    for number, image in enumerate(scene.images):
+        width, height = image.size
+        yield "images", f"image {number} {image.name!r:.40} of {width}x{height} pixels", width * height * TEXEL_BYTES
+    if isinstance(scene.environment, str):
+        try:
+            yield "environment", f"environment {scene.environment!r:.60}", environment_bytes(scene.environment)
+        except TaubenchError:  # reported when it is used
+            return
+
+
+def memory_of(scene: Scene) -> dict[str, int]:
+    """Bytes by kind, of ``parts``: primitives, instances, arrays, images, environment."""
+    out: dict[str, int] = {}
+    for kind, _, count in parts(scene):
+        out[kind] = out.get(kind, 0) + count
+    return out
+
+
+def within_memory(scene: Scene, fault: Fault = SceneError) -> Scene:
+    """``scene``.  Raises ``fault``, with the largest object, if it takes more than the limit."""
+    sums = memory_of(scene)
+    if (total := sum(sums.values())) <= (most := limit()):
+        return scene
+    kind, name, count = max(parts(scene), key=lambda part: part[2])
+    what = f"the scene would take {shown_bytes(total)} of memory, {shown_bytes(sums[kind])} of it for {kind}"
+    raise fault(f"{what}, such as {name} with {shown_bytes(count)}", where=scene.name, hint=over(most))
+
+
+def _arrays(primitive: Primitive) -> Iterable[Array]:
+    given = [primitive.positions, primitive.triangles, primitive.normals, primitive.tangents, primitive.colors,
+             primitive.joints, primitive.weights, *primitive.texcoords]  # fmt: skip
+    for target in primitive.targets:
+        given += [target.positions, target.normals, target.tangents]
+    return (array for array in given if array is not None)
+
+
+def _owner(array: Array) -> Array:
+    """The array whose memory ``array`` shows."""
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
