@@ -26,11 +26,11 @@ class FolderLock:
     """Held by the process that writes into ``out``, which is created; a second one raises OutputError.
 
     The file names its holder and is removed with the lock.  A killed holder leaves the file, without a lock on it.
-    Forked children of the holder do not extend the lock.
+    Forked children of the holder do not extend the lock.  ``wait``: until the holder is done, instead of the error.
     """
 
-    def __init__(self, out: str | Path):
-        self.path = Path(out) / LOCK_FILE
+    def __init__(self, out: str | Path, *, wait: bool = False):
+        self.path, self._wait = Path(out) / LOCK_FILE, wait
         self._file: FileIO | None = None
         self._made: list[Path] = []
 
@@ -66,7 +66,7 @@ class FolderLock:
             self._made += make_folders(self.path.parent)
             file = own_file(self.path)  # locked as long as it is open
             try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(file, fcntl.LOCK_EX if self._wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 file.close()
                 who, waited = lock_holder(self.path.parent), waited + 1

@@ -33,6 +33,7 @@ TITLES = {
     "statistics": "Sums and counts",
     "storage": "Half, float and double precision",
     "files": "Invalid files",
+    "arithmetic": "Rates, means, cuts and exposure",
 }
 
 HEAD = """# Hard cases

@@ -42,7 +42,7 @@ def inspect(
     from taubench_gl.settings import Settings
 
     path, row = resolve(path)
-    settings = Settings(**{name: row_settings(row).get(name, value) for name, value in options.items()})
+    settings = Settings(**options).replace(**row_settings(row))
     facts = describe(load_scene(path, scene, animations or None, strict), settings)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
@@ -59,17 +59,17 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.effects.census import census
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
     from taubench_gl.evaluation.appearance import transparency_notes
+    from taubench_gl.evaluation.schedule import frame_total
     from taubench_gl.frame.plan import FramePlan
     from taubench_gl.scene.memory import memory_of
 
-    poser = Poser(scene)
-    frames = settings.sequence.frame_count(scene.duration)
+    poser, camera = Poser(scene), camera_of_run(scene, settings.sequence)
+    frames = frame_total(scene, camera, settings)
     inspected = min(frames, MAX_INSPECTED)
     chosen = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))
     counts = census(scene, (i / settings.sequence.fps for i in chosen), poser)
     center, radius = bounding_sphere(poser, [0.0])
     nodes, unit = scene.nodes, settings.metrics.unit_scale
-    camera = camera_of_run(scene, settings.sequence)
     return {
         "name": scene.name,
         "path": None if scene.path is None else str(scene.path),
@@ -110,7 +110,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "light_unit": dataclasses.asdict(light_unit_of(scene)),
         "environment": dataclasses.asdict(environment_for(scene)),
         "exposure": _exposure(scene, settings),
-        "effects": FramePlan(scene, without_auto(scene, settings), poser=poser).costs(),
+        "effects": FramePlan(scene, without_auto(scene, settings), camera, poser).costs(),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
         "notes": [*map(str, scene.notes), *transparency_notes(scene, settings.sequence.blend)],

@@ -104,15 +104,18 @@ class Brightness:
 
 def noise_of_a_sample(textures: Mapping[str, Any], settings: Settings) -> np.ndarray:
     """Standard deviation of the difference of two path-traced samples over its threshold, the larger of direct's and
-    indirect's.  (h, w) float64; 0 where one sample was taken, which has no variance, and where nothing is drawn.
+    indirect's.  (h, w) float64; 0 where one sample was taken, which has no variance, and where nothing is drawn;
+    infinite where the threshold is 0 and samples differ.
 
     Of n samples it is sqrt(n) smaller.
     """
     info = read_channel(textures["path_info"], "path_info").astype(np.float64)
     deviation = np.sqrt(2.0 * np.maximum(info[..., 2:4], 0.0) * info[..., 1:2]) * settings.lighting.exposure_factor
-    limits = [settings.metrics.threshold(feature) for feature in ("direct", "indirect")]
+    limits = np.array([settings.metrics.threshold(feature) for feature in ("direct", "indirect")])
+    ratio = np.where(deviation > 0.0, np.inf, 0.0)
+    np.divide(deviation, limits, out=ratio, where=limits > 0.0)
     surface = read_channel(textures["position"], "position")[..., 3] > 0.0
-    return np.where(surface, (deviation / limits).max(axis=-1), 0.0)
+    return np.where(surface, ratio.max(axis=-1), 0.0)
 
 
 def checked_frames(schedule: Schedule) -> frozenset[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -154,16 +154,10 @@ class ExactColumns:
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 
-    def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
-        """A callback that adds to the row of each pair, and then calls ``on_pair``."""
-
-        def observe(pair: Pair) -> None:
-            found = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
-            pair.row.update(self.row(pair.mask, found))
-            if on_pair is not None:
-                on_pair(pair)
-
-        return observe
+    def complete(self, pair: Pair) -> None:
+        """Add EXACT_COLUMNS to the row of ``pair``, for ``Observers.complete_row``."""
+        found = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
+        pair.row.update(self.row(pair.mask, found))
 
     def row(self, mask: Array, found: Reasons) -> dict[str, int | None]:
         """EXACT_COLUMNS of one pair; None: not measured."""

@@ -334,7 +334,10 @@ def _pixel_in(size: tuple[int, int], x: Any, y: Any) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Observers:
-    """Receivers of every evaluated pair.  ``on_pair`` makes the mask pass write images and counts be read at once."""
+    """Receivers of every evaluated pair.
+
+    ``on_pair`` and ``complete_row`` make the mask pass write images and counts be read at once.
+    """
 
     progress: Callable[[Progress], None] | None = None
     on_pair: Callable[[Pair], None] | None = None
@@ -344,6 +347,7 @@ class Observers:
     scene: str = ""  # its name, for ``progress``; set by the evaluation
     writer: RunWriter | None = None  # gets the row; set by the evaluation
     on_finish: Callable[[Run], None] | None = None  # gets the run, with all rows written, before its summary.json is
+    complete_row: Callable[[Pair], None] | None = None  # adds columns to the row before it is written
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,7 +375,7 @@ def evaluate_pairs(
     whole run's.
     After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
-    images = observers.on_pair is not None
+    images = observers.on_pair is not None or observers.complete_row is not None
     evaluator = PairEvaluator(context, source, settings, images=images, distances=observers.distances)
     results = PairResults([], [], _stats_of(source), Brightness(), [])
     checked = checked_frames(schedule) if checked is None else checked
@@ -435,11 +439,14 @@ def _report(
     results.rows.append(row)
     if observers.on_counts is not None:
         observers.on_counts(pair.counts)
-    if observers.writer is not None:
-        observers.writer.write_row(row)
-    if observers.on_pair is not None:
-        with contextlib.closing(Pair(pair.frame, row, pair.view, evaluator)) as given:
+    with contextlib.closing(Pair(pair.frame, row, pair.view, evaluator)) as given:
+        if observers.complete_row is not None:
+            observers.complete_row(given)
+        if observers.writer is not None:
+            observers.writer.write_row(row)
+        if observers.on_pair is not None:
             observers.on_pair(given)
+    if observers.complete_row is not None or observers.on_pair is not None:
         pair.ended = time.perf_counter()
     if observers.progress is not None:
         observers.progress(Progress(observers.scene, len(results.rows), total, pair.seconds))

@@ -104,7 +104,7 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run
         schedule = frame_schedule(frames, settings)
         if exact:
             columns = ExactColumns.of_source(gpu, scene, camera, settings, poser, source, frames)
-            observers = replace(observers, on_pair=columns.observer(observers.on_pair))
+            observers = replace(observers, complete_row=columns.complete)
         try:
             results = evaluate_pairs(context, source, settings, schedule, observers)
             gpu.check("evaluation")

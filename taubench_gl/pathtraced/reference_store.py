@@ -21,6 +21,7 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.data_files import hashed, read_json, stored_arrays
 from taubench_gl.errors import OutputError
+from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import replacing, write_atomically
 from taubench_gl.paths import PACKAGE, SHADERS, cache_folder
 from taubench_gl.settings import Settings
@@ -49,33 +50,34 @@ _SHADER_FOLDERS = ("common", "gbuffer", "deform", "raytracing", "pathtracing")
 class Accumulated:
     """Sums over the samples of one frame, without exposure.
 
-    ``counts`` (2,): samples of each half; ``sums`` (2, 4, h, w, 3) float32: radiance by half and lobe of ``LOBES``;
-    ``variance`` (2, h, w) float32: direct and indirect luminance, the sum of count^2 times the variance of the mean of
-    each traced part.
+    ``counts`` (2,): samples of each half; ``sums`` (2, 4, h, w, 3) float32: radiance by half and lobe of ``LOBES``.
     """
 
     counts: Array
     sums: Array
-    variance: Array
 
     @classmethod
     def empty(cls, size: tuple[int, int]) -> Accumulated:
         """``size``: width, height."""
         width, height = size
         sums = np.zeros((HALVES, len(LOBES), height, width, 3), dtype=np.float32)
-        return cls(np.zeros(HALVES, dtype=np.int64), sums, np.zeros((2, height, width), dtype=np.float32))
+        return cls(np.zeros(HALVES, dtype=np.int64), sums)
 
     @property
     def samples(self) -> int:
         """Per pixel, both halves together."""
         return int(self.counts.sum())
 
-    def add(self, half: int, count: int, means: Mapping[str, Array], variance: Array) -> None:
-        """Add ``count`` samples: ``means`` (h, w, >= 3) by lobe, ``variance`` (h, w, 2) of the means of luminance."""
+    def add(self, half: int, count: int, means: Mapping[str, Array]) -> None:
+        """Add ``count`` samples, whose ``means`` are (h, w, >= 3) by lobe."""
         for k, lobe in enumerate(LOBES):
             self.sums[half, k] += np.float32(count) * means[lobe][..., :3]
-        self.variance += np.float32(count) ** 2 * np.moveaxis(variance, -1, 0)
         self.counts[half] += count
+
+    def keep(self, other: Accumulated) -> None:
+        """Take each half from ``other`` that has more samples there: the fewer ones are the first of the more."""
+        more = other.counts > self.counts
+        self.counts[more], self.sums[more] = other.counts[more], other.sums[more]
 
     def missing(self, samples: int) -> list[tuple[int, int, int]]:
         """(half, first sample, count) to trace until there are ``samples`` in all; the first half has the odd one."""
@@ -186,22 +188,27 @@ class StoredReference:
         if path is None or not path.is_file():
             return Accumulated.empty(size)
         with stored_arrays(path, hint="delete it: it is rendered again") as stored:
-            loaded = Accumulated(*(stored[name] for name in ("counts", "sums", "variance")))
+            loaded = Accumulated(*(stored[name] for name in ("counts", "sums")))
         if loaded.sums.shape != Accumulated.empty(size).sums.shape:
             raise OutputError("is of another size", where=str(path), hint="delete it: it is rendered again")
         return loaded
 
     def save(self, frame: int, view: View, size: tuple[int, int], sums: Accumulated) -> None:
-        """Replace the file of ``frame``, completely or not at all.  Raises OutputError."""
+        """Replace the file of ``frame``, completely or not at all.  Raises OutputError.
+
+        Samples that another process has stored since are kept, in ``sums`` too.
+        """
         path = self._path(frame, view, size)
         if path is None or self.folder is None:
             return
-        about = self.folder / "reference.json"
-        if not about.is_file():
-            text = json.dumps({"name": self.name, **self.about}, indent=2, ensure_ascii=False) + "\n"
-            write_atomically(about, text, parents=True)
-        with replacing(path, parents=True, suffix=".npz") as partial:
-            np.savez(partial, counts=sums.counts, sums=sums.sums, variance=sums.variance)
+        with FolderLock(self.folder, wait=True):
+            about = self.folder / "reference.json"
+            if not about.is_file():
+                text = json.dumps({"name": self.name, **self.about}, indent=2, ensure_ascii=False) + "\n"
+                write_atomically(about, text, parents=True)
+            sums.keep(self.load(frame, view, size))
+            with replacing(path, parents=True, suffix=".npz") as partial:
+                np.savez(partial, counts=sums.counts, sums=sums.sums)
 
     def _path(self, frame: int, view: View, size: tuple[int, int]) -> Path | None:
         return None if self.folder is None else self.folder / f"frame_{frame:05d}_{view_hash(view, size)}.npz"

@@ -45,9 +45,8 @@ class Tracer(Protocol):
     def view(self, frame: int) -> View:
         """Of any frame, without drawing it."""
 
-    def trace(self, frame: int, half: int, first: int, count: int) -> tuple[dict[str, Array], Array]:
-        """Means of samples ``first`` .. ``first + count - 1``: radiance (h, w, 3) by lobe, and the variance of the
-        means of direct and indirect luminance (h, w, 2)."""
+    def trace(self, frame: int, half: int, first: int, count: int) -> dict[str, Array]:
+        """Means of samples ``first`` .. ``first + count - 1``: radiance (h, w, 3) by lobe."""
 
     def release(self) -> None: ...
 
@@ -60,24 +59,21 @@ class SceneTracer:
         settings = reference_settings(settings)
         if not traced_sources(scene, settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
-        self._source = RasterSource(
-            gpu, scene, camera, settings, SourceOptions(extra=(*LOBES, "path_info")), poser=poser
-        )
+        self._source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=LOBES), poser=poser)
         self.size, self._fps = self._source.size, settings.sequence.fps
         self._drawn: int | None = None
 
     def view(self, frame: int) -> View:
         return self._source.renderer.view(frame / self._fps)[1]
 
-    def trace(self, frame: int, half: int, first: int, count: int) -> tuple[dict[str, Array], Array]:
+    def trace(self, frame: int, half: int, first: int, count: int) -> dict[str, Array]:
         source = self._source
         if frame != self._drawn:
             source.draw(frame)
             self._drawn = frame
         source.trace(PATTERN_FRAMES[half], first, count)
         black = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
-        means = {name: source.read(name)[..., :3] if name in source.channels else black for name in LOBES}
-        return means, source.read("path_info")[..., 2:4]
+        return {name: source.read(name)[..., :3] if name in source.channels else black for name in LOBES}
 
     def release(self) -> None:
         self._source.release()
@@ -214,12 +210,12 @@ class References:
         sums = self._load(frame)
         saved, started = sums.samples, time.monotonic()
         try:
-            for half, first, count in sums.missing(self.samples):
-                for start in range(first, first + count, PART):
-                    self._part(sums, frame, half, start, min(PART, first + count - start))
-                    if time.monotonic() - started > SAVE_SECONDS:
-                        self._save(frame, sums)
-                        saved, started = sums.samples, time.monotonic()
+            while missing := sums.missing(self.samples):  # fewer after a save, where another process has added some
+                half, first, count = missing[0]
+                self._part(sums, frame, half, first, min(PART, count))
+                if time.monotonic() - started > SAVE_SECONDS:
+                    self._save(frame, sums)
+                    saved, started = sums.samples, time.monotonic()
         finally:
             if sums.samples != saved:
                 self._save(frame, sums)
@@ -236,8 +232,7 @@ class References:
     def _part(self, sums: Accumulated, frame: int, half: int, first: int, count: int) -> float:
         """Trace a part and add it; the seconds it took."""
         started = time.perf_counter()
-        means, variance = self._tracer.trace(frame, half, first, count)
-        sums.add(half, count, means, variance)
+        sums.add(half, count, self._tracer.trace(frame, half, first, count))
         return time.perf_counter() - started
 
     def _load(self, frame: int) -> Accumulated:

@@ -12,7 +12,7 @@ from pathlib import Path
 from taubench_gl.errors import OutputError
 from taubench_gl.gpu.shader import resolve
 from taubench_gl.outputs import output_folder, write_atomically
-from taubench_gl.reject.contract import RejectionTest, constants
+from taubench_gl.reject.contract import COMMENT, RejectionTest, constants
 
 READS = (
     "radiance", "motion", "position", "normal", "prev_position", "ids", "history_position", "history_normal",
@@ -55,25 +55,53 @@ def method_files(test: RejectionTest) -> dict[str, str]:
     contract, accumulate = (
         "\n".join(resolve(f"reject/{name}.glsl").text.splitlines()[1:]) for name in ("contract", "accumulate")
     )
-    return {"method.toml": toml, "reuse.glsl": "\n\n".join([contract, _difference(test), accumulate]) + "\n"}
+    return {"method.toml": toml, "reuse.glsl": "\n\n".join([contract, difference(test), accumulate]) + "\n"}
 
 
-def _difference(test: RejectionTest) -> str:
+def difference(test: RejectionTest) -> str:
     """``difference`` of a test; of a combination the largest of its parts, each divided by its threshold."""
-    if not test.parts:
-        return f"{constants(test)}\n{test.shader}"
-    texts, values = [], []
-    for i, part in enumerate(test.parts):
-        text = f"{constants(part)}\n{part.shader}"
-        for name in ("difference", *part.settings):
-            text = re.sub(rf"\b{name}\b", f"{name}_{i}", text)
-        texts.append(text)
-        values.append(f"difference_{i}(now, history, pixel) / {max(part.threshold, 1e-30)!r}")
+    texts = [own_names(f"{constants(part)}\n{part.shader}", f"part{i}_") for i, part in enumerate(test.single)]
+    values = [f"part{i}_difference(now, history, pixel)" for i in range(len(texts))]
+    if test.parts:
+        values = [f"{v} / {max(p.threshold, 1e-30)!r}" for v, p in zip(values, test.parts, strict=True)]
     largest = values[0]
     for value in values[1:]:
         largest = f"max({largest}, {value})"
     entry = f"float difference(Point now, Point history, Pixel pixel) {{ return {largest}; }}"
     return "\n".join([*texts, entry])
+
+
+def own_names(text: str, prefix: str) -> str:
+    """GLSL with ``prefix`` before every constant, function and struct that ``text`` declares.
+
+    Parts of a combination may declare equal names, also those of the method around them.  Members, which follow a dot
+    or stand in a struct, keep their names, as does what the contract declares.
+    """
+    text = COMMENT.sub(" ", text)
+    declared = {m.group(1) for m in _DECLARATION.finditer(_outside(_outside(text, "{}"), "()"))} - {"radiance_at_pixel"}
+    structs = [m.span() for m in _STRUCT.finditer(text)]
+
+    def renamed(match: re.Match[str]) -> str:
+        dot, name = match.groups()
+        is_member = dot or (any(a < match.start() < b for a, b in structs) and text[match.end() :].lstrip()[0] in ";,[")
+        return match.group() if is_member or name not in declared else prefix + name
+
+    return _NAME.sub(renamed, text)
+
+
+_DECLARATION = re.compile(r"(?:\b[A-Za-z_]\w*\s|,|\])\s*([A-Za-z_]\w*)\s*(?=[=;(\[{,])")
+_STRUCT = re.compile(r"\bstruct\s+\w+\s*\{[^}]*\}")
+_NAME = re.compile(r"(\.\s*)?\b([A-Za-z_]\w*)")
+
+
+def _outside(text: str, pair: str) -> str:
+    """``text`` without what is between the two characters of ``pair``."""
+    depth, out = 0, []
+    for c in text:
+        depth -= c == pair[1]
+        out += [c] * (depth == 0)
+        depth += c == pair[0]
+    return "".join(out)
 
 
 def write_methods(tests: Sequence[RejectionTest], out: Path) -> list[Path]:

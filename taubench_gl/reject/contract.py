@@ -24,7 +24,8 @@ FILE, SHADER = "test.toml", "test.glsl"
 BUILTIN = PACKAGE / "reject" / "tests"
 _MAX_BYTES = 1 << 20
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+"""A comment of GLSL."""
 _ENTRY = re.compile(r"\bfloat\s+difference\s*\(\s*(?:in\s+)?Point\b")
 _RESERVED = {"now", "history", "pixel", "difference", "at"}
 
@@ -132,7 +133,7 @@ def load_folder(folder: Path) -> RejectionTest:
         if not (setting.min <= setting.default <= setting.max and math.isfinite(setting.default)):
             raise MethodError(f"settings.{key}.default: not between min and max", where=str(path))
     shader = read_text(folder / SHADER, fault=MethodError, max_bytes=_MAX_BYTES)
-    bare = _COMMENT.sub(" ", shader)
+    bare = COMMENT.sub(" ", shader)
     if "#" in bare:
         raise MethodError("preprocessor lines are not allowed: a test is one file", where=str(folder / SHADER))
     if not _ENTRY.search(bare):

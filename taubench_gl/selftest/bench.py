@@ -104,6 +104,8 @@ class Bench:
         size, settings = size or self.size, Settings(**metrics, **FIXED_LIGHTING)
         reprojection = settings.metrics.reprojection
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
+        cuts = bool(scene.replacements)
+        names |= {"ids"} if cuts else set()
         camera = camera or choose_camera(scene)
         renderer = Renderer(GpuContext(self.gpu, self.shaders), scene, camera, size, names)
         before, now = times
@@ -114,7 +116,7 @@ class Bench:
             view = renderer.frame.view
             pair = pairing.reprojection(view, previous_view, *size)
             textures = renderer.history.current.textures, renderer.history.previous.textures
-            drawn = ChannelPair(size, *textures, reprojection=reprojection)
+            drawn = ChannelPair(size, *textures, reprojection=reprojection, cuts=cuts)
             found = self._compare(drawn, settings, pair)
             current = {n: renderer.read(n) for n in renderer.channels}
             history = {n: renderer.read(n, previous=True) for n in renderer.channels}

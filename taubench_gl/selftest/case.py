@@ -17,7 +17,7 @@ Value = float | int | str
 GROUPS = (
     "projection", "depth", "camera", "offsets", "animation", "geometry",
     "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "statistics",
-    "storage", "files",
+    "storage", "files", "arithmetic",
 )  # fmt: skip
 """Groups in the order in which they run; each is a module of the same name."""
 

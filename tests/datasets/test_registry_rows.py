@@ -100,6 +100,8 @@ def test_settings_of_a_user_registry_apply(made, gpu, tmp_path, monkeypatch):
     settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
     assert (settings["fps"], settings["first_frame"], settings["last_frame"]) == (30, 2, 5)
     assert settings["unit_scale"] == 100 and settings["thresholds"]["position"] == 32 / 255
+    (tmp_path / "mine.toml").write_text((tmp_path / "mine.toml").read_text().replace('"eye"', '"orbit"'))
+    assert "orbit" in json.loads(run("inspect", "my-hall", "--json").output)["camera"]
 
 
 def test_names_and_paths(tmp_path, monkeypatch):

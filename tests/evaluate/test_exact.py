@@ -8,10 +8,10 @@ import pytest
 from taubench_gl import evaluate
 from taubench_gl.conventions import Reason, Visibility
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.evaluation.exact import CLASSES, Reasons, exact_summary, misregistered
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, load_run
+from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, FRAMES_FILE, load_run, read_frames
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
@@ -85,6 +85,21 @@ def lit(lamp_to):
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=1.0, znear=0.05)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.2), (0.9, 0.0, 1.2)])
     return b.build()
+
+
+def test_an_interrupted_run_keeps_the_exact_columns(tmp_path):
+    seen = []
+
+    def stop_at_second(pair):
+        seen.append({name: pair.row[name] for name in EXACT_COLUMNS})
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate_scene(DEMO, settings(frames=(20, 24), exact=True), Observers(on_pair=stop_at_second), out=tmp_path)
+    rows = read_frames(tmp_path / FRAMES_FILE)
+    assert [{name: row[name] for name in EXACT_COLUMNS} for row in rows] == seen
+    assert len(rows) == 2 and all(row["visible"] > 0 for row in rows)
 
 
 def test_light_of_the_same_points():

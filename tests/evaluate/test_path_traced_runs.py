@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from taubench_gl.evaluation import Observers, evaluate_scene, resolve_lighting
+from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.evaluation.lighting import SAMPLE_BUDGET, SAMPLE_COUNTS
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
@@ -116,6 +118,22 @@ def test_lobes_add_up():
         for name in ("direct", "indirect"):
             assert frame[name].max() > 0
             assert abs(frame[name] - frame[f"{name}_diffuse"] - frame[f"{name}_glossy"]).max() < 1e-5
+
+
+def test_noise_over_a_threshold_of_zero(gpu):
+    """Infinite where samples differ, 0 where they do not: 0 / 0 hides the noise of the other column."""
+    info, position = np.zeros((1, 3, 4), np.float32), np.ones((1, 3, 4), np.float32)
+    info[0, :, 1] = 2.0  # samples
+    info[0, 1:, 2], info[0, 2, 3] = 4.0, 1.0  # variances of the means of direct and indirect
+    textures = {n: gpu.ctx.texture((3, 1), 4, v.tobytes(), dtype="f4") for n, v in
+                (("path_info", info), ("position", position))}  # fmt: skip
+    noise = {(d, i): noise_of_a_sample(textures, Settings(exposure=1.0, thresholds={"direct": d, "indirect": i}))
+             for d, i in ((0.0, 1.0), (1.0, 0.0), (2.0, 1.0))}  # fmt: skip
+    np.testing.assert_allclose(noise[0.0, 1.0], [[0.0, np.inf, np.inf]])
+    np.testing.assert_allclose(noise[1.0, 0.0], [[0.0, 4.0, np.inf]])
+    np.testing.assert_allclose(noise[2.0, 1.0], [[0.0, 2.0, 2.0]])
+    for texture in textures.values():
+        texture.release()
 
 
 def test_noise_above_the_thresholds_is_noted():

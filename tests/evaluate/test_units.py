@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taubench_gl.animation import FileCamera
 from taubench_gl.apps.inspect_command import describe
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.feature_errors import FeatureErrors
@@ -17,6 +18,7 @@ from taubench_gl.report.run_page import ReportRun, report_data
 from taubench_gl.report.tables import paper_tables
 from taubench_gl.run import load_run
 from taubench_gl.scene import load_scene
+from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings
 
 DEMO = ASSETS / "demo.glb"
@@ -93,6 +95,32 @@ def test_inspect_shows_meters():
     assert scaled["bounds"]["radius_m"] == plain["bounds"]["radius_m"] / SCALE
     assert scaled["bounds"]["center"] == [x / SCALE for x in plain["bounds"]["center"]]
     assert [c["near_m"] * SCALE for c in scaled["cameras"]] == [c["near_m"] for c in plain["cameras"]]
+
+
+def test_inspect_predicts_the_evaluated_camera(monkeypatch):
+    """A still scene with a camera is seen from an orbit; a camera that is requested is used."""
+    from taubench_gl.frame import plan
+
+    planned = []
+
+    class Plan(plan.FramePlan):
+        def __init__(self, scene, settings, camera=None, poser=None):
+            planned.append(camera)
+            super().__init__(scene, settings, camera, poser)
+
+    monkeypatch.setattr(plan, "FramePlan", Plan)
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box()))
+    b.light(kind="point", intensity=5.0, translation=(0.0, 2.0, 0.0))
+    b.camera(translation=(0.0, 0.0, 4.0))
+    scene = b.build()
+    for requested in (None, "orbit", "0"):
+        settings = Settings(camera=requested, width=16, height=9, columns=("frustum",), fps=2.0)
+        facts = describe(scene, settings)
+        run = evaluate_scene(scene, settings)
+        assert facts["camera"] == run.summary["camera"]["source"]
+        assert isinstance(planned[-1], FileCamera) == (requested not in (None, "orbit"))
+        assert facts["frames"] == run.summary["settings"]["last_frame"] + 1
 
 
 def test_position_errors_are_in_millimeters():

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -52,8 +55,7 @@ class Dice:
             for k in range(first, first + count)
         ])  # fmt: skip
         mean = 1.0 + drawn.mean(axis=0) * np.array(list(SIGMA.values()))[:, None, None]
-        means = {n: np.repeat(mean[i, ..., None], 3, axis=-1).astype(np.float32) for i, n in enumerate(LOBES)}
-        return means, np.full((*shape, 2), 0.5 / count, dtype=np.float32)
+        return {n: np.repeat(mean[i, ..., None], 3, axis=-1).astype(np.float32) for i, n in enumerate(LOBES)}
 
     def release(self):
         pass
@@ -68,7 +70,7 @@ def expected(frame, samples, size=SIZE):
     """The reference of all samples at once."""
     sums = Accumulated.empty(size)
     for half, first, count in sums.missing(samples):
-        sums.add(half, count, *Dice(size).trace(frame, half, first, count))
+        sums.add(half, count, Dice(size).trace(frame, half, first, count))
     return sums
 
 
@@ -104,6 +106,80 @@ def test_an_interrupted_frame_keeps_its_samples(tmp_path):
     assert not [p for p in tmp_path.rglob("*") if "partial" in p.name]
 
 
+def test_two_writers_keep_each_others_samples(tmp_path):
+    """The second begins before the first has stored, ends after it with fewer samples, and takes over the rest."""
+    first, second = References(Dice(), store(tmp_path), 64), References(Dice(), store(tmp_path), 20)
+    view = Dice().view(1)
+    sums = second._load(1)
+    first.frame(1)
+    for half, start, count in sums.missing(20):
+        second._part(sums, 1, half, start, count)
+    second._save(1, sums)
+    stored = store(tmp_path).load(1, view, SIZE)
+    assert stored.samples == sums.samples == 64
+    np.testing.assert_allclose(stored.sums, expected(1, 64).sums, rtol=1e-6)
+
+
+def test_halves_are_kept_apart(tmp_path):
+    """Of two interrupted writers each has more samples of one half."""
+    view, all_samples = Dice().view(0), expected(0, 40)
+    for counts in ((20, 3), (7, 20)):
+        sums = Accumulated.empty(SIZE)
+        for half, count in enumerate(counts):
+            sums.add(half, count, Dice().trace(0, half, 0, count))
+        store(tmp_path).save(0, view, SIZE, sums)
+    stored = store(tmp_path).load(0, view, SIZE)
+    assert stored.counts.tolist() == [20, 20]
+    np.testing.assert_allclose(stored.sums, all_samples.sums, rtol=1e-6)
+
+
+def test_samples_that_another_process_adds_are_not_traced_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(references, "SAVE_SECONDS", -1.0)
+
+    class Interrupted(Dice):
+        def trace(self, frame, half, first, count):
+            if not self.calls:
+                References(Dice(), store(tmp_path), 60).frame(frame)
+            return super().trace(frame, half, first, count)
+
+    tracer = Interrupted()
+    found = References(tracer, store(tmp_path), 64).frame(0)
+    assert found.samples == 64 and [c[1:] for c in tracer.calls] == [(0, 0, 16), (0, 30, 2), (1, 30, 2)]
+    np.testing.assert_allclose(found.direct, sum(list(expected(0, 64).lobes().values())[:2]), rtol=1e-6)
+
+
+WRITER = """
+import json, sys
+from pathlib import Path
+from test_reference_store import Dice, References, StoredReference
+made = References(Dice(), StoredReference(json.loads(sys.argv[3]), "scene", Path(sys.argv[1])), int(sys.argv[2]))
+print("ready", flush=True)
+sys.stdin.readline()
+for frame in range(8):
+    made.frame(frame)
+"""
+
+
+def test_two_processes_write_one_reference(tmp_path):
+    made, environment = store(tmp_path), os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", WRITER, str(tmp_path)]
+    writers = [
+        subprocess.Popen([*command, str(n), json.dumps(made.about)], stdin=-1, stdout=-1, env=environment)
+        for n in (24, 80)
+    ]
+    for writer in writers:
+        assert writer.stdout.readline() == b"ready\n"
+    for writer in writers:
+        writer.stdin.close()
+    for writer in writers:
+        writer.stdout.close()
+        assert writer.wait() == 0
+    for frame in range(8):
+        stored = made.load(frame, Dice().view(frame), SIZE)
+        assert stored.samples == 80
+        np.testing.assert_allclose(stored.sums, expected(frame, 80).sums, rtol=1e-5)
+
+
 def test_a_frame_is_saved_while_it_is_traced(tmp_path, monkeypatch):
     monkeypatch.setattr(references, "SAVE_SECONDS", -1.0)
     saved = []
@@ -132,8 +208,7 @@ def test_the_background_does_not_hide_the_noise():
         image = np.zeros((100, 10, 1), dtype=np.float32)
         image[40:50] = drawn[half]
         for sums, values in ((alone, drawn[half]), (framed, image)):
-            means = dict.fromkeys(LOBES, np.repeat(values, 3, axis=-1))
-            sums.add(half, 4, means, np.zeros((*values.shape[:2], 2), dtype=np.float32))
+            sums.add(half, 4, dict.fromkeys(LOBES, np.repeat(values, 3, axis=-1)))
     assert dataclasses.astuple(framed.noise()) == pytest.approx(dataclasses.astuple(alone.noise()), rel=1e-6)
     assert alone.noise().typical == pytest.approx(alone.noise().rms, rel=0.25)
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import struct
 
 import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import OutputError
+from taubench_gl.gpu.shader import resolve
 from taubench_gl.paths import ASSETS
+from taubench_gl.reject.as_method import difference as method_difference
 from taubench_gl.reject.as_method import write_methods
 from taubench_gl.reject.contract import builtin_tests, load_tests
 from taubench_gl.reuse.glsl_method import GlslPasses
@@ -24,6 +27,58 @@ def test_every_test_compiles_as_a_method(gpu, tmp_path):
         method = load_method(folder)
         assert method.settings["threshold"].default == test.threshold
         GlslPasses(gpu, method, (16, 9), (16, 9)).release()
+
+
+OWN = """\
+title = "own"
+kind = "geometry"
+unit = "m"
+threshold = {threshold}
+
+[settings.depth]
+default = {depth}
+doc = "a name of a member"
+
+[settings.threshold]
+default = 2.0
+doc = "a name of the method"
+"""
+
+SHADER = """\
+struct Mine { float depth; vec3 normal; }; // depth: a member
+const float cap = 3.0, mean[2] = float[2](1.0, 2.0);
+float slope(Point p, float x);
+float slope(Point p, float x) { return abs(p . depth - x); }
+float difference(Point now, Point history, Pixel pixel) {
+    Mine mine;
+    mine.depth = depth * now.depth;
+    return slope(now, mine.depth) / threshold + 0.0 * (cap + mean[1]);
+}
+"""
+
+
+def test_names_of_parts_are_their_own(gpu, tmp_path):
+    """Names of settings, helpers, structs and constants may be those of members, of other parts and of the method."""
+    for name, depth, threshold in (("a", 0.5, 0.25), ("b", 1.0, 0.5)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "test.toml").write_text(OWN.format(depth=depth, threshold=threshold))
+        (tmp_path / name / "test.glsl").write_text(SHADER)
+    tests = load_tests([str(tmp_path / "a"), f"{tmp_path / 'a'}+{tmp_path / 'b'}"])
+    for folder in write_methods(tests, tmp_path / "methods"):
+        GlslPasses(gpu, load_method(folder), (16, 9), (16, 9)).release()
+    # The value of the combination, as the method's shader computes it: max(|d - d / 2| / 2 / 0.25, |d - d| / 2 / 0.5).
+    contract = resolve("reject/contract.glsl").text.partition("\n")[2]
+    body = f"""#version 450
+layout(local_size_x = 1) in;
+layout(std430, binding = 0) buffer Result {{ float result; }};
+{contract}
+{method_difference(tests[1])}
+void main() {{ Point now, history; Pixel pixel; now.depth = 6.0; result = difference(now, history, pixel); }}"""
+    buffer, program = gpu.ctx.buffer(reserve=4), gpu.ctx.compute_shader(body)
+    buffer.bind_to_storage_buffer(0)
+    program.run(1)
+    assert struct.unpack("f", buffer.read())[0] == 6.0
+    buffer.release(), program.release()
 
 
 def test_an_existing_folder_is_kept(tmp_path):

@@ -16,7 +16,7 @@ import numpy as np
 
 from taubench_gl import conventions, math3d
 from taubench_gl.animation import FrameState, Poser, View, curves, pairs
-from taubench_gl.frame import geometry, records
+from taubench_gl.frame import counting, geometry, records
 from taubench_gl.frame.passes import deform, masks
 from taubench_gl.gpu import shader
 from taubench_gl.gpu.context import Gpu
@@ -424,6 +424,30 @@ GUARDS: tuple[Guard, ...] = (
         "skin weights are normalized to a sum of 1",
         _python((meshes, "skin_weights", _weights_as_stored)),
         ("weights-not-one", "weights-all-zero"),
+    ),
+    Guard(
+        "all-pixels",
+        "Eq. 4 divides by all pixels, not by those that are compared",
+        _python((counting, "percent", counts.comparable_percent)),
+        ("eq4-of-all-pixels",),
+    ),
+    Guard(
+        "surface-cuts",
+        "a surface that replaces another one has no history",
+        _glsl("return mask | CUT;", "return mask;"),
+        ("cut-of-a-surface",),
+    ),
+    Guard(
+        "unit-blend",
+        "blended normals are normalized",
+        _glsl("if (norm > 0.0) sum.normal /= norm;", ""),
+        ("blended-normal",),
+    ),
+    Guard(
+        "nearest-turn",
+        "the nearest number of whole turns is subtracted, not the truncated one",
+        _python((activity, "wrap_degrees", lambda d: d - 360.0 * np.trunc(d / 360.0))),
+        ("wrap-table",),
     ),
     Guard(
         "frame-tolerance",
