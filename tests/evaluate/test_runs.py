@@ -128,7 +128,7 @@ def test_memory_does_not_grow_with_frames() -> None:
         if progress.done in (40, 400):
             at[progress.done] = process.memory_info().rss
 
-    tiny = settings(width=32, height=18, fps=160.4, frames=(None, None))
+    tiny = settings(width=32, height=18, fps=160.4, frames=(None, None), pairs="all")
     run = evaluate_scene(DEMO, tiny, Observers(progress=watch))
     assert len(run.frames) == 401
     assert at[400] - at[40] < 4 * 2**20, f"{(at[400] - at[40]) / 2**20:.1f} MiB in 360 frames"
