@@ -1,4 +1,4 @@
-"""Presets: settings as a TOML file for ``evaluate --preset``, and the named levels of ``--quality``."""
+"""Presets: settings as a TOML file for ``evaluate --preset``."""
 
 from __future__ import annotations
 
@@ -10,37 +10,18 @@ from typing import Any
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import plain_text, write_atomically
-from taubench_gl.settings import FIELDS, LEVEL_NAMES, SELECTING, Settings
+from taubench_gl.settings import FIELDS, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
-LEVELS = {name: Path(__file__).parent / "levels" / f"{name}.toml" for name in LEVEL_NAMES}
-"""Presets of the package by name."""
-
-LEVEL_FIELDS = ("storage", "light", "spp", "indirect", "indirect_samples", "probes", "shadow_size", "shadow_filter",
-                "shadow_lights", "light_error")  # fmt: skip
-"""What a level sets: everything that trades accuracy for time on the same pixels and pairs."""
 
 _HINT = "'taubench-gl cost' writes presets"
-
-
-def level_settings(name: str) -> dict[str, Any]:
-    """Fields of ``Settings`` of a built-in level."""
-    return load_preset(LEVELS[name])
-
-
-def save_level(path: Path, values: Mapping[str, Any], measured: Mapping[str, Any]) -> None:
-    """Write ``values`` of LEVEL_FIELDS, None left out, as a preset.  Raises OutputError."""
-    _write(path, {name: values[name] for name in LEVEL_FIELDS if values[name] is not None}, measured)
 
 
 def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
     """Write the size, every field that differs from its default, and ``measured``.  Raises OutputError."""
     default = {n: v for n, v in Settings().to_dict().items() if n not in ("width", "height")}
     given = {n: v for n, v in settings.to_dict().items() if n not in SELECTING}
-    _write(path, {n: v for n, v in given.items() if n not in default or v != default[n]}, measured)
-
-
-def _write(path: Path, values: Mapping[str, Any], measured: Mapping[str, Any]) -> None:
+    values = {n: v for n, v in given.items() if n not in default or v != default[n]}
     lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]", *(f"{k} = {_toml(v)}" for k, v in values.items())]
     lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
     write_atomically(path, "\n".join(lines) + "\n")

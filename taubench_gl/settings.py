@@ -60,8 +60,6 @@ MAX_EXPOSURE = 1e30
 """Radiance times exposure stays within float32; 1 / ``MAX_EXPOSURE`` is the least exposure."""
 
 STORAGES = ("float", "half")
-LEVEL_NAMES = ("draft", "fast", "balanced", "accurate", "highest")
-"""Presets of the package, from the fastest to the most exact; ``balanced`` is the defaults."""
 PAIR_SAMPLES = ("auto", "all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"auto|all|(every|strata):([1-9][0-9]{0,6})")
 

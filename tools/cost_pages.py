@@ -12,16 +12,13 @@ import shutil
 import statistics
 import sys
 import tempfile
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cost_levels import chosen_points
 
 from taubench_gl.cost.analysis import SAME_TIME, MaskError, Point, compare_errors, time_of
-from taubench_gl.preset import LEVELS
 from taubench_gl.report.cost_plots import plot_study
 from taubench_gl.report.cost_tables import OVERALL, answer, three
 from taubench_gl.report.render import to_markdown
@@ -38,8 +35,8 @@ ENOUGH = 10
 ABOUT = """# Cost studies: measurements
 
 Written by `DOCS=1 tools/cost_study`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
-were chosen with results on the demo, and the levels are made from a study of it: the demo is no independent test. Fewer
-than three rounds separate no configurations by time."""
+were chosen with results on the demo: it is no independent test. Fewer than three rounds separate no configurations by
+time."""
 
 
 def main() -> int:
@@ -47,10 +44,10 @@ def main() -> int:
     page = docs / "cost-measured.md"
     studies, again, answers = read(out), read(out / "again"), read(out / "answers")
     written: dict[str, list[str]] = {
-        "Levels": [level_table(), figure(docs)],
         "Recommendations on all scenes": scene_table(studies, again) if studies else [],
         "The defaults": [defaults_text(studies)] if studies else [],
-        "Answers of five minutes at 480x270": [answer_text(*item) for item in answers.items()],
+        "Answers of five minutes at 480x270": [answer_text(*item) for item in answers.items()]
+        + ([figure(docs, answers["demo-longer"])] if "demo-longer" in answers else []),
     }
     kept = dict(part.split("\n\n", 1) for part in page.read_text(encoding="utf-8").split("\n## ")[1:])
     parts = [ABOUT]
@@ -69,11 +66,7 @@ def answer_text(name: str, study: Study) -> str:
     return "\n".join([f"**{scene}, {runs[run]}**", "", *(f"- {line}" for line in lines)])
 
 
-def figure(docs: Path) -> str:
-    """The figure of the study that the levels are made of, with their names."""
-    study = json.loads((docs / "cost-levels.json").read_text(encoding="utf-8"))
-    for level, point in chosen_points(study).items():
-        point |= {"label": level, "role": "baseline" if level == "balanced" else "level"}
+def figure(docs: Path, study: Study) -> str:
     with tempfile.TemporaryDirectory() as folder:
         plot_study(study, Path(folder))
         shutil.copy(Path(folder) / "front.png", docs / "images" / "cost-demo.png")
@@ -165,36 +158,16 @@ def facts(study: Study) -> str:
 
 
 def defaults_text(studies: Mapping[str, Study]) -> str:
-    """Whether anything measured beats ``balanced``, over the scenes together and on each."""
+    """Whether anything measured beats the defaults, over the scenes together and on each."""
     whole = {name: s for name, s in studies.items() if timed_of(s) >= ENOUGH}
     over_all = beating(list(whole.values()), "baseline")
     on_each = {name: beating([s], "baseline") for name, s in whole.items()}
     scenes = [f"{name}: {', '.join(found)}" for name, found in on_each.items() if found]
     return (
         f"Over {', '.join(whole)} together, of {len(pooled(list(whole.values())))} configurations that all of them "
-        f"have measured, `balanced` is beaten beyond noise by {'; '.join(over_all) or 'none'}. On single scenes: "
-        f"{'; '.join(scenes) or 'by none'}."
+        f"have measured, the defaults are beaten beyond noise by {'; '.join(over_all) or 'none'}. On single "
+        f"scenes: {'; '.join(scenes) or 'by none'}."
     )
-
-
-def level_table() -> str:
-    """What each level costs and loses, as its preset says."""
-    found = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in LEVELS.items()}
-    first, defaults = found["balanced"]["measured"], found["balanced"]["settings"]
-    columns = list(first["wrong_percent"])
-    about = (
-        f"Percent of wrong masks by column; {first['scene']}, {first['size']}, {first['renderer']}, {first['driver']}, "
-        f"{first['date']}; reference: {first['reference_samples']} samples per pixel; noise floor overall "
-        f"{three(first['noise_floor_percent'])} %; {first['rounds']} rounds of timing"
-        + (", on a busy machine: times are rough" if first["machine_busy"] else "")
-    )
-    rows = []
-    for name, preset in found.items():
-        measured, settings = preset["measured"], preset["settings"]
-        changed = ", ".join(f"{k} {v}" for k, v in settings.items() if defaults.get(k) != v) or "–"
-        wrong = [three(measured["wrong_percent"][c]) for c in columns]
-        rows.append([name, three(measured["ms_per_frame"]), f"{measured['times_balanced']:.3g}x", *wrong, changed])
-    return table(["ms/frame", "of balanced", *columns, "differs from the defaults"], rows, about)
 
 
 if __name__ == "__main__":

@@ -23,9 +23,9 @@ from light_transport import (
     references,
 )
 from light_transport_scenes import SCENES, make
+from references.significance import Estimate, block_means
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.metrics.significance import Estimate, block_means
 from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality
 from taubench_gl.pathtraced.blender.render import render_seeds
 from taubench_gl.pathtraced.cameras import CAMERA_FILE

@@ -1,7 +1,7 @@
 // Directions drawn for the BRDF of common/brdf.glsl: a cosine lobe or GGX, chosen by approximate albedo.
 //
 // Directions below the surface have BRDF 0 and pdf 0 here: what the GGX lobe sends there is a lost sample, pdf 0.
-// Reference  metrics.brdf_sampling
+// Reference  references.brdf_sampling
 #ifndef PRECISE_GGX
 #define PRECISE_GGX 1
 #endif

@@ -1,5 +1,5 @@
 // Radiance of an environment: uniform, or an equirectangular image with its center at +X and three quarters of its width at
-// +Z.  Rows of the maps start at +Y.   Reference: metrics.environment
+// +Z.  Rows of the maps start at +Y.   Reference: metrics.environment, references.environment
 #ifndef ENVIRONMENT_IMAGE
 #define ENVIRONMENT_IMAGE 0
 #endif

@@ -1,5 +1,5 @@
 // Functions for all reuse methods: color spaces, boxes, taps, kernels.
-// Reference  metrics.reuse_methods
+// Reference  references.reuse_methods
 #include "common/luminance.glsl"
 #include "common/numbers.glsl"
 

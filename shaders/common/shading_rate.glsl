@@ -1,4 +1,4 @@
-// Which pixels of a frame are shaded, and which of them replaces one that is not.   Reference: metrics.shading_rate
+// Which pixels of a frame are shaded, and which of them replaces one that is not.   Reference: references.shading_rate
 // 0 full; 1 half: every second row; 2 checkerboard; 3 quarter: one pixel of each 2x2 block.  ``phase``: which of them.
 #ifndef SHADING_RATE
 #define SHADING_RATE 0

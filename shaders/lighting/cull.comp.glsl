@@ -6,7 +6,7 @@
 //
 // Reads      position normal base_color material, light table.
 // Writes     tile_counts, tile_lists: rows of the light table, ascending.
-// Reference  metrics.lighting
+// Reference  references.light_culling
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
 #include "common/to_camera.glsl"

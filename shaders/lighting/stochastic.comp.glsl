@@ -4,7 +4,7 @@
 // Paper      section 3.2, f_dir and f_ind, with the noise of a real-time renderer.
 // Reads      position normal geometric_normal base_color material, light table, light probabilities, shadow atlas, VPLs.
 // Writes     direct and, where enabled, indirect, and where requested their lobes; only of the pixels shaded in this frame.
-// Reference  metrics.stochastic
+// Reference  references.stochastic
 // Departs    As lighting.comp: occlusion of the sky is not simulated, so its light has no noise.
 #include "common/to_camera.glsl"
 #include "common/brdf.glsl"

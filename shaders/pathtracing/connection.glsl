@@ -3,7 +3,7 @@
 //
 // Sampling the BRDF finds a surface close to a lamp rarely, and it is bright: radiance grows with 1 / d^2, so does the
 // probability here.  The balance heuristic weights both techniques, light by light, so the sum is unbiased.
-// Reference: metrics.path_tracing
+// Reference: references.path_tracing
 
 // Probabilities follow those of ``light_choice`` for punctual_ray: power times the solid angle that a light shines into.
 float subpath_choice(int row) { return light_choice[P.lights.x + row].y; }

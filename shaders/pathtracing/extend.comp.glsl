@@ -3,7 +3,7 @@
 // Paper      section 3.2, f_dir (the first bounce that finds an emitter or the environment) and f_ind.
 // Reads      path state, lights, acceleration structure, attributes of hits.
 // Writes     path state.
-// Reference  metrics.path_tracing
+// Reference  references.path_tracing
 #include "raytracing/surface.glsl"
 #include "pathtracing/light_sampling.glsl"
 #include "pathtracing/numbers.glsl"

@@ -3,7 +3,7 @@
 // Punctual lights by resampled importance sampling (Talbot et al. 2005): candidates by power, or all lights where they are
 // few, then one of them in proportion to the light that it would reflect without shadow.  Emissive triangles by power.
 // An environment image by its luminance.  Power heuristic (Veach 1997, section 9.2.4) against BRDF sampling.
-// Reference: metrics.path_tracing
+// Reference: references.path_tracing
 #include "common/affine.glsl"
 #include "pathtracing/state.glsl"
 #include "common/brdf_sampling.glsl"

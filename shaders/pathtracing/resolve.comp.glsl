@@ -4,7 +4,7 @@
 // Reads      path state.
 // Writes     direct and indirect (added to the raster method's where both light the frame) and, where requested, each lobe
 //            and path_info.  Closes the last sample.
-// Reference  metrics.path_tracing
+// Reference  references.path_tracing
 #include "pathtracing/sums.glsl"
 
 uniform int sample_count;

@@ -3,7 +3,7 @@
 // Paper      section 3.2, f_dir.
 // Reads      position normal geometric_normal base_color material, lights, acceleration structure.
 // Writes     path state.  Closes the sample before.
-// Reference  metrics.path_tracing
+// Reference  references.path_tracing
 #include "pathtracing/light_sampling.glsl"
 #include "pathtracing/numbers.glsl"
 #include "pathtracing/sums.glsl"

@@ -2,7 +2,7 @@
 //
 // Reads      light table, acceleration structure, attributes of hits.
 // Writes     layers LIT_POINT .. LIT_COLOR of the path state.
-// Reference  metrics.path_tracing
+// Reference  references.path_tracing
 #include "raytracing/surface.glsl"
 #include "pathtracing/light_sampling.glsl"
 #include "pathtracing/numbers.glsl"

@@ -3,7 +3,7 @@
 // Reads      position prev_position normal geometric_normal ids motion mask, history_<position normal ids motion>; radiance.
 // Writes     difference: at least 0; infinite where only one of both is a surface; -1 where nothing is compared
 // Needs      reject/contract.glsl, then float difference(Point now, Point history, Pixel pixel): test.glsl
-// Reference  metrics.rejection
+// Reference  references.rejection
 
 ivec2 inside(ivec2 at) { return clamp(at, ivec2(0), R.size.xy - 1); }
 bool is_surface(ivec2 at) { return position_at(at).w > 0.0; }

@@ -4,7 +4,7 @@
 // Reads    position; direct, indirect, emission where available; lobes and path_info where an output needs them
 // Writes   radiance: rgb exposed, a 1 where shaded and 0 where filled; ACCUMULATE adds a share of rgb instead.  Where
 //          requested its parts, each exposed: direct, diffuse, specular, emitted; samples, hits, variance.
-// Reference metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
+// Reference references.shading_rate.nearest_shaded, metrics.color (its exposure)
 #include "common/environment.glsl"
 #include "common/shading_rate.glsl"
 

@@ -2,7 +2,7 @@
 //
 // Reads     diffuse, diffuse_albedo; specular, specular_albedo
 // Writes    diffuse_demodulated; specular_demodulated
-// Reference metrics.lobes
+// Reference references.lobes
 uniform ivec2 size;
 
 void main() {

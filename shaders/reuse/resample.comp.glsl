@@ -2,7 +2,7 @@
 //
 // Reads     result
 // Writes    resampled; a (the weight of history) from the nearest pixel, because -1 denotes that it is not reported
-// Reference metrics.resampling
+// Reference references.resampling
 uniform ivec2 own_size, size; // pixels of the method's result; of the resampled one
 
 vec4 at(ivec2 p) { return texelFetch(result, clamp(p, ivec2(0), own_size - 1), 0); }

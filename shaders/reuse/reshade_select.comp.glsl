@@ -5,7 +5,7 @@
 //          one gradient sample per stratum of 3x3 pixels.
 // Departs  Samples are found from the current pixel, backward along its motion, instead of by projecting all samples forward.
 // Reads    position, mask, motion
-// Reference metrics.reshading
+// Reference references.reshading
 // Writes   link of the sample's pixel in the previous frame: current pixel + 1; the largest where two blocks choose one sample
 #include "common/random.glsl"
 

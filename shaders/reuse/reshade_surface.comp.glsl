@@ -6,7 +6,7 @@
 //
 // Reads      link; position, prev_position, normals of this frame; position, normals, color, material of the previous one
 // Writes     surface channels; positions with w = 0, which are not lit, where there is no sample
-// Reference  metrics.reshading
+// Reference  references.reshading
 uniform ivec2 size;
 uniform vec3 camera_delta; // current - previous camera position
 uniform vec3 forward;      // view direction of the current camera

@@ -2,7 +2,7 @@
 //
 // Reads      position normal base_color material ids; blended materials; table of directional albedos
 // Writes     those of diffuse_albedo specular_albedo reactive transparency that a method reads
-// Reference  metrics.lobes
+// Reference  references.lobes
 #include "common/affine.glsl"
 #include "common/lobe_albedos.glsl"
 #include "common/luminance.glsl"

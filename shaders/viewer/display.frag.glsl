@@ -4,7 +4,7 @@
 //            the same pixel or, with REPROJECTED, where motion leads; with OBSERVER mask and position of the frozen
 //            camera, which is viewed from outside.
 // Writes     display colors, RGBA8.
-// Reference  metrics.display (channel_rgb, masked), report.mask_images.mask_overlay (stripes)
+// Reference  references.display (channel_rgb), report.mask_images.mask_overlay (stripes)
 #include "common/numbers.glsl"
 
 #if KIND == KIND_IDS

@@ -8,8 +8,7 @@ from typing import Any
 import click
 
 from taubench_gl.apps.options import given_options, of_settings, with_options
-from taubench_gl.errors import SettingsError
-from taubench_gl.settings import LEVEL_NAMES, STORAGES, Settings
+from taubench_gl.settings import STORAGES, Settings
 
 
 def accuracy_options(command: Any) -> Any:
@@ -32,30 +31,21 @@ def accuracy_options(command: Any) -> Any:
 
 
 def preset_option(command: Any) -> Any:
-    """``--preset`` and ``--quality``, a preset of the package."""
-    command = click.option(
+    """``--preset``."""
+    return click.option(
         "--preset",
         type=click.Path(path_type=Path, dir_okay=False),
         metavar="FILE",
         help="Settings recommended by 'taubench-gl cost'; options given beside it take precedence.",
     )(command)
-    return click.option(
-        "--quality",
-        type=click.Choice(LEVEL_NAMES),
-        help="A preset of the package, see docs/cost.md; balanced is the defaults.",
-    )(command)
 
 
-def with_preset(options: dict[str, Any], preset: Path | None, quality: str | None) -> dict[str, Any]:
-    """``options`` of the running command, those that the user did not give from ``preset`` or the preset of
-    ``quality``.  Raises SettingsError."""
-    if preset is not None and quality is not None:
-        raise SettingsError("--preset and --quality are both given", hint="give one of them")
-    if preset is None and quality is None:
+def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
+    """``options`` of the running command, those that the user did not give from ``preset``.  Raises SettingsError."""
+    if preset is None:
         return options
-    from taubench_gl.preset import LEVELS, load_preset
+    from taubench_gl.preset import load_preset
 
-    preset = preset or LEVELS[quality]
     values = load_preset(preset)
     given = given_options(("size", *values))
     default = Settings().sequence

@@ -38,7 +38,6 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
         values = ", ".join(map(str, parameter.values))
         note = "  (other pixels or pairs)" if parameter.kind == "grid" else ""
         click.echo(f"{parameter.name}: {values}{note}\n    {parameter.doc}")
-    click.echo("levels\n    the named levels of 'evaluate --quality'")
     click.echo("combinations\n    several parameters changed together")
     click.echo("effects\n    each effect left out")
     context.exit()
@@ -63,7 +62,7 @@ Examples:
   taubench-gl cost scene.glb --out study --size 480x270 --time-limit 20m
   taubench-gl cost scene.glb --out study --within 0.5
   taubench-gl cost scene.glb --out study --budget-ms 20 --for direct
-  taubench-gl cost scene.glb --out study --parameters levels,shadow_size,indirect
+  taubench-gl cost scene.glb --out study --parameters combinations,shadow_size,indirect
   taubench-gl cost scene.glb --out study --reference exr:renders     # renders/spp_1, renders/spp_16, ...
   taubench-gl evaluate scene.glb --preset study/preset.toml
 \b
@@ -118,10 +117,10 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 def cost(scenes: tuple[str, ...], out: Path, **options: Any) -> int:
     """Recommend settings for SCENE: how many masks they get wrong, and what a frame takes.
 
-    The options below are the baseline.  It is compared with the quality levels, with one parameter changed, with
-    several changed, and without each effect.  A mask is wrong where it differs from the reference's; a random set of
-    pixels is compared.  Configurations are timed in turn, A B C A B C.  The first three lines are the answer.  With
-    several scenes, each gets a folder inside DIR and its own time.
+    The options below are the baseline.  It is compared with one parameter changed, with several changed, and without
+    each effect.  A mask is wrong where it differs from the reference's; a random set of pixels is compared.
+    Configurations are timed in turn, A B C A B C.  The first three lines are the answer.  With several scenes, each
+    gets a folder inside DIR and its own time.
     """
     names = ("parameters", "reference", "within", "budget_ms", "choose_for", "repeats", "time_limit", "fresh", "clock")
     request = {name: options.pop(name) for name in names}

@@ -102,7 +102,7 @@ def evaluate(
     path_traced = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
-    settings = settings_from(with_preset(options, options.pop("preset"), options.pop("quality")))
+    settings = settings_from(with_preset(options, options.pop("preset")))
     _require_used(scenes, scene_file=path_traced["scene_file"])
     folders = out_folders(scenes, out)
     runs: list[Run] = []

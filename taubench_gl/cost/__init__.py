@@ -1,4 +1,4 @@
-"""Accuracy against time: mask errors and times of declared configurations, their Pareto front, and named levels.
+"""Accuracy against time: mask errors and times of declared configurations, and their Pareto front.
 
 >>> from taubench_gl.cost import cost
 >>> study = cost("scene.glb", width=480, height=270, out="study", within=0.5)  # doctest: +SKIP

@@ -133,7 +133,7 @@ class Point:
 
     name: str
     label: str
-    role: str  # baseline | level | highest_quality | single | combined | path_traced | effect | grid
+    role: str  # baseline | highest_quality | single | combined | path_traced | effect | grid
     values: Mapping[str, Any]
     masks: Mapping[str, MaskError] = field(default_factory=dict)  # by column and OVERALL; {}: not comparable
     columns: Mapping[str, ColumnDifference] = field(default_factory=dict)

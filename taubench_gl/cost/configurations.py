@@ -1,4 +1,4 @@
-"""The configurations that a study measures: baseline, levels, single changes, combinations, effects left out."""
+"""The configurations that a study measures: baseline, single changes, combinations, effects left out."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taubench_gl.cost.parameters import CPU_FLOAT64, LIGHT, PARAMETERS, TRACED, StudyContext
+from taubench_gl.cost.parameters import CPU_FLOAT64, PARAMETERS, TRACED, StudyContext
 from taubench_gl.errors import SettingsError
-from taubench_gl.preset import LEVELS, load_preset
 from taubench_gl.settings import Settings
 
 BASELINE, HIGHEST = "baseline", "highest_quality"
 LABELS = {BASELINE: "baseline", HIGHEST: "highest quality"}
-LEVEL_SET, COMBINATION_SET, EFFECT_SET = "levels", "combinations", "effects"
-"""Names beside those of parameters: the named levels; COMBINATIONS; what each effect costs."""
+COMBINATION_SET, EFFECT_SET = "combinations", "effects"
+"""Names beside those of parameters: COMBINATIONS; what each effect costs."""
 
 EVERYTHING = "every effect on"
 """Configuration with the effects that the scene does not call for: masks must be the same, at a higher price."""
@@ -87,11 +86,11 @@ class Plan:
 def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) -> Plan:
     """All configurations for one scene, in the order in which they are measured.
 
-    ``parameters``: names in ``PARAMETERS``, ``levels``, ``combinations``, ``effects``; None: all.  Parameters
+    ``parameters``: names in ``PARAMETERS``, ``combinations``, ``effects``; None: all.  Parameters
     without an effect on this scene are left out, with the reason.
     Raises SettingsError for an unknown name, and if nothing is left to vary.
     """
-    every = (LEVEL_SET, COMBINATION_SET, *PARAMETERS, EFFECT_SET)
+    every = (COMBINATION_SET, *PARAMETERS, EFFECT_SET)
     chosen = tuple(every if parameters is None else dict.fromkeys(parameters))
     for name in chosen:
         if name not in every:
@@ -100,8 +99,8 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) ->
     inapplicable = {name: reason for name in named if (reason := PARAMETERS[name].inapplicable(context))}
     active = tuple(name for name in named if name not in inapplicable)
     highest = _highest_quality(active, context)
-    found = _levels(context) if LEVEL_SET in chosen else [Configuration(BASELINE, BASELINE, {}, context.baseline)]
-    found += [highest, *(_combinations(context) if COMBINATION_SET in chosen else ())]
+    found = [Configuration(BASELINE, BASELINE, {}, context.baseline), highest]
+    found += _combinations(context) if COMBINATION_SET in chosen else ()
     for name in active:
         found += _single_changes(name, context, inapplicable)
     found = _without_repetition([*found, *(_effects(context) if EFFECT_SET in chosen else ())])
@@ -113,29 +112,12 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) ->
 
 
 def _without_repetition(found: Sequence[Configuration]) -> list[Configuration]:
-    """The first of those that have the same settings: a level may be a single change."""
+    """The first of those that have the same settings: a combination may be a single change."""
     out: list[Configuration] = []
     for c in found:
         if all((c.settings, c.without, c.on_cpu) != (o.settings, o.without, o.on_cpu) for o in out):
             out.append(c)
     return out
-
-
-def _levels(context: StudyContext) -> list[Configuration]:
-    """The baseline and the named levels; the baseline has the name of the level that it is."""
-    title, out = "", []
-    lit = set(LIGHT) & set(context.baseline.metrics.columns)
-    for name, path in LEVELS.items():
-        values = {n: v for n, v in load_preset(path).items() if lit or n == "storage"}
-        settings = context.baseline.replace(**values)
-        if settings == context.baseline:
-            title = title or f"{name} (baseline)" if lit else ""
-            continue
-        if any(c.settings == settings for c in out):
-            continue
-        changed = {n: v for n, v in values.items() if v != context.baseline.get(n)}
-        out.append(Configuration(name, "level", changed, settings, title=name))
-    return [Configuration(BASELINE, BASELINE, {}, context.baseline, title=title), *out]
 
 
 def _highest_quality(active: Sequence[str], context: StudyContext) -> Configuration:

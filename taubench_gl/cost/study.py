@@ -138,7 +138,7 @@ def cost(
     """Measure mask error and time of every configuration, and recommend one.
 
     ``settings`` and ``overrides`` (fields of Settings) are the baseline.  ``parameters``: names in ``PARAMETERS``,
-    ``levels``, ``combinations``, ``effects`` (None: all these).  ``reference``: "path-traced", "path-traced@M" with M
+    ``combinations``, ``effects`` (None: all these).  ``reference``: "path-traced", "path-traced@M" with M
     samples per pixel, "highest-quality", or ``exr:DIR``, renders; None: path-traced where anything is lit.
     ``within`` percent of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error
     (``choose_for``).

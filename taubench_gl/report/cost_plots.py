@@ -14,13 +14,13 @@ from taubench_gl.report.figures import as_title, new_figure, save_figure
 Study = Mapping[str, Any]
 
 ROLES = {
-    "baseline": ("s", "baseline"), "level": ("s", "named level"), "highest_quality": ("*", "highest quality"),
+    "baseline": ("s", "baseline"), "highest_quality": ("*", "highest quality"),
     "single": ("o", "one parameter changed"), "combined": ("^", "several changed"),
     "path_traced": ("D", "path-traced"), "render": ("*", "renders"),
 }  # fmt: skip
 """Role -> marker and name."""
 
-NAMED = ("baseline", "level", "highest_quality", "path_traced", "render")
+NAMED = ("baseline", "highest_quality", "path_traced", "render")
 
 
 def plot_study(study: Study, folder: Path) -> list[Path]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.metrics.reuse_methods.blending import blend, effective_weight, nearest_weight, on_segment, used_history
+from taubench_gl.metrics.blending import blend, effective_weight, nearest_weight, on_segment, used_history
 
 Array = np.ndarray
 

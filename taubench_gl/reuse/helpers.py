@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
-from taubench_gl.metrics.lobes import LUMINANCE
+from taubench_gl.srgb import LUMINANCE
 
 Image = Any
 """numpy.ndarray or torch.Tensor."""

@@ -22,11 +22,13 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.reprojection import Reprojection
-from taubench_gl.metrics.reshading import BLOCK
 from taubench_gl.reuse.derived import input_texture
 from taubench_gl.settings import Settings
 
 RESHADED = ("reshaded", "reshaded_before")
+BLOCK = 3
+"""Pixels along the sides of a block, which has one re-shaded sample."""
+
 CHANNELS_READ = (*SURFACE, "prev_position")
 """Channels that the source has to have."""
 

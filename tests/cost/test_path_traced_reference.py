@@ -14,7 +14,6 @@ from taubench_gl.cost.reference import SUMS_FILE
 from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.spec import SceneFacts
-from taubench_gl.preset import LEVELS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -28,17 +27,16 @@ def context(path, **settings):
 def test_the_plan_has_sample_counts_after_the_raster_configurations(demo):
     plan = make_plan(context(demo))
     counts = [c.settings.lighting.spp for c in plan.configurations if c.traced]
-    assert sorted(counts) == [1, 4, 16, 64], "the level of 64 samples is measured once"
+    assert sorted(counts) == [1, 4, 16, 64], "each is measured once"
     assert plan.highest.lighting.light != "path-traced"
     roles = [c.role for c in plan.configurations]
     assert roles[0] == BASELINE and roles.index("path_traced") > roles.index("effect") > roles.index("single")
     assert roles.index("grid") > roles.index("path_traced"), "what takes long and has no mask error comes last"
 
 
-def test_levels_and_effects_are_in_the_plan(demo):
+def test_baseline_and_effects_are_in_the_plan(demo):
     plan = make_plan(context(demo, light="auto"))
-    levels = [c.label for c in plan.configurations if c.role in ("level", "baseline")]
-    assert levels[0] == "balanced (baseline)" and set(levels[1:]) <= set(LEVELS)
+    assert plan.configurations[0].label == "baseline"
     assert "without shadows" in {c.name for c in plan.configurations if c.role == "effect"}
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
+from references.environment import glossy_radiance
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import sky_directions
@@ -23,7 +24,6 @@ from taubench_gl.metrics.environment import (
     direction_choice,
     directions,
     environment_maps,
-    glossy_radiance,
     lookup,
     resized,
     solid_angles,

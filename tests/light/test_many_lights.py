@@ -7,18 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_tools import DIRECT_ONLY, lambert, opened, shoot
+from references.light_culling import kept_lights, largest_brdf, light_bounds, tile_boxes
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame import light_stage
 from taubench_gl.frame.passes.lighting import TILE
-from taubench_gl.metrics.lighting import (
-    SurfaceMaterial,
-    evaluate_brdf,
-    kept_lights,
-    largest_brdf,
-    light_bounds,
-    tile_boxes,
-)
+from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
 
 SIZE = {"width": 192, "height": 108, "shadow_lights": 0, "columns": DIRECT_ONLY}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.metrics.reuse_methods.blending import blend, effective_weight, nearest_weight, on_segment, used_history
+from taubench_gl.metrics.blending import blend, effective_weight, nearest_weight, on_segment, used_history
 
 RNG = np.random.default_rng(11)
 NOW, THEN = np.array([0.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])

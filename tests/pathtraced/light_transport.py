@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from references.significance import Estimate
 
-from taubench_gl.metrics.significance import Estimate
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from light_transport import BLOCK, FOLDER, FRAMES, KINDS, MAPPING, Reference, references
+from references.significance import Estimate, block_means, holm_rejected, relative_difference, welch_p_values
 
 from taubench_gl.evaluation import Observers, evaluate_scene
-from taubench_gl.metrics.significance import Estimate, block_means, holm_rejected, relative_difference, welch_p_values
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 
 Array = np.ndarray

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.brdf_sampling import basis_around, brdf_pdf, glossy_share, sample_brdf
 from scipy import stats
 from shader_tools import map_rows, with_main
 
 from taubench_gl.math3d import normalize
-from taubench_gl.metrics.brdf_sampling import basis_around, brdf_pdf, glossy_share, sample_brdf
 from taubench_gl.metrics.lighting import MIN_ALPHA, SurfaceMaterial, albedo_table, evaluate_brdf
 
 Array = np.ndarray

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.path_tracing import LightSegments, PathLight, TraceScene, trace
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.passes.pathtracing import subpath_choice
@@ -11,7 +12,6 @@ from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
-from taubench_gl.metrics.path_tracing import LightSegments, PathLight, TraceScene, trace
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from references.rejection import REFERENCES
 
 from taubench_gl.errors import MethodError
-from taubench_gl.metrics.rejection import REFERENCES
 from taubench_gl.reject.contract import BUILTIN, builtin_tests, load_test, load_tests
 
 TOML = 'title = "t"\nkind = "geometry"\nunit = "m"\nthreshold = 0.5\n'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.rejection import REFERENCES, PixelRows, PointRows, smaller_change, smaller_turn
 
 from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import MethodError
@@ -11,7 +12,6 @@ from taubench_gl.evaluation import PairEvaluator, open_scene
 from taubench_gl.frame.passes.pathtracing import pixel_footprint
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.metrics.rejection import REFERENCES, PixelRows, PointRows, smaller_change, smaller_turn
 from taubench_gl.paths import ASSETS
 from taubench_gl.reject.contract import builtin_tests, load_test
 from taubench_gl.reject.differences import CHANNELS, Differences

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references.reuse_methods import Asvgf, gradient_lambda, gradient_samples
 from reuse_scenes import settings
 from reuse_tools import bypassed, play, still_steps
 from stage_tools import differing, noisy_steps
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.metrics.reuse_methods import Asvgf, gradient_lambda, gradient_samples
 from taubench_gl.reuse.frame import read_input, read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs

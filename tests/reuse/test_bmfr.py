@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references import reuse_methods as reference
+from references.reuse_methods.bmfr import BLOCK, FEATURES, feature_noise, mirrored
 from reuse_tools import bypassed, play, still_steps
 
-from taubench_gl.metrics import reuse_methods as reference
-from taubench_gl.metrics.reuse_methods.bmfr import BLOCK, FEATURES, feature_noise, mirrored
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 

@@ -8,7 +8,7 @@ from reuse_scenes import passing_box, still
 from reuse_scenes import settings as small_settings
 from reuse_tools import PLAIN_GLSL, PLAIN_TOML, evaluate, play, write_method
 
-from taubench_gl.metrics.reuse_methods.blending import blend, nearest_weight
+from taubench_gl.metrics.blending import blend, nearest_weight
 from taubench_gl.reuse.bound import NO_HISTORY
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.loading import builtin_methods, load_method

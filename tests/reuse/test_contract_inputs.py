@@ -6,18 +6,19 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from references.lobes import lobe_albedos, transparency
 from reuse_scenes import glowing, lit_room, settings, still
 from reuse_tools import PLAIN_GLSL, PLAIN_TOML, play, still_steps, write_method
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.errors import MethodError
-from taubench_gl.metrics.lobes import LUMINANCE, lobe_albedos, transparency
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import MAX_REACTIVE, MIN_ALBEDO, read_input
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
+from taubench_gl.srgb import LUMINANCE
 
 SMALL = {
     "width": 40,

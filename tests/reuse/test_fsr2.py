@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references import reuse_methods as reference
+from references.reuse_methods.fsr2 import BLOCK, Grids, Prepared, bilinear, pixels
 from reuse_scenes import drifting_checks, settings
 from reuse_tools import bypassed, still_steps
 from reuse_tools import play as play_same_size
 
-from taubench_gl.metrics import reuse_methods as reference
-from taubench_gl.metrics.reuse_methods.fsr2 import BLOCK, Grids, Prepared, bilinear, pixels
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.loading import load_method

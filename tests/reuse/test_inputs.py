@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import OpenEXR
 import pytest
+from references.shading_rate import nearest_shaded, shaded
 from reuse_scenes import SIZE, looking_around, passing_box, settings, still
 
 from taubench_gl.animation import choose_camera
@@ -14,7 +15,7 @@ from taubench_gl.animation.jitter import grid_offsets, halton_jitter
 from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
+from taubench_gl.metrics.shading_rate import RATES, cycle
 from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, read_input

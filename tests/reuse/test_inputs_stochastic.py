@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.shading_rate import nearest_shaded, shaded
+from references.stochastic import choose, estimate_direct, estimate_indirect, random4
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.metrics import shading_rate
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
-from taubench_gl.metrics.stochastic import choose, estimate_direct, estimate_indirect, light_choice, pcg4d, random4
+from taubench_gl.metrics.shading_rate import RATES
+from taubench_gl.metrics.stochastic import light_choice, pcg4d
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 
@@ -190,26 +192,26 @@ def test_equal_seeds_give_equal_images(opened):
     assert np.mean(first != other) > 0.2
 
 
-@pytest.mark.parametrize("rate", shading_rate.RATES)
+@pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("kind", ["exact", "random"])
 def test_shaded_pixels_of_each_rate(opened, rate, kind):
     samples = {"light_samples": 1, "indirect_samples": 2} if kind == "random" else {}
     whole, part = opened(**samples), opened(rate=rate, **samples)
     for frame in range(5):
         for full, some in zip(light(whole, frame), light(part, frame)):
-            done = shading_rate.shaded(rate, SIZE, frame)
+            done = shaded(rate, SIZE, frame)
             np.testing.assert_array_equal(some[done], full[done])
-    union = np.any([shading_rate.shaded(rate, SIZE, f) for f in range(4)], axis=0)
+    union = np.any([shaded(rate, SIZE, f) for f in range(4)], axis=0)
     assert union.all()
 
 
 @pytest.mark.parametrize("size", [(48, 32), (7, 5), (2, 2), (3, 2)])
-@pytest.mark.parametrize("rate", shading_rate.RATES)
+@pytest.mark.parametrize("rate", RATES)
 def test_unshaded_pixels_use_a_nearest_shaded_one(rate, size):
     w, h = size
     for frame in range(4):
-        done = shading_rate.shaded(rate, size, frame)
-        at = shading_rate.nearest_shaded(rate, size, frame)
+        done = shaded(rate, size, frame)
+        at = nearest_shaded(rate, size, frame)
         assert done[at[..., 1], at[..., 0]].all()
         rows, columns = np.nonzero(done)
         y, x = np.indices((h, w))

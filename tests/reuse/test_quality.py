@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.reuse_methods import previous_px, sample_history
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.metrics.reuse_methods import previous_px, sample_history
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.scores import CLASSES, ClassErrors, Displayed, FrameReference, MethodRecord, classify, weights
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references.reuse_methods import Reblur, disk_offset, dominant_factor, hit_factor, tangents
 from reuse_tools import bypassed, play
 from stage_tools import differing, noisy_steps
 
-from taubench_gl.metrics.reuse_methods import Reblur, disk_offset, dominant_factor, hit_factor, tangents
 from taubench_gl.reuse.loading import load_method
 
 SIZE = (64, 36)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.reshading import BLOCK, chosen_pixels, moved_positions
 from reuse_scenes import SECONDS, lit_room, settings, still
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.metrics.lobes import LUMINANCE
-from taubench_gl.metrics.reshading import BLOCK, chosen_pixels, moved_positions
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
 from taubench_gl.reuse.frame import read_input
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
+from taubench_gl.srgb import LUMINANCE
 
 SIZE = (42, 30)
 READS = ("reshaded", "reshaded_before", "radiance", "motion", "mask")

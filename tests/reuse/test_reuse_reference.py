@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references import reuse_methods as reference
+from references.shading_rate import shaded
 from reuse_tools import play, write_method
 from test_reuse_methods import rotation, warp
 
 from taubench_gl.animation import View
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.metrics import reuse_methods as reference
-from taubench_gl.metrics.shading_rate import shaded
+from taubench_gl.metrics import blending
 from taubench_gl.paths import SHADERS
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.synthetic import LENS, synthetic_steps
@@ -248,13 +249,13 @@ def test_catmull_rom_reproduces_parabolas():
 
 
 def test_references_cited_by_shaders_exist():
-    """The header line ``Reference`` of the built-in methods and of the include names functions of metrics."""
+    """The header line ``Reference`` of the built-in methods and of the include names functions of the references."""
     cited = set()
     for path in [*BUILTIN.glob("*/*.glsl"), SHADERS / "common" / "reuse.glsl"]:
-        for line in re.findall(r"Reference\s+(metrics\.\S[^\n]*)", path.read_text()):
-            assert line.startswith("metrics.reuse_methods"), f"{path}: {line}"
-            for name in re.findall(r"\w+", line.removeprefix("metrics.reuse_methods")):
-                assert hasattr(reference, name), f"{path}: {name}"
+        pattern = r"Reference\s+(references\.reuse_methods|metrics\.blending)([^\n]*)"
+        for module, names in re.findall(pattern, path.read_text()):
+            for name in re.findall(r"\w+", names):
+                assert hasattr(blending if module == "metrics.blending" else reference, name), f"{path}: {name}"
                 cited.add(name)
     assert len(cited) >= 12
     assert all(load_method(name).cite for name in builtin_methods())

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.reuse_methods import Svgf
 from reuse_tools import bypassed, play
 from stage_tools import differing, noisy_steps
 
-from taubench_gl.metrics.reuse_methods import Svgf
 from taubench_gl.reuse.loading import load_method
 
 SIZE = (64, 36)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references import reuse_methods as reference
 from reuse_tools import bypassed, play
 
-from taubench_gl.metrics import reuse_methods as reference
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 

@@ -6,12 +6,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from references.resampling import resample_bilinear
 from reuse_scenes import glowing, settings, still
 from reuse_tools import write_method
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.errors import MethodError, SettingsError
-from taubench_gl.metrics.resampling import resample_bilinear
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.display import color_scale
 from viewer_tools import DEMO, QUIET, SIZE, pixels
 
 from taubench_gl.errors import MethodError, SettingsError, TaubenchError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.metrics.display import color_scale
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.display import channel_rgb, color_scale
 from viewer_tools import DEMO, QUIET
 
 from taubench_gl.animation import View
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.metrics.display import channel_rgb, color_scale
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.comparisons import frame_offset

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from references.display import channel_rgb, color_scale, id_color, overlay_mask
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.metrics.display import BACKGROUND, KINDS, channel_rgb, color_scale, id_color, overlay_mask
+from taubench_gl.metrics.display import BACKGROUND, KINDS
 from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, Other

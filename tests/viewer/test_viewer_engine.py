@@ -143,7 +143,7 @@ def test_object_motion_of_static_surfaces_is_zero(drive):
     error, position = driven.engine.object_motion(), driven.engine.feed.source.read("position")
     assert (error[position[..., 3] > 0] < 1e-3).mean() > 0.5 and error.max() > 1.0
     driven.run("set overlays off\nset auto_range off\nset range.low 0\nset range.high 4")
-    from taubench_gl.metrics.display import channel_rgb
+    from references.display import channel_rgb
 
     expected = channel_rgb("object_motion", np.repeat(error[..., None], 3, -1), 0.0, 4.0, position=position)
     assert np.abs(driven.engine.image() / 255.0 - expected).max() < 0.02

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from references.display import channel_rgb
 from viewer_tools import DEMO, QUIET, SIZE
 
 from taubench_gl.frame.targets import raw_image
-from taubench_gl.metrics.display import channel_rgb
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.names import light_shares
 

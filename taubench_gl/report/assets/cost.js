@@ -1,8 +1,8 @@
 // The cost page: mask error against time, both logarithmic, one mark per configuration, the Pareto front as steps.
 
-const SHAPES = { baseline: "square", level: "square", highest_quality: "star", single: "circle", combined: "triangle", path_traced: "diamond", render: "star" };
-const NAMES = { baseline: "baseline", level: "named level", highest_quality: "highest quality", single: "one parameter changed", combined: "several changed", path_traced: "path-traced", render: "renders" };
-const NAMED = ["baseline", "level", "highest_quality", "path_traced", "render"];
+const SHAPES = { baseline: "square", highest_quality: "star", single: "circle", combined: "triangle", path_traced: "diamond", render: "star" };
+const NAMES = { baseline: "baseline", highest_quality: "highest quality", single: "one parameter changed", combined: "several changed", path_traced: "path-traced", render: "renders" };
+const NAMED = ["baseline", "highest_quality", "path_traced", "render"];
 const box = document.getElementById("plot"), status = document.getElementById("status");
 const chooser = document.getElementById("column"), roles = document.getElementById("roles");
 

@@ -1,5 +1,5 @@
 // Running mean of all frames along the motion; rejects only history that was off-screen.
-// Paper    Yang et al. 2020, Eq. (1), with a = 1 / n.   Reference  metrics.reuse_methods.running_mean
+// Paper    Yang et al. 2020, Eq. (1), with a = 1 / n.   Reference  references.reuse_methods.running_mean
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);

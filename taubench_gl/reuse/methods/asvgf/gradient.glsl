@@ -2,7 +2,7 @@
 //
 // Paper    Schied, Peters, Dachsbacher 2018: one surface sample of the previous frame per 3x3 block is projected forward
 //          and shaded again with its old random numbers; gradient = luminance now - luminance then, normalization =
-//          max(now, then).   Reference  metrics.reuse_methods.gradient_samples
+//          max(now, then).   Reference  references.reuse_methods.gradient_samples
 // Departs  The samples are additional; in the paper they replace a part of the frame's samples.
 void reuse(ivec2 b) {
     vec4 gradient = vec4(0.0); // x: gradient, y: normalization, z: weight

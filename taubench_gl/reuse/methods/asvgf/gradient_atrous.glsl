@@ -2,7 +2,7 @@
 // Blocks without a sample have no weight and are filled by their neighbors.
 //
 // Paper    Schied, Peters, Dachsbacher 2018, gradient reconstruction: the edge stopping functions of SVGF, with the variance
-//          of the luminance within a block.   Reference  metrics.reuse_methods.gradient_level
+//          of the luminance within a block.   Reference  references.reuse_methods.gradient_level
 // Departs  Kernel and step are those of SVGF's filter.
 #include "edges.glsl"
 

@@ -2,7 +2,7 @@
 // lambda = min(1, |gradient| / normalization).
 //
 // Paper    Schied, Peters, Dachsbacher 2018, control of the temporal accumulation factor.
-// Reference metrics.reuse_methods.gradient_lambda, adaptive_weight
+// Reference references.reuse_methods.gradient_lambda, adaptive_weight
 // Departs  alpha is max(1 / n, alpha) as in this project's SVGF.  The frames of the history are multiplied by
 //          1 - lambda, so that the spatial variance estimate is used where little history is left.
 

@@ -2,7 +2,7 @@
 //
 // Paper    Koskela et al. 2019, pre-processing: accepted taps are blended, their weights renormalized; weight of the new frame
 //          max(1 / n, alpha).
-// Reference metrics.reuse_methods.consistent_blend, exponential_average
+// Reference references.reuse_methods.consistent_blend, exponential_average
 #include "albedo.glsl"
 #include "taps.glsl"
 

@@ -2,7 +2,7 @@
 //
 // Paper    Koskela et al. 2019, post-processing: weight of the new frame max(1 / n, alpha_filtered), n frames of noisy data in
 //          the pixel; color = albedo x illumination, display-encoded for the anti-aliasing that follows.
-// Reference metrics.reuse_methods.consistent_blend, exponential_average, display_encoded
+// Reference references.reuse_methods.consistent_blend, exponential_average, display_encoded
 // Departs  The encoding x^(1 / 2.2) is not clamped at 1, so that the result is linear radiance again.
 #include "albedo.glsl"
 #include "taps.glsl"

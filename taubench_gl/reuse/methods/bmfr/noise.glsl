@@ -1,5 +1,5 @@
 // Random numbers of a counter: pcg4d of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", listing 1.
-// Reference metrics.reuse_methods.feature_noise, block_offset
+// Reference references.reuse_methods.feature_noise, block_offset
 uvec4 hashed(uvec4 v) {
     v = v * 1664525u + 1013904223u;
     v.x += v.y * v.w; v.y += v.z * v.x; v.z += v.x * v.y; v.w += v.y * v.z;

@@ -4,7 +4,7 @@
 //          scaled to [0, 1] in the block; QR factorization of features and color; zero-mean noise on the features
 //          against rank deficiency, without noise in the reconstruction; blocks at a pseudo-random offset per frame;
 //          pixels outside the image are mirrored into it.
-// Reference metrics.reuse_methods.block_regression, block_features, feature_noise, block_offset
+// Reference references.reuse_methods.block_regression, block_features, feature_noise, block_offset
 // Departs  Modified Gram-Schmidt on the features with the color appended, instead of Householder reflections: it is
 //          as stable for least squares (Bjorck 1967) and needs one reduction per column.  Squares are of the scaled position,
 //          relative to the camera: the same space of functions, better conditioned.  Sky pixels take no part and keep

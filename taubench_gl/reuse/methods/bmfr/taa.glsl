@@ -2,7 +2,7 @@
 //
 // Paper    Koskela et al. 2019, post-processing, after Karis 2014: history is clamped to the YCoCg box of the 3x3 neighborhood,
 //          averaged with that of the plus-shaped five pixels; weight of the new frame alpha_taa.
-// Reference metrics.reuse_methods.neighborhood_box, exponential_average, display_decoded
+// Reference references.reuse_methods.neighborhood_box, exponential_average, display_decoded
 void reuse(ivec2 p) {
     vec4 own = fetch_shaded(p);
     vec3 color = own.rgb;

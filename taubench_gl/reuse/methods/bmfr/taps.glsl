@@ -2,7 +2,7 @@
 //
 // Paper    Koskela et al. 2019, pre-processing: world position and shading normal of a tap must be near those of the pixel.
 //          Limits as in their published code: 0.01 m^2 and 1.
-// Reference metrics.reuse_methods.accept_taps
+// Reference references.reuse_methods.accept_taps
 // Departs  A moving point is compared at its previous position (prev_position); the scenes of the paper are static.
 bool accepted(ivec2 p, Tap t) {
     if (t.weight <= 0.0 || !in_image(t.at)) return false;

@@ -1,7 +1,7 @@
 // Pixels shaded in this frame are kept; others use valid history, else the mean of their shaded neighbors.
 //
 // Paper    El Mansouri 2016 (history, clamp), Wihlidal 2017 (fallback: mean of the shaded neighbors).
-// Reference metrics.reuse_methods.shaded_neighbors
+// Reference references.reuse_methods.shaded_neighbors
 // Departs  The originals validate history with id buffers; here the geometry mask does.
 void reuse(ivec2 p) {
     vec4 own = fetch_radiance(p);

@@ -2,7 +2,7 @@
 //
 // Paper    FSR2 documentation: "Create locks", "Reproject & accumulate", "Reactive mask", "Transparency & composition mask".
 //          Constants (12 and 3 for the weight of the history, 0.74 for the mean weight of a frame, box 1 + (scale - 1) / 2) as published.
-// Reference metrics.reuse_methods.fsr2_accumulate, fsr2_shading_luminance, fsr2_new_locks, fsr2_unstable, fsr2_weight_limit,
+// Reference references.reuse_methods.fsr2_accumulate, fsr2_shading_luminance, fsr2_new_locks, fsr2_unstable, fsr2_weight_limit,
 //          fsr2_rectified
 // Departs  Locks are found by the pixel that contains a thin sample, where FSR2 writes them from the sample.  The color is kept
 //          tone-mapped, because the caller applies the exposure.  A luminance is unstable if it returns to that of an

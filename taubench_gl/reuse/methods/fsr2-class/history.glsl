@@ -1,5 +1,5 @@
 // The accumulated color at a point of the previous image: Lanczos weights of 4x4 pixels, limited to the range of the nearest
-// 2x2, so that the negative lobes leave no rings.   Reference metrics.reuse_methods.fsr2_sample_history
+// 2x2, so that the negative lobes leave no rings.   Reference references.reuse_methods.fsr2_sample_history
 vec4 reprojected_color(vec2 at) {
     ivec2 base = ivec2(floor(at));
     vec2 f = at - floor(at);

@@ -1,4 +1,4 @@
-// Lanczos kernel of two lobes: sinc(x) sinc(x / 2), |x| < 2.   Reference metrics.reuse_methods.lanczos2
+// Lanczos kernel of two lobes: sinc(x) sinc(x / 2), |x| < 2.   Reference references.reuse_methods.lanczos2
 float lanczos2(float x) {
     x = abs(x);
     if (x < 1.0e-3) return 1.0;

@@ -1,7 +1,7 @@
 // Mean logarithm of the luminance of blocks of 16x16 input pixels: a level of FSR2's luminance pyramid.
 //
 // Paper    FSR2 documentation: "Compute luminance pyramid"; the level is that of its shading change detection.
-// Reference metrics.reuse_methods.fsr2_block_luminance
+// Reference references.reuse_methods.fsr2_block_luminance
 // Departs  The exposure of the pyramid's last level is not needed: the inputs are exposed.
 shared vec2 sums[block_threads];
 

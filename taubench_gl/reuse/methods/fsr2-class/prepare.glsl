@@ -1,7 +1,7 @@
 // Dilated depth, motion and masks; depth clip; tone-mapped color; thin features.  On the grid of the inputs.
 //
 // Paper    FSR2 documentation: "Reconstruct & dilate", "Depth clip", "Create locks".
-// Reference metrics.reuse_methods.fsr2_dilate, fsr2_depth_clip, fsr2_tone_mapped, fsr2_thin_features
+// Reference references.reuse_methods.fsr2_dilate, fsr2_depth_clip, fsr2_tone_mapped, fsr2_thin_features
 // Departs  The previous depth is that of the previous frame, sampled along the motion, where FSR2 scatters the current depth into
 //          the previous frame with atomics.  Its tolerance is a fraction of the depth (depth_tolerance), not Akeley's separation of
 //          a depth buffer: depth here is planar and in float32.

@@ -2,7 +2,7 @@
 //
 // Paper    FSR2 documentation: "Robust Contrast Adaptive Sharpening": of the cross of five pixels, the most negative lobe that
 //          keeps the result within their range, limited to 3/16, times 2^(-2 (1 - sharpness)).
-// Reference metrics.reuse_methods.fsr2_rcas, fsr2_radiance
+// Reference references.reuse_methods.fsr2_rcas, fsr2_radiance
 // Departs  White is halfway from the brightest of the five pixels to 1, not 1: the inverse tone map of 1 is infinite, that of this
 //          white is at most 2 r + 1 for the largest radiance r.
 vec3 shown(ivec2 p) { return clamp(fetch_color(p).rgb, 0.0, 1.0); }

@@ -3,7 +3,7 @@
 // Paper    FSR2 documentation: "Reproject & accumulate": Lanczos weights of the distance from p to the samples of 4x4 input
 //          pixels, the kernel scaled by ``sharp``; the sum of the weights is the weight of the color.  Box for the rectification: mean and
 //          standard deviation in YCoCg, weights exp(-3 d^2), within the range of the colors of 3x3 pixels.
-// Reference metrics.reuse_methods.fsr2_upsample
+// Reference references.reuse_methods.fsr2_upsample
 // Departs  Samples outside the image have no weight, but the color takes those at the border for them, where FSR2 leaves them out:
 //          what remains of the kernel can be mostly its negative lobes, and the color then any corner of the box.
 //          The color is limited to the range of the samples in RGB, where FSR2 limits it in YCoCg: corners of that box lie

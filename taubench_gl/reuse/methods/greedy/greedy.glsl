@@ -1,7 +1,7 @@
 // Blends the frame with its own history by the weight in [0, 1] that brings each pixel nearest to the reference.
 //
 // Paper    none: w = clamp(<R - I, H - I> / <H - I, H - I>, 0, 1), the projection of R on the segment from I to H.
-// Reference metrics.reuse_methods.nearest_weight
+// Reference metrics.blending.nearest_weight
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);

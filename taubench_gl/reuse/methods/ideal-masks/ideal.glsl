@@ -1,7 +1,7 @@
 // Running mean along the motion, reset exactly where the exact mask discards history.
 //
 // Paper    TauBench section 3.2 (the masks); Yang et al. 2020, Eq. (1), with a = 1 / n.
-// Reference metrics.reuse_methods.running_mean
+// Reference references.reuse_methods.running_mean
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);

@@ -4,7 +4,7 @@
 // Paper    Zhdanov 2021, ReBLUR, temporal accumulation: weight 1 / (1 + frames), frames limited; disocclusion by the distance
 //          from the plane of the surface, tap by tap; virtual motion of reflections from the hit distance; Lagarde and de
 //          Rousiers 2014: dominant direction of a rough lobe.  NRD documentation: a mean of the luminance over few frames.
-// Reference metrics.reuse_methods.virtual_px, dominant_factor, Reblur
+// Reference references.reuse_methods.virtual_px, dominant_factor, Reblur
 // Departs  The frames of a footprint are multiplied by its accepted weight.  The virtual point is found with one hit
 //          distance for both lobes and without curvature.
 #include "disk.glsl"

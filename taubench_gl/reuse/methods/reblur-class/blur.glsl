@@ -1,7 +1,7 @@
 // Recurrent blur, then post-blur: what they write is the history of the next frame.
 //
 // Paper    Zhdanov 2021, ReBLUR, blur and post-blur: the radius decreases with the frames in history; light is blurred again
-//          in every frame, so that few taps are enough.   Reference  metrics.reuse_methods.Reblur
+//          in every frame, so that few taps are enough.   Reference  references.reuse_methods.Reblur
 // Departs  radius = minimum + maximum x hit factor x lobe factor / sqrt(frames); NRD's curve has other constants.
 #define LIGHT(lobe, q) (lobe == 0 ? fetch_diffuse_now(q) : fetch_specular_now(q))
 #include "blur_lobes.glsl"

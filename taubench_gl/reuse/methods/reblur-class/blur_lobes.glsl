@@ -1,4 +1,4 @@
-// The blur of both lobes over disks.   Reference  metrics.reuse_methods.Reblur
+// The blur of both lobes over disks.   Reference  references.reuse_methods.Reblur
 #include "disk.glsl"
 
 // Both lobes of pixel p blurred over disks of radii in pixels.  Needs LIGHT(lobe, q): rgb, a: hit distance.

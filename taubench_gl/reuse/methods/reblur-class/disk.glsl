@@ -1,7 +1,7 @@
 // Weights of a blur over a disk in the tangent plane of a surface, in world space.
 //
 // Paper    Zhdanov 2021, ReBLUR: disks in world space, weights by plane distance, normal, hit distance and roughness.
-// Reference metrics.reuse_methods.disk_offset, kernel_angle, tangents, hit_factor, lobe_factor
+// Reference references.reuse_methods.disk_offset, kernel_angle, tangents, hit_factor, lobe_factor
 // Departs  Eight taps on a Vogel spiral, turned by a hash of pixel and frame; the published description has a Poisson disk.
 //          The disk of the specular lobe is round and in the tangent plane, too.
 

@@ -1,7 +1,7 @@
 // Reconstruction where history is short: 5x5 taps, wide apart, of the same surface.
 //
 // Paper    Zhdanov 2021, ReBLUR, history fix; NRD since version 3: sparse taps instead of mipmaps, wider for fewer frames.
-// Reference metrics.reuse_methods.Reblur
+// Reference references.reuse_methods.Reblur
 #include "disk.glsl"
 
 void reuse(ivec2 p) {

@@ -2,7 +2,7 @@
 //
 // Paper    NRD documentation: anti-firefly and fast history.  Anti-firefly: mean and deviation of the fast history of 9x9
 //          pixels without the 3x3 in the center.  Fast history: those of 5x5 pixels limit the long history, the more the longer
-//          it is.   Reference  metrics.reuse_methods.Reblur
+//          it is.   Reference  references.reuse_methods.Reblur
 // Departs  Pixels of the sky have no part in either.
 
 // Of the fast history of a square of pixels, relative to that of p, so that float32 is precise enough.  A hole of -1 is none; no pixels limit nothing.

@@ -1,7 +1,7 @@
 // Pre-blur of the new samples, with a radius by hit distance and lobe.
 //
 // Paper    Zhdanov 2021, ReBLUR, pre-blur: as little as is needed to stabilize the input of temporal accumulation.
-// Reference metrics.reuse_methods.Reblur
+// Reference references.reuse_methods.Reblur
 #define LIGHT(lobe, q) \
     vec4(lobe == 0 ? fetch_diffuse_demodulated(q).rgb : fetch_specular_demodulated(q).rgb, fetch_hit_distance(q))
 #include "blur_lobes.glsl"

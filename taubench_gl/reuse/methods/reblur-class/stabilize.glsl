@@ -2,7 +2,7 @@
 //
 // Paper    Zhdanov 2021, ReBLUR, temporal stabilization: stabilized history is clamped to mean and deviation of the
 //          neighborhood and blended; the more it is clamped, the fewer frames the accumulation keeps (anti-lag).
-// Reference metrics.reuse_methods.Reblur
+// Reference references.reuse_methods.Reblur
 // Departs  3x3 pixels; anti-lag = 1 / (1 + strength x distance outside the range / the larger luminance).
 // Mean and deviation of the luminance of both lobes; relative to that of the pixel, so that float32 is precise enough.
 void local_range(ivec2 p, out vec2 mean, out vec2 sigma) {

@@ -1,7 +1,7 @@
 // Fetches the shading result at the previous position of the point; misses and blocks due for refresh are reshaded.
 //
 // Paper    Nehab et al. 2007: hit if the cached depth is the reprojected depth; blocks of pixels are refreshed in turn.
-// Reference metrics.reuse_methods.cache_hit, refresh_due
+// Reference references.reuse_methods.cache_hit, refresh_due
 // Departs  The paper compares depth-buffer values; here the relative difference of planar depth in meters.
 bool cache_hit(float expected, float cached_depth) {
     if (expected <= 0.0) return cached_depth <= 0.0; // sky matches only sky

@@ -2,7 +2,7 @@
 //
 // Paper    Schied et al. 2017, section 4: the tone-mapped image is anti-aliased over time as in Karis 2014: motion of the
 //          nearest surface, history clipped to the rounded box of 3x3 colors in YCoCg, exponential average.
-// Reference metrics.reuse_methods.antialiased, neighborhood_box, clip_to_box, tone_unmapped
+// Reference references.reuse_methods.antialiased, neighborhood_box, clip_to_box, tone_unmapped
 // Departs  The result of a method is linear radiance, so the tone map is inverted after the average.  Karis weights colors
 //          by 1 / (1 + luminance) because he averages before his tone map; here the average is after it.
 #include "tone.glsl"

@@ -2,7 +2,7 @@
 //
 // Paper    Schied et al. 2017, section 4.3: c' = sum h w c / sum h w, var' = sum h^2 w^2 var / (sum h w)^2, kernel
 //          h = (1/16, 1/4, 3/8, 1/4, 1/16) both ways, step 2^level; section 4.4: weights, variance under Eq. (5) smoothed
-//          by a 3x3 Gaussian.   Reference  metrics.reuse_methods.EdgeStopping, smoothed_variance, atrous_level
+//          by a 3x3 Gaussian.   Reference  references.reuse_methods.EdgeStopping, smoothed_variance, atrous_level
 #include "edges.glsl"
 
 // Of direct and indirect light.

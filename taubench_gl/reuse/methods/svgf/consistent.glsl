@@ -1,5 +1,5 @@
 // Temporal consistency of one tap.  Paper: Schied et al. 2017, section 4.1: depth, normal, object.
-// Reference  metrics.reuse_methods.consistent_history
+// Reference  references.reuse_methods.consistent_history
 bool consistent(ivec2 q, bool surface, float expected, vec3 normal, uint id) {
     if (!in_image(q)) return false;
     float depth = fetch_history_position(q).w;

@@ -1,4 +1,4 @@
-// Edge-stopping functions.  Paper: Schied et al. 2017, section 4.4.   Reference  metrics.reuse_methods.EdgeStopping
+// Edge-stopping functions.  Paper: Schied et al. 2017, section 4.4.   Reference  references.reuse_methods.EdgeStopping
 
 // Change of planar depth per pixel to the right and up: the smaller one-sided difference, so that an edge is no slope.
 vec2 depth_slope(ivec2 p) {

@@ -1,6 +1,6 @@
 // Reconstruction: sum of direct and indirect light, modulation by albedo, emission; then the tone map.
 //
-// Paper    Schied et al. 2017, section 4 (reconstruction, tone mapping).   Reference  metrics.reuse_methods.modulated,
+// Paper    Schied et al. 2017, section 4 (reconstruction, tone mapping).   Reference  references.reuse_methods.modulated,
 //          tone_mapped
 // Departs  The paper does not name its curve; Reinhard's x / (1 + x) per channel is used because it has an inverse.
 #include "albedo.glsl"

@@ -1,4 +1,4 @@
-// Weight of the new frame.  Paper: Schied et al. 2017, section 4.1.   Reference  metrics.reuse_methods.new_weight
+// Weight of the new frame.  Paper: Schied et al. 2017, section 4.1.   Reference  references.reuse_methods.new_weight
 // Departs  max(1 / n, alpha), as in the authors' later code, so that the first frames have equal weights; the paper's
 //          alpha is constant.
 

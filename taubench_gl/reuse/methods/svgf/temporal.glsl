@@ -3,7 +3,7 @@
 //
 // Paper    Schied et al. 2017, section 4: demodulation; section 4.1: 2x2 taps with bilinear weights, each tested for
 //          depth, normal and object; if none passes, a 3x3 neighborhood is used; exponential moving average with alpha.
-// Reference metrics.reuse_methods.demodulated, reprojected, new_weight, luminance_moments
+// Reference references.reuse_methods.demodulated, reprojected, new_weight, luminance_moments
 #include "albedo.glsl"
 #include "consistent.glsl"
 #include "share.glsl"

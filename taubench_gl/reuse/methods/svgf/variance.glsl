@@ -1,5 +1,5 @@
 // SVGF's variance estimate.  Paper: Schied et al. 2017, section 4.2: from the temporal moments, and for fewer than four
-// frames from a 7x7 bilateral neighborhood.   Reference  metrics.reuse_methods.moments_variance, spatial_estimate
+// frames from a 7x7 bilateral neighborhood.   Reference  references.reuse_methods.moments_variance, spatial_estimate
 // Departs  The spatial estimate is scaled by 4 / n, as in the authors' later code, which gives few frames a larger variance.
 #include "edges.glsl"
 

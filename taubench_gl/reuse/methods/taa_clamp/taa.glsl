@@ -1,7 +1,7 @@
 // Temporal anti-aliasing with a neighborhood clamp.
 //
 // Paper    Karis 2014: history is clamped to the YCoCg box of the 3x3 neighborhood, blended with weights 1 / (1 + L).
-// Reference metrics.reuse_methods.neighborhood_box, karis_blend
+// Reference references.reuse_methods.neighborhood_box, karis_blend
 // Departs  Karis also filters the new samples by a Blackman-Harris window around the jitter; here they are not filtered.
 void neighborhood_box(ivec2 p, out vec3 low, out vec3 high) {
     vec3 cross_low = vec3(1.0e30), cross_high = vec3(-1.0e30);

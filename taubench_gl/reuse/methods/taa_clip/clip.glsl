@@ -3,7 +3,7 @@
 // Paper    Karis 2014: history is clipped to the YCoCg box of the 3x3 neighborhood where the ray from it to the average of the
 //          neighborhood enters the box; blended with weights 1 / (1 + L).  A clamp moves each component apart and so changes hue.
 //          The new samples are filtered by a Blackman-Harris window of 3.3 pixels, as a Gaussian, around the pixel center.
-// Reference metrics.reuse_methods.neighborhood_box, neighborhood_mean, clip_towards, karis_blend, windowed
+// Reference references.reuse_methods.neighborhood_box, neighborhood_mean, clip_towards, karis_blend, windowed
 // Departs  The window is off by default: without jitter it only blurs.
 vec3 windowed(ivec2 p) {
     vec4 sum = vec4(0.0);

@@ -2,7 +2,7 @@
 //
 // Paper    Salvi 2016: m1 = mean, sigma = sqrt(m2 - m1^2) over 3x3 pixels in YCoCg; box = m1 +- gamma sigma.
 //          Pedersen 2016: clip towards the center (clip_to_box).
-// Reference metrics.reuse_methods.variance_box, clip_to_box
+// Reference references.reuse_methods.variance_box, clip_to_box
 // Departs  Moments are relative to the color of the pixel: about 0, float32 has too little precision for bright colors.
 //          With keep_own the box contains the color of the pixel; without it, one-pixel details fade in a still image.
 void variance_box(ivec2 p, out vec3 low, out vec3 high) {

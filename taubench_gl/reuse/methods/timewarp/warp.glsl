@@ -1,7 +1,7 @@
 // The last shaded frame, rotated: samples it along the view ray of each pixel.  Ignores depth and camera translation.
 //
 // Paper    van Waveren 2016; Hartley and Zisserman 2004, section 8.4: at ~ K R_key^T R_now K^-1 p.
-// Reference metrics.reuse_methods.timewarp_px
+// Reference references.reuse_methods.timewarp_px
 vec2 key_px(ivec2 p) {
     vec2 c = vec2(p) - frame.jitter_px; // sky rays include jitter; the image is sampled at pixel centers
     vec3 ray = (frame.sky_origin + c.x * frame.sky_dx + c.y * frame.sky_dy).xyz;

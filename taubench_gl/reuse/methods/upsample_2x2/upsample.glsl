@@ -2,7 +2,7 @@
 //
 // Paper    Yang et al. 2020, section 5: f_n(p) = a b s_n(p) + (1 - a b) f_(n-1)(pi(p)); s_n: new samples weighted by
 //          their distance from the pixel center, b: the weight of the nearest sample.
-// Reference metrics.reuse_methods.upsample_blend
+// Reference references.reuse_methods.upsample_blend
 // Departs  a is 1 / (accumulated confidence) until it reaches alpha: a new pixel does not start from the fill.
 vec4 new_samples(ivec2 p, float reach, out float best) {
     vec4 sum = vec4(0.0);

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.metrics.stochastic import pcg4d
+from taubench_gl.reuse.reshade import BLOCK
 
 Array = np.ndarray
-
-BLOCK = 3
-"""Pixels along the sides of a block, which has one sample."""
 
 
 def chosen_pixels(usable: Array, frame: int, seed: int) -> Array:

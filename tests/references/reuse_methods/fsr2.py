@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.metrics.reuse_methods.history import inside, neighbors, shifted
-from taubench_gl.metrics.reuse_methods.taa import rgb_from_ycocg, ycocg_from_rgb
+from references.reuse_methods.history import inside, neighbors, shifted
+from references.reuse_methods.taa import rgb_from_ycocg, ycocg_from_rgb
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taubench_gl.metrics.brdf_sampling import basis_around, brdf_pdf, sample_brdf
+from references.brdf_sampling import basis_around, brdf_pdf, sample_brdf
 from taubench_gl.metrics.environment import lookup
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, SUBPATH_VERTEX, sample_table

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from references.reuse_methods.history import consistent_blend, inside, sample_history, shifted
 from taubench_gl.metrics.reprojection import Reprojection
-from taubench_gl.metrics.reuse_methods.history import consistent_blend, inside, sample_history, shifted
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray

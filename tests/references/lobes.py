@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.metrics.lighting import albedo_table
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def table_lookup(table: Array, roughness: Array, n_v: Array) -> Array:

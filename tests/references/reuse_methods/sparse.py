@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.metrics.reuse_methods.history import neighbors
-from taubench_gl.metrics.reuse_methods.means import exponential_average
+from references.reuse_methods.history import neighbors
+from references.reuse_methods.means import exponential_average
 
 Array = np.ndarray
 

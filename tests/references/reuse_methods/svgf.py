@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from taubench_gl.metrics.reuse_methods.history import shifted
+from references.reuse_methods.history import shifted
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray

@@ -7,7 +7,7 @@ of a point's previous position.
 
 from __future__ import annotations
 
-from taubench_gl.metrics.reuse_methods.asvgf import (
+from references.reuse_methods.asvgf import (
     Asvgf,
     BlockEdges,
     adaptive_weight,
@@ -15,14 +15,7 @@ from taubench_gl.metrics.reuse_methods.asvgf import (
     gradient_level,
     gradient_samples,
 )
-from taubench_gl.metrics.reuse_methods.blending import (
-    blend,
-    effective_weight,
-    nearest_weight,
-    on_segment,
-    used_history,
-)
-from taubench_gl.metrics.reuse_methods.bmfr import (
+from references.reuse_methods.bmfr import (
     accept_taps,
     block_features,
     block_offset,
@@ -31,8 +24,8 @@ from taubench_gl.metrics.reuse_methods.bmfr import (
     display_encoded,
     feature_noise,
 )
-from taubench_gl.metrics.reuse_methods.caching import cache_hit, refresh_due, timewarp_px
-from taubench_gl.metrics.reuse_methods.fsr2 import (
+from references.reuse_methods.caching import cache_hit, refresh_due, timewarp_px
+from references.reuse_methods.fsr2 import (
     fsr2_accumulate,
     fsr2_block_luminance,
     fsr2_depth_clip,
@@ -51,7 +44,7 @@ from taubench_gl.metrics.reuse_methods.fsr2 import (
     fsr2_weight_limit,
     lanczos2,
 )
-from taubench_gl.metrics.reuse_methods.history import (
+from references.reuse_methods.history import (
     catmull_rom_weights,
     consistent_blend,
     inside,
@@ -61,8 +54,8 @@ from taubench_gl.metrics.reuse_methods.history import (
     sample_history,
     shifted,
 )
-from taubench_gl.metrics.reuse_methods.means import exponential_average, running_mean
-from taubench_gl.metrics.reuse_methods.reblur import (
+from references.reuse_methods.means import exponential_average, running_mean
+from references.reuse_methods.reblur import (
     Reblur,
     disk_offset,
     dominant_factor,
@@ -72,8 +65,8 @@ from taubench_gl.metrics.reuse_methods.reblur import (
     tangents,
     virtual_px,
 )
-from taubench_gl.metrics.reuse_methods.sparse import new_samples, shaded_neighbors, upsample_blend
-from taubench_gl.metrics.reuse_methods.svgf import (
+from references.reuse_methods.sparse import new_samples, shaded_neighbors, upsample_blend
+from references.reuse_methods.svgf import (
     DEPTH_FLOOR,
     KERNEL,
     LUMINANCE_FLOOR,
@@ -84,7 +77,7 @@ from taubench_gl.metrics.reuse_methods.svgf import (
     smoothed_variance,
     spatial_estimate,
 )
-from taubench_gl.metrics.reuse_methods.svgf_frames import (
+from references.reuse_methods.svgf_frames import (
     Svgf,
     albedo_of,
     antialiased,
@@ -97,7 +90,7 @@ from taubench_gl.metrics.reuse_methods.svgf_frames import (
     tone_mapped,
     tone_unmapped,
 )
-from taubench_gl.metrics.reuse_methods.taa import (
+from references.reuse_methods.taa import (
     clip_to_box,
     clip_towards,
     karis_blend,
@@ -123,7 +116,6 @@ __all__ = [
     "albedo_of",
     "antialiased",
     "atrous_level",
-    "blend",
     "block_features",
     "block_offset",
     "block_regression",
@@ -139,7 +131,6 @@ __all__ = [
     "display_decoded",
     "display_encoded",
     "dominant_factor",
-    "effective_weight",
     "exponential_average",
     "feature_noise",
     "fsr2_accumulate",
@@ -171,13 +162,11 @@ __all__ = [
     "modulated",
     "moments_variance",
     "nearest_surface",
-    "nearest_weight",
     "neighborhood_box",
     "neighborhood_mean",
     "neighbors",
     "new_samples",
     "new_weight",
-    "on_segment",
     "previous_px",
     "refresh_due",
     "reprojected",
@@ -193,7 +182,6 @@ __all__ = [
     "tone_mapped",
     "tone_unmapped",
     "upsample_blend",
-    "used_history",
     "variance_box",
     "virtual_px",
     "windowed",

@@ -11,17 +11,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taubench_gl.metrics.color import TONE_MAPS
-from taubench_gl.metrics.reuse_methods.history import (
+from references.reuse_methods.history import (
     consistent_blend,
     inside,
     nearest_surface,
     previous_px,
     sample_history,
 )
-from taubench_gl.metrics.reuse_methods.means import exponential_average
-from taubench_gl.metrics.reuse_methods.svgf import EdgeStopping, atrous_level, moments_variance, spatial_estimate
-from taubench_gl.metrics.reuse_methods.taa import clip_to_box, neighborhood_box, rgb_from_ycocg, ycocg_from_rgb
+from references.reuse_methods.means import exponential_average
+from references.reuse_methods.svgf import EdgeStopping, atrous_level, moments_variance, spatial_estimate
+from references.reuse_methods.taa import clip_to_box, neighborhood_box, rgb_from_ycocg, ycocg_from_rgb
+from taubench_gl.metrics.color import TONE_MAPS
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray

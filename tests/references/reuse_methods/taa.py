@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.metrics.reuse_methods.history import neighbors
+from references.reuse_methods.history import neighbors
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.metrics.reuse_methods.history import shifted
-from taubench_gl.metrics.reuse_methods.svgf import KERNEL, LUMINANCE_FLOOR, EdgeStopping, depth_slope
-from taubench_gl.metrics.reuse_methods.svgf_frames import Svgf, new_weight
+from references.reuse_methods.history import shifted
+from references.reuse_methods.svgf import KERNEL, LUMINANCE_FLOOR, EdgeStopping, depth_slope
+from references.reuse_methods.svgf_frames import Svgf, new_weight
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
