@@ -304,7 +304,8 @@ def test_the_default_is_the_limit_of_the_container_divided_by_the_workers(tmp_pa
 @pytest.mark.parametrize(
     ("text", "count"),
     [("4GiB", 4 << 30), ("4G", 4 << 30), ("4GB", 4 * 10**9), ("1.5 MiB", 3 << 19), ("1048576", 1 << 20),
-     ("2097152B", 2 << 20), ("", None), ("-1G", None), ("1K", None), ("inf", None), ("1e9", None), ("9" * 15 + "T", None)],
+     ("2097152B", 2 << 20), ("", None), ("-1G", None), ("1K", None), ("inf", None), ("1e9", None),
+     ("9" * 15 + "T", None)],
 )  # fmt: skip
 def test_sizes(text, count):
     if count is None:
