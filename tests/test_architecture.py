@@ -253,7 +253,8 @@ def test_every_file_is_opened_and_created_by_a_gate():
 @pytest.mark.parametrize(
     "text",
     ["open(path)", "with path.open('rb') as f: pass", "path.open()", "path.read_bytes()",
-     "(folder / 'x').write_text('')", "np.load(path)", "OpenEXR.File(str(path))", "Image.open(path)", "shutil.copyfile(a, b)", "os.open(file, 0)",
+     "(folder / 'x').write_text('')", "np.load(path)", "OpenEXR.File(str(path))", "Image.open(path)",
+     "shutil.copyfile(a, b)", "os.open(file, 0)",
      "open(file)", "partial.touch()"],
 )  # fmt: skip
 def test_stray_openings_are_found(text):
