@@ -18,12 +18,12 @@ def rows(scale: float, **changes: object) -> list[dict]:
 
 
 def test_masks_are_equal_down_to_the_limit_and_refused_below_it():
-    """A power of two changes exponents only.  The default threshold is about 2^-4 m."""
+    """A power of two changes exponents only.  The default threshold is about 2^-3 m."""
     usual, least = rows(1.0), rows(2.0**-57)
     for a, b in zip(usual, least, strict=True):
         assert [a[name] for name in COUNTS] == [b[name] for name in COUNTS]
     assert sum(row["position"] for row in usual) > 0
-    for scale in (2.0**-60, 2.0**-70, 1e-22, 1e-30):
+    for scale in (2.0**-61, 2.0**-70, 1e-22, 1e-30):
         with pytest.raises(SettingsError) as caught:
             rows(scale)
         assert caught.value.setting == "thresholds"
