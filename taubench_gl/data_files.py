@@ -36,7 +36,7 @@ MAX_DEPTH = 64
 """Limit on the nesting of objects and lists; deeper values exhaust the stack of the functions that handle them."""
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _KEY_PART = r"(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
-_LONG_KEY = re.compile(rf"(?<![\w-]){_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART}){{{MAX_DEPTH}}}")
+_LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
 _EXPECTED = re.compile(r"Expected (.*), got (.*)")
 _WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
           "bool": "true or false"}  # fmt: skip

@@ -71,6 +71,8 @@ MAX_SIZE = 16384
 MAX_FRAMES = 1_000_000
 """Frames of one evaluation: more than eleven hours at 24 fps.  Per-frame data of this many frames fits in memory."""
 _FLOAT32_MAX = 3.4e38
+LEAST_LENGTH = 2.0**-63
+"""Least distance whose square float32 holds with all its digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,9 +268,9 @@ class MetricsSettings(_Group):
         filled = {name: float(self.thresholds.get(name, DEFAULT_THRESHOLD)) for name in FEATURES}
         object.__setattr__(self, "thresholds", filled)
         for name in FEATURES:
-            if self.threshold(name) > _FLOAT32_MAX:
+            if self.threshold(name) > _FLOAT32_MAX or 0.0 < self.threshold(name) < LEAST_LENGTH:
                 what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
-                hint = f"masks compare float32, give at most {_FLOAT32_MAX:g}"
+                hint = f"masks square distances as float32, give 0, or {LEAST_LENGTH:.2g} to {_FLOAT32_MAX:g}"
                 raise SettingsError(what, hint=hint, setting="thresholds")
 
     def threshold(self, feature: str) -> float:

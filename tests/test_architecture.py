@@ -193,6 +193,83 @@ def test_allowed_imports_pass(file, text):
     assert layer_faults(text, PACKAGE / file) == []
 
 
+FILE_FUNCTIONS = {
+    "open", "io.open", "io.FileIO", "os.open", "os.fdopen", "os.replace", "os.rename", "os.link", "os.symlink",
+    "np.load", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap", "np.save", "np.savez", "np.savez_compressed",
+    "np.savetxt", "shutil.copy", "shutil.copy2", "shutil.copyfile", "shutil.move", "json.load", "tomllib.load",
+    "tarfile.open", "zipfile.ZipFile", "Image.open", "PIL.Image.open", "OpenEXR.File", "oiio.ImageInput.open",
+    "parquet.read_table",
+}  # fmt: skip
+FILE_METHODS = {"read_bytes", "read_text", "write_bytes", "write_text", "touch", "symlink_to", "hardlink_to", "rename"}
+"""Calls that open, create or rename a file.  ``data_files`` is the gate in and ``outputs`` the gate out."""
+
+GATES = {"data_files.py", "outputs.py"}
+HANDED = ("by_descriptor(", "io.BytesIO(", "fileobj=", "file", "data", "header", "partial")
+"""Beginnings of the first argument of calls that get an open file, bytes or a partial file of a gate."""
+
+MAY_OPEN = {
+    "apps/cli.py": "the null device, in place of a closed output",
+    "memory_budget.py": "limits of the system, read by the gates themselves",
+    "pathtraced/blender/convert_script.py": "runs in Blender's Python, without this package",
+    "pathtraced/blender/render_script.py": "runs in Blender's Python, without this package",
+}
+
+
+def stray_openings(text: str) -> list[tuple[int, str]]:
+    """(line, call) of every call in FILE_FUNCTIONS or FILE_METHODS by a file's name, and of ``path.open(mode)``."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Call):
+            continue
+        called = ast.unparse(node.func)
+        method = called.rpartition(".")[2] if "." in called else ""
+        arguments = [ast.unparse(a) for a in (*node.args, *node.keywords)]
+        mode = method == "open" and (not arguments or arguments[0][0] in "'\"" or arguments[0].startswith("mode="))
+        # files of the package itself, from a wheel or an archive
+        packaged = called.startswith(("resources.", "own."))
+        handed = bool(arguments) and any(
+            arguments[0] == one if one.isalpha() else arguments[0].startswith(one) for one in HANDED
+        )
+        if (
+            (called in FILE_FUNCTIONS and not (handed and called not in ("open", "os.open")))
+            or mode
+            or (method in FILE_METHODS and not packaged)
+        ):
+            found.append((node.lineno, called))
+    return found
+
+
+def test_every_file_is_opened_and_created_by_a_gate():
+    faults = [
+        f"{path.relative_to(PACKAGE)}:{line}: {call}"
+        for path, text in sources().items()
+        if path.relative_to(PACKAGE).as_posix() not in GATES | MAY_OPEN.keys()
+        for line, call in stray_openings(text)
+    ]
+    assert not faults, "open files with data_files, create them with outputs: " + "; ".join(faults)
+    assert all(stray_openings((PACKAGE / name).read_text(encoding="utf-8")) for name in MAY_OPEN)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["open(path)", "with path.open('rb') as f: pass", "path.open()", "path.read_bytes()",
+     "(folder / 'x').write_text('')", "np.load(path)", "OpenEXR.File(str(path))", "Image.open(path)",
+     "shutil.copyfile(a, b)", "os.open(file, 0)",
+     "open(file)", "partial.touch()"],
+)  # fmt: skip
+def test_stray_openings_are_found(text):
+    assert stray_openings(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["opened(path)", "read_text(path)", "OpenEXR.File(by_descriptor(file))", "PathTracedSequence.open(path)",
+     "np.load(file)", "text.replace('a', 'b')", "Image.open(io.BytesIO(data))"],
+)  # fmt: skip
+def test_openings_by_a_gate_pass(text):
+    assert not stray_openings(text)
+
+
 def test_packages_without_gl_do_not_load_moderngl():
     packages = sorted(f"taubench_gl.{package}" for package in NO_GL if (PACKAGE / package).is_dir() or package == "run")
     packages += [f"taubench_gl.{name}" for name in NO_GL_MODULES]

@@ -60,6 +60,17 @@ def test_every_page_is_in_the_navigation():
     }  # fmt: skip
 
 
+def test_the_tests_that_the_security_page_names_exist():
+    """``tests/file.py::name``, or ``::name`` in the file that was named last."""
+    page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+    text, checked = "", 0
+    for file, name in re.findall(r"`(tests/[\w/]+\.py)?(?:::(\w+))?`", page):
+        text = (ROOT / file).read_text(encoding="utf-8") if file else text
+        assert not name or f"def {name}(" in text, name
+        checked += bool(name)
+    assert checked > 20
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_scripts(shell: str):
     command = [sys.executable, "-m", "taubench_gl", "completion", shell]

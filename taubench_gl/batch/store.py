@@ -26,7 +26,7 @@ import msgspec
 from taubench_gl import __version__
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
-from taubench_gl.data_files import checked, read_bytes, read_json, read_text
+from taubench_gl.data_files import checked, opened, read_bytes, read_json, read_text
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.folder_lock import LOCK_FILE
 from taubench_gl.outputs import is_partial_of, write_atomically
@@ -185,8 +185,11 @@ class Store:
         parquet = require_pyarrow().parquet
         out: list[int] = []
         for path in sorted(self.pairs_folder(job).glob("*.parquet")):
-            with contextlib.suppress(OSError, ValueError):  # ArrowInvalid is a ValueError
-                out += parquet.read_table(path, columns=["pair"])["pair"].to_pylist()
+            with (
+                contextlib.suppress(OSError, ValueError, OutputError),
+                opened(path) as file,
+            ):  # ArrowInvalid: ValueError
+                out += parquet.read_table(file, columns=["pair"])["pair"].to_pylist()
         return out
 
     # -------------------------------------------------------------------------------------------------------- logs

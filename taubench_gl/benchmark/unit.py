@@ -54,7 +54,7 @@ class Entry:
         spec = MethodSpec.parse(text)
         name, at, rest = text.partition("@")
         if is_sequence(name):
-            folder = Path(name.removeprefix(PREFIX)).resolve()
+            folder = Path(os.path.realpath(name.removeprefix(PREFIX)))
             return cls(spec.label, f"{PREFIX}{folder}{at}{rest}", _files_sha256(folder, folder))
         if name in builtin_methods():
             return cls(spec.label, text, _files_sha256(BUILTIN / name, BUILTIN / name))

@@ -14,10 +14,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, Poser, camera_of_run, is_still
+from taubench_gl.data_files import hashed, read_json
 from taubench_gl.effects.lighting import environment_of, own_light
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import OutputError
@@ -167,13 +167,14 @@ def _code_version() -> str:
     digest = hashlib.sha256()
     modules = [path for name in _CODE for path in (PACKAGE / name).rglob("*.py")]
     for path in sorted([*modules, *SHADERS.rglob("*.glsl"), PACKAGE / "evaluation" / "exposure.py"]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+        digest.update(path.name.encode() + b"\0")
+        hashed(path, digest=digest)
     return digest.hexdigest()
 
 
 def _cached(file: Path) -> float | None:
     """The exposure of an earlier run; None if there is none that can be read."""
-    with suppress(OSError, msgspec.MsgspecError):
-        exposure = msgspec.json.decode(file.read_bytes(), type=float)
+    with suppress(OutputError):
+        exposure = read_json(file, float)
         return exposure if 1.0 / MAX_EXPOSURE <= exposure <= MAX_EXPOSURE else None
     return None

@@ -7,15 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.animation import Poser, bounding_sphere
 from taubench_gl.conventions import DEFAULT_THRESHOLD
+from taubench_gl.errors import SceneError
 from taubench_gl.frame.sources import Source
-from taubench_gl.settings import Settings
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import LEAST_LENGTH, Settings
 
 SMALLEST, LARGEST = 0.002, 0.2
 """Default position threshold over median depth, below or above which a run has a note: depths of 63 m and 0.63 m.
 
 Of scenes in meters it is 0.004 (Sponza) to 0.13 (a fox at 1 m), of the fox in centimeters 0.001.
 """
+
+FLOAT32_STEP = 2.0**-24
+"""Relative step of float32."""
 
 FASTEST = 0.5
 """Median step of the camera per frame over median depth, above which a run has a note."""
@@ -28,6 +34,21 @@ USUAL_M = 0.5, 50.0
 
 USUAL_RATIO = 0.02
 """Position threshold over median depth of usual scenes."""
+
+
+def require_scale(scene: Scene, settings: Settings) -> None:
+    """Raises SceneError where a position threshold of 0 asks for distances whose squares vanish in float32.
+
+    The least distance that counts then is the step of float32 positions.  ``Settings`` refuses other thresholds that
+    are too small.
+    """
+    if settings.metrics.threshold("position") > 0.0:
+        return
+    span = 2.0 * bounding_sphere(Poser(scene), [0.0])[1]
+    if span * FLOAT32_STEP < LEAST_LENGTH:
+        what = f"the scene spans {span:.3g} units: squares of its smallest distances vanish in float32"
+        hint = f"scale it to at least {LEAST_LENGTH / FLOAT32_STEP:.2g} units, or give a position threshold above 0"
+        raise SceneError(what, where=scene.name, hint=hint)
 
 
 def median_depths(source: Source) -> list[float]:

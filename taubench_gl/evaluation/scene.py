@@ -13,7 +13,7 @@ from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_sum
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
-from taubench_gl.evaluation.scale import describe_scale
+from taubench_gl.evaluation.scale import describe_scale, require_scale
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule, with_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.sources import RasterSource, SourceOptions
@@ -53,6 +53,7 @@ def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrac
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
+    require_scale(scene, settings)
     lighting = resolve_lighting(scene, settings, camera, frames=frames)
     return SceneInput(scene, camera, frames, replace(lighting, settings=with_pairs(scene, lighting.settings, frames)))
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.data_files import hashed
+from taubench_gl.data_files import hashed, opened
 from taubench_gl.datasets.registry import Entry, known_name
 from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
 from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
 from taubench_gl.errors import DatasetError, TaubenchError
-from taubench_gl.outputs import replacing
+from taubench_gl.outputs import copy_atomically
 from taubench_gl.report.tables import paper_numbers
 
 DATASET, STAND_IN = "dataset", "stand-in"
@@ -98,5 +97,6 @@ def _write_stand_in(name: str, file: Path) -> None:
         made = Path(folder) / file.name
         make_stand_in(name, made)
         if not file.is_file() or hashed(made).digest() != hashed(file).digest():
-            with replacing(file, parents=True) as partial:
-                shutil.copyfile(made, partial)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with opened(made) as data:
+                copy_atomically(data, file)

@@ -11,6 +11,7 @@ import OpenEXR
 import pytest
 from exr_files import HEIGHT, WIDTH, window, write
 
+from taubench_gl import memory_budget
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced import exr
 from taubench_gl.pathtraced.exr import MAX_CHANNELS, read_exr, read_header
@@ -108,9 +109,12 @@ def test_huge_windows_are_refused_before_reading(tmp_path, monkeypatch):
     with pytest.raises(PathTracedError, match="12x8"):
         read_exr(path)
     monkeypatch.setattr(exr, "MAX_SIDE", 16384)
-    monkeypatch.setattr(exr, "MAX_PIXEL_BYTES", 100)
-    with pytest.raises(PathTracedError, match="GiB"):
+    monkeypatch.setattr(memory_budget, "limit", lambda: 4 * 12 * 8 - 1)
+    with pytest.raises(PathTracedError) as caught:
         read_exr(path)
+    assert caught.value.where == str(path)
+    monkeypatch.setattr(memory_budget, "limit", lambda: 4 * 12 * 8)
+    read_exr(path)
 
 
 def test_deep_images_are_refused(data):

@@ -16,6 +16,7 @@ from gltf_builders import png, refuse, textured
 from gltf_files import Gltf, glb, triangle_scene
 
 from taubench_gl.errors import SceneError
+from taubench_gl.memory_budget import VARIABLE
 from taubench_gl.scene import load_scene
 
 # Files
@@ -200,7 +201,8 @@ def test_bombs_allocate_little(tmp_path: Path, bomb: Callable[[Gltf], None]) -> 
     assert peak < (400 << 20 if bomb is no_view_many else 8 << 20)
 
 
-def test_image_bombs(tmp_path: Path) -> None:
+def test_image_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "2GiB")  # 16384 x 16384 pixels take 3
     for width, height in ((16385, 1), (16384, 16384), (2**31 - 1, 2**31 - 1)):
         data = bytearray(png((1, 1)))
         data[16:24] = width.to_bytes(4, "big") + height.to_bytes(4, "big")

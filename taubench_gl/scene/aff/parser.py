@@ -5,6 +5,7 @@ coordinates) and what is optional follow its sample parser."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -205,7 +206,7 @@ class Parser:
         return self.file
 
     def _run(self, path: Path, chain: tuple[Path, ...], where: str | None) -> None:
-        resolved = path.resolve()
+        resolved = Path(os.path.realpath(path))  # Path.resolve raises for a loop of links
         if resolved in chain:
             names = " > ".join(p.name for p in (*chain[chain.index(resolved) :], resolved))
             raise SceneError(f"files include each other: {names}", where=where)

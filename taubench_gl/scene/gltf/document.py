@@ -24,6 +24,10 @@ from taubench_gl.scene.notes import Notes
 T = TypeVar("T")
 
 
+class OverMemory(SceneError):
+    """The file takes more memory than the limit; never repaired."""
+
+
 @dataclass
 class Document:
     """Decoded JSON, buffers and notes of one file.
@@ -49,7 +53,8 @@ class Document:
     def reserve(self, kind: str, count: int, pointer: str) -> None:
         """Count bytes that are about to be allocated for the object at ``pointer``.  Raises SceneError."""
         if (what := self.budget.add(kind, count)) is not None:
-            raise self.error(what, pointer, over(self.budget.limit))
+            place = f"{self.path.name}#{pointer}" if pointer else self.path.name
+            raise OverMemory(what, where=place, hint=over(self.budget.limit))
 
     @property
     def strict(self) -> bool:

@@ -13,7 +13,7 @@ from taubench_gl.errors import SceneError
 from taubench_gl.scene.files import ImageSource, check_image, decode_image, open_image, shortened
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import Accessors
-from taubench_gl.scene.gltf.document import Document, is_data_uri, read_uri, resolve_uri
+from taubench_gl.scene.gltf.document import Document, OverMemory, is_data_uri, read_uri, resolve_uri
 from taubench_gl.scene.gltf.ktx2 import decode_ktx2, is_ktx2, ktx2_size
 from taubench_gl.scene.gltf.specular_glossiness import NAME as GLOSSINESS
 from taubench_gl.scene.gltf.specular_glossiness import SpecularGlossiness
@@ -109,6 +109,8 @@ class MaterialReader:
         document = self.document
         try:
             return read_image(document, self.accessors, index)
+        except OverMemory:
+            raise
         except SceneError as error:
             pointer, fault = f"/images/{index}", error
             document.notes.repair("texture-unreadable", lambda: fault, detail=self._label(index), where=pointer)

@@ -1,0 +1,322 @@
+"""Files from anywhere: pipes, loops of links, names and headers of any bytes, sparse files, small files that want much.
+
+Each is one TaubenchError, without waiting, and allocates little.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import tracemalloc
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.batch.engines import worker_environment
+from taubench_gl.data_files import MAX_VALUES, read_json, read_toml, stored_arrays
+from taubench_gl.datasets.scene_cache import unpack
+from taubench_gl.errors import DatasetError, OutputError, PathTracedError, SceneError, SettingsError, TaubenchError
+from taubench_gl.memory_budget import VARIABLE, Budget, _limit_files, limit, machine_bytes, parse_bytes
+from taubench_gl.paths import PACKAGE
+from taubench_gl.pathtraced.exr import read_exr, read_header, write_exr
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.environment import environment_bytes, read_environment
+from taubench_gl.scene.files import read_image
+from taubench_gl.scene.memory import memory_of
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+NOT_UTF8 = os.fsdecode(b"caf\xe9")
+SMALL = 64 << 20
+
+
+@pytest.fixture(autouse=True)
+def deadline():
+    """A test that waits for a writer of a pipe, or parses for minutes, fails."""
+
+    def late(*_):
+        raise AssertionError("waited for 60 s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def refused(kind: type[TaubenchError], work: Callable[[], object], most: int = SMALL) -> TaubenchError:
+    """The error that ``work`` raises; its allocations in Python and NumPy stay below ``most`` bytes."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(kind) as caught:
+            work()
+        assert tracemalloc.get_traced_memory()[1] < most
+    finally:
+        tracemalloc.stop()
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+def frame(path: Path, **attributes: object) -> Path:
+    plane = np.arange(16 * 8, dtype=np.float32).reshape(8, 16)
+    write_exr(path, {f"Combined.{c}": plane for c in "RGBA"}, attributes)
+    return path
+
+
+def sparse(path: Path, head: bytes = b"") -> Path:
+    """3 GiB of which the disk holds ``head``."""
+    with path.open("wb") as file:
+        file.write(head)
+        file.truncate(3 << 30)
+    return path
+
+
+def test_pipes_among_frames_are_refused(tmp_path):
+    frame(tmp_path / "frame_0001.exr")
+    os.mkfifo(tmp_path / "frame_0002.exr")
+    sequence = PathTracedSequence.open(f"exr:{tmp_path}")
+    refused(PathTracedError, lambda: sequence.radiance(2))
+    refused(PathTracedError, sequence.sha256)
+    refused(PathTracedError, lambda: PathTracedSequence.open(f"exr:{tmp_path}/frame_0002*.exr"))
+
+
+@pytest.mark.parametrize("text", [b"Combined.R", b"Combined"])
+def test_names_in_an_exr_header_that_are_not_utf8_are_refused(tmp_path, text):
+    path = frame(tmp_path / "a.exr")
+    path.write_bytes(path.read_bytes().replace(text, text[:-1] + b"\xe9"))
+    for read in (read_exr, read_header):
+        assert refused(PathTracedError, lambda read=read: read(path)).where == str(path)
+
+
+def test_file_names_of_any_bytes_are_read(tmp_path):
+    folder = tmp_path / NOT_UTF8
+    folder.mkdir()
+    frame(folder / f"{NOT_UTF8}_0001.exr")
+    assert PathTracedSequence.open(f"exr:{folder}").radiance(1).shape == (8, 16, 3)
+    scene = folder / f"{NOT_UTF8}.glb"
+    scene.write_bytes(DEMO.read_bytes())
+    assert load_scene(scene).sha256 == load_scene(DEMO).sha256
+    image = frame(folder / "environment.exr")
+    image.write_bytes(image.read_bytes().replace(b"Combined.", b""))
+    write_exr(image, {c: np.ones((4, 8), np.float32) for c in "RGB"})
+    assert read_environment(image).size == (8, 4) and environment_bytes(image) == 4 * 8 * 12
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("inspect", "l.glb"), ("inspect", "l.aff"), ("inspect", "l.obj"), ("inspect", "l.blend"), ("inspect", "l/a.glb"),
+     ("evaluate", "exr:l"), ("evaluate", str(DEMO), "--out", "l"), ("evaluate", str(DEMO), "--environment", "l.hdr"),
+     ("evaluate", str(DEMO), "--preset", "l.toml"), ("compare", "l", "l"), ("report", "l"), ("batch", "l.toml"),
+     ("export", str(DEMO), "--out", "l"), ("reuse", "check", "l.toml"), ("reuse", "check", "l")],
+)  # fmt: skip
+def test_loops_of_links_are_one_line(tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    for name in {part.removeprefix("exr:").split("/")[0] for part in arguments if part.removeprefix("exr:")[0] == "l"}:
+        (tmp_path / name).symlink_to(name)
+    small = ("--size", "32x18") if arguments[0] in ("evaluate", "export") else ()
+    result = CliRunner().invoke(cli, [*arguments, *small])
+    assert isinstance(result.exception, TaubenchError | SystemExit) and result.exit_code != 0
+
+
+def test_keys_of_toml_are_limited_before_they_are_parsed(tmp_path):
+    """The parser of Python takes 6 GB for 78 KB of dots."""
+    path = tmp_path / "a.toml"
+    for key in (".".join("a" * 39_000), ' . "b" . '[1:].join("a" * 100), ".".join(["'c'"] * 70)):
+        for text in (f"{key} = 1", f"[{key}]", f"[[{key}]]", f"x = {{ {key} = 1 }}"):
+            path.write_text(text)
+            refused(OutputError, lambda: read_toml(path))
+    path.write_text(".".join("a" * 60) + ' = "1.2.3"\nb = "' + "word. " * 500 + '"')
+    assert read_toml(path)["b"].startswith("word.")
+
+
+def test_values_of_json_are_limited_before_they_are_parsed(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text("[" + "{}," * MAX_VALUES + "{}]")
+    refused(OutputError, lambda: read_json(path))
+    path.write_text("[" + "0," * 1000 + "0]")
+    assert len(read_json(path)) == 1001
+
+
+@pytest.mark.parametrize("name", ["a.gltf", "a.glb", "a.obj", "a.aff"])
+def test_sparse_scenes_are_refused_before_they_are_read(tmp_path, name):
+    refused(SceneError, lambda: load_scene(sparse(tmp_path / name, b'{"asset":{"version":"2.0"}')))
+
+
+def test_sparse_images_and_archives_are_refused_before_they_are_read(tmp_path):
+    header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n"
+    refused(SettingsError, lambda: read_environment(sparse(tmp_path / "a.hdr", header)))
+    write_exr(tmp_path / "b.exr", {c: np.ones((4, 8), np.float32) for c in "RGB"})
+    whole = (tmp_path / "b.exr").read_bytes()
+    refused(SettingsError, lambda: read_environment(sparse(tmp_path / "c.exr", whole)))
+    refused(PathTracedError, lambda: read_exr(sparse(tmp_path / "d.exr", whole[:200])))
+    for name in ("a.zip", "a.tar.gz", "a.tar.xz"):
+        refused(DatasetError, lambda name=name: unpack(sparse(tmp_path / name), tmp_path / f"{name} unpacked"))
+
+
+def test_stored_arrays_are_limited_and_hold_no_objects(tmp_path, monkeypatch):
+    np.savez_compressed(tmp_path / "zeros.npz", a=np.zeros(1 << 25, np.uint8))
+    np.savez(tmp_path / "objects.npz", a=np.array([print], dtype=object))
+    monkeypatch.setenv(VARIABLE, "16MiB")
+
+    def read(name):
+        with stored_arrays(tmp_path / name) as arrays:
+            return arrays["a"]
+
+    for name in ("zeros.npz", "objects.npz"):
+        refused(OutputError, lambda name=name: read(name))
+    monkeypatch.setenv(VARIABLE, "64MiB")
+    assert read("zeros.npz").shape == (1 << 25,)
+
+
+def png(path: Path, side: int) -> Path:
+    """A valid gray image of ``side`` squared pixels, a thousandth of its size."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    packed = zlib.compressobj(1)
+    rows = b"".join(packed.compress(bytes(side + 1)) for _ in range(side)) + packed.flush()
+    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b""))
+    return path
+
+
+def test_the_largest_image_is_not_called_damaged(tmp_path):
+    assert read_image(png(tmp_path / "a.png", 16384), check=True).size == (16384, 16384)
+    refused(SceneError, lambda: read_image(png(tmp_path / "b.png", 16385), check=True))
+
+
+def gltf(path: Path, node: dict, primitives: int, buffers: list[np.ndarray], **more: object) -> Path:
+    """A file whose mesh has ``primitives`` with positions of accessor 0 and indices of accessor 1."""
+    data = b"".join(a.tobytes() for a in buffers)
+    offsets = np.cumsum([0, *(a.nbytes for a in buffers)]).tolist()
+    accessors = [
+        {"bufferView": i, "componentType": 5126 if a.dtype == np.float32 else 5125, "count": len(a),
+         "type": "VEC3" if a.ndim == 2 else "SCALAR"}
+        for i, a in enumerate(buffers)
+    ]  # fmt: skip
+    accessors[0] |= {"min": buffers[0].min(axis=0).tolist(), "max": buffers[0].max(axis=0).tolist()}
+    path.with_suffix(".bin").write_bytes(data)
+    path.write_text(
+        json.dumps(
+            {
+                "asset": {"version": "2.0"},
+                "scenes": [{"nodes": [0]}],
+                "scene": 0,
+                "nodes": [node],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * primitives}],
+                "buffers": [{"uri": path.with_suffix(".bin").name, "byteLength": len(data)}],
+                "bufferViews": [
+                    {"buffer": 0, "byteOffset": o, "byteLength": a.nbytes} for o, a in zip(offsets, buffers)
+                ],
+                "accessors": accessors + more.pop("accessors", []),
+                **more,
+            }
+        )
+    )
+    return path
+
+
+TRIANGLE = [np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.uint32([0, 1, 2])]
+INSTANCED = {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}}
+
+
+@pytest.mark.parametrize("count", [10_000_000, 20_000_000, 400_000_000])
+def test_instances_without_data_are_refused(tmp_path, count):
+    more = {"extensionsUsed": ["EXT_mesh_gpu_instancing"]}
+    zeros = [{"componentType": 5126, "type": "VEC3", "count": count}]
+    path = gltf(tmp_path / "a.gltf", INSTANCED, 1, TRIANGLE, accessors=zeros, **more)
+    assert path.stat().st_size < 5000
+    assert "/nodes/0" in refused(SceneError, lambda: load_scene(path)).where
+
+
+def test_instances_are_counted_before_they_are_made(tmp_path, monkeypatch):
+    moved = np.zeros((100_000, 3), np.float32)
+    more = {"extensionsUsed": ["EXT_mesh_gpu_instancing"]}
+    path = gltf(tmp_path / "a.gltf", INSTANCED, 1, [*TRIANGLE, moved], **more)
+    assert memory_of(load_scene(path))["instances"] > 100_000 * 128
+    monkeypatch.setenv(VARIABLE, "32MiB")
+    assert refused(SceneError, lambda: load_scene(path), 16 << 20).where.endswith("EXT_mesh_gpu_instancing/attributes")
+
+
+def test_primitives_that_share_indices_are_counted_before_they_are_expanded(tmp_path, monkeypatch):
+    indices = (np.arange(120_000) % 3).astype(np.uint32)
+    path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 300, [TRIANGLE[0], indices])
+    sums = memory_of(load_scene(path))
+    assert sums["primitives"] > 300 * 120_000 * 72  # of a flat triangle, each corner is a vertex of its own
+    monkeypatch.setenv(VARIABLE, "2GiB")
+    error = refused(SceneError, lambda: load_scene(path))
+    assert "mesh 0" in error.what and "primitives" in error.what
+
+
+@pytest.mark.parametrize("limit_text", ["15MiB", "1GiB"])
+def test_images_are_counted_before_they_are_decoded(tmp_path, monkeypatch, limit_text):
+    """1024 x 1024 pixels take 12 MiB, whatever the file has, and two of them 24."""
+    names = [png(tmp_path / f"{i}.png", 1024).name for i in range(2)]
+    texture = {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
+                              "emissiveTexture": {"index": 1}}],
+               "textures": [{"source": 0}, {"source": 1}], "images": [{"uri": name} for name in names]}  # fmt: skip
+    path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 1, TRIANGLE, **texture)
+    monkeypatch.setenv(VARIABLE, limit_text)
+    if limit_text == "1GiB":
+        assert memory_of(load_scene(path))["images"] == 2 * 12 << 20
+    else:
+        assert refused(SceneError, lambda: load_scene(path)).where.endswith("/images/1")
+
+
+def test_inspect_prints_the_same_sum_as_is_checked(tmp_path):
+    path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 3, TRIANGLE)
+    result = CliRunner().invoke(cli, ["inspect", str(path), "--json"])
+    assert json.loads(result.stdout)["memory_bytes"] == memory_of(load_scene(path))
+
+
+def test_the_option_limits_one_command(tmp_path, monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 10, [TRIANGLE[0], np.zeros(30_000, np.uint32)])
+    given = CliRunner().invoke(cli, ["inspect", str(path), "--max-memory", "8MiB"])
+    assert isinstance(given.exception, SceneError) and VARIABLE not in os.environ
+    assert CliRunner().invoke(cli, ["inspect", str(path)]).exit_code == 0
+    wrong = CliRunner().invoke(cli, ["inspect", str(path), "--max-memory", "much"])
+    assert isinstance(wrong.exception, SettingsError)
+
+
+def test_the_default_is_the_limit_of_the_container_divided_by_the_workers(tmp_path, monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    assert limit() == machine_bytes() <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    assert int(worker_environment(4)[VARIABLE]) == limit() // 4
+    monkeypatch.setenv(VARIABLE, "3GiB")
+    assert limit() == 3 << 30 and worker_environment(4)[VARIABLE] == "3GiB"
+    groups = tmp_path / "cgroup"
+    groups.write_text("0::/user/job\n4:memory:/docker/1\n2:cpu:/x\n5:memory:/../..\n")
+    found = {str(p.relative_to(tmp_path)) for p in _limit_files(groups, tmp_path / "fs")}
+    assert {"fs/memory.max", "fs/user/memory.max", "fs/user/job/memory.max"} <= found
+    assert {"fs/memory/memory.limit_in_bytes", "fs/memory/docker/1/memory.limit_in_bytes"} <= found
+    assert not any(".." in name or (name[-1] == "x" and "cpu" in name) for name in found)
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [("4GiB", 4 << 30), ("4G", 4 << 30), ("4GB", 4 * 10**9), ("1.5 MiB", 3 << 19), ("1048576", 1 << 20),
+     ("2097152B", 2 << 20), ("", None), ("-1G", None), ("1K", None), ("inf", None), ("1e9", None),
+     ("9" * 15 + "T", None)],
+)  # fmt: skip
+def test_sizes(text, count):
+    if count is None:
+        with pytest.raises(SettingsError):
+            parse_bytes(text)
+    else:
+        assert parse_bytes(text) == count
+
+
+def test_a_budget_says_what_it_holds(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "2MiB")
+    budget = Budget()
+    assert budget.add("images", 1 << 20) is None and budget.add("files", 1 << 20) is None
+    assert "images" in budget.add("images", 1) and budget.total == (2 << 20) + 1
