@@ -98,30 +98,30 @@ def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
 
 
 def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str, ...]) -> Table:
+    """A row for each rate of each run."""
     rows = []
     for label, summary in zip(labels, summaries, strict=True):
         block = summary.get("reusable") or {}
-        values, why = [reprojection_of(summary)], [None]
         for rate in RATES:
             entry = block.get(rate) or {}
-            values += [entry.get(key) for key in _STATISTICS]
-            why += [_why(block, rate)] * len(_STATISTICS)
-        values.append(block.get("sky_percent"))
-        why.append(_why(block, "surface"))
-        rows.append(replace(table_row(label, values, summary, *why), percent_of=OF_SURFACE))
+            values = [reprojection_of(summary), *(entry.get(key) for key in _STATISTICS), block.get("sky_percent")]
+            row = table_row(f"{label}, {rate}", values, summary, *[_why(block, rate)] * len(values))
+            rows.append(replace(row, percent_of=OF_SURFACE))
     of_all = STATISTICS["of_picture_percent"].label
-    columns = [Column("reprojection", definition="How a pixel finds its history: camera or motion")]
-    for rate in RATES:
-        for key, word in _STATISTICS.items():
-            text = f"{CONCEPTS[rate].tooltip}; {STATISTICS[key].definition}"
-            basis = of_all if key == "of_picture_percent" else ""
-            columns.append(Column(f"{rate} {word}".strip(), "%", 2, text, basis))
-    columns += [Column("sky", "%", 2, STATISTICS["sky_percent"].tooltip, of_all), *SAMPLING_COLUMNS]
-    notes = ("A mean is a total over all pairs by a total; min and max are of a pair. of all, sky: % of all pixels.",)
-    return Table("reusable", f"Reusable pixels, {OF_SURFACE}", tuple(columns), tuple(rows), notes, lead)
+    columns = (
+        Column("reprojection", definition="How a pixel finds its history: camera or motion"),
+        Column("reusable", "%", 2, "; ".join(CONCEPTS[rate].tooltip for rate in RATES)),
+        Column("min", "%", 2, STATISTICS["min_percent"].tooltip),
+        Column("max", "%", 2, STATISTICS["max_percent"].tooltip),
+        Column(of_all.removeprefix("% "), "%", 2, STATISTICS["of_picture_percent"].tooltip, of_all),
+        Column("sky", "%", 2, STATISTICS["sky_percent"].tooltip, of_all),
+        *SAMPLING_COLUMNS,
+    )
+    notes = ("A mean is a total over all pairs by a total; min and max are of a pair. sky: % of all pixels.",)
+    return Table("reusable", f"Reusable pixels, {OF_SURFACE}", columns, tuple(rows), notes, lead)
 
 
-_STATISTICS = {"mean_percent": "", "min_percent": "min", "max_percent": "max", "of_picture_percent": "of all"}
+_STATISTICS = ("mean_percent", "min_percent", "max_percent", "of_picture_percent")
 
 
 def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:

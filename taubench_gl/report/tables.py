@@ -308,7 +308,7 @@ def sensitivity(summary: Summary) -> str | None:
 
 
 def _share(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.2f}"
+    return "unknown" if value is None else "<0.01" if 0 < value < 0.005 else f"{value:.2f}"
 
 
 def thresholds_of(summary: Summary) -> dict[str, float]:
