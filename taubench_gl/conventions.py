@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import enum
 
-SUMMARY_SCHEMA = "taubench-gl/summary/1"
+SUMMARY_SCHEMA = "taubench-gl/summary/2"
 
 DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""

@@ -55,27 +55,31 @@ CONCEPTS: Mapping[str, Term] = _by_key(
         "The history sampled where the surface of the current pixel was in the previous frame", "", _EQ_3,
     ),
     Term(
+        "surface_pixel", "surface pixel", "A pixel that shows a surface in the current frame; the others show sky", "",
+        _REUSABLE,
+    ),
+    Term(
         "reusable", "reusable pixel", "A pixel whose reprojected history passes the tests of the columns considered",
         "", _SECTION_3_2,
     ),
     Term(
         "surface", "surface",
-        "Reuse rate of surfaces: pixels whose history shows the same point with the same normal, which no frustum, "
-        "position or normal discard rules out", "% of all pixels", _REUSABLE,
+        "Reuse rate of surfaces: surface pixels whose history shows the same point with the same normal, which no "
+        "frustum, position or normal discard rules out", "% of surface pixels", _REUSABLE,
     ),
     Term(
         "shading", "shading",
         "Reuse rate of shaded pixels: those counted by surface whose direct and indirect light did not change either; "
-        "color is left out, because it depends on the tone map", "% of all pixels", _REUSABLE,
+        "color is left out, because it depends on the tone map", "% of surface pixels", _REUSABLE,
     ),
     Term(
         "color_only", "color alone",
         "Reusable pixels that the color column discards: emission or textures changed, or light changed by less than "
-        "its thresholds", "% of all pixels", _REUSABLE,
+        "its thresholds", "% of surface pixels", _REUSABLE,
     ),
     Term("discarded", "discarded pixel", "A pixel that is not reusable; the column is the reason", "", _SECTION_3_2),
     Term("discard_rate", "discard rate", "Share of pixels that a column discards", "%", _EQ_4),
-    Term("reuse_rate", "reuse rate", "Share of pixels that are reusable", "%", _SECTION_3_2),
+    Term("reuse_rate", "reuse rate", "Share of surface pixels that are reusable", "%", _REUSABLE),
     Term("classify", "classify", "Determine the reason mask of a pixel"),
     Term("evaluate", "evaluate", "Classify all pixels of a pair and count them"),
     Term("object_motion", "object motion", "Motion vector minus that of a static point at the same place", "pixels"),
@@ -254,11 +258,23 @@ STATISTICS: Mapping[str, Term] = _by_key(
         "Discarded pixels divided by comparable pixels (for frustum: comparable and frustum pixels), mean over pairs",
         "%", _MASKS,
     ),
-    Term("max_percent", "max", "Highest rate of any pair", "% of all pixels", _EQ_4),
-    Term("min_percent", "min", "Lowest rate of any pair", "% of all pixels", _EQ_4),
+    Term("max_percent", "max", "Highest rate of any pair", "%"),
+    Term("min_percent", "min", "Lowest rate of any pair", "%"),
     Term(
-        "without_cuts_mean_percent", "without cuts", "Mean over the pairs that are not camera cuts",
-        "% of all pixels", _CAMERA,
+        "without_cuts_mean_percent", "without cuts", "Mean over the pairs that are not camera cuts", "%", _CAMERA,
+    ),
+    Term(
+        "of_picture_percent", "% of all pixels",
+        "Reusable surface pixels divided by all pixels, total over total", "%", _REUSABLE,
+    ),
+    Term("sky_percent", "sky", "Pixels without a surface", "% of all pixels", _REUSABLE),
+    Term(
+        "at_half_exposure_percent", "at half the exposure",
+        "Discards of a light column at half the exposure: its curve at twice the threshold", "% of all pixels", _MASKS,
+    ),
+    Term(
+        "at_twice_exposure_percent", "at twice the exposure",
+        "Discards of a light column at twice the exposure: its curve at half the threshold", "% of all pixels", _MASKS,
     ),
     Term("without_cuts", "without cuts", "The same statistics over the pairs that are not camera cuts", "", _CAMERA),
     Term("samples", "samples", "Number of pairs of the camera statistics", "pairs"),

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from taubench_gl.conventions import COLUMNS, HISTOGRAM_MIN_EXPONENT, SUMMARY_SCHEMA
+from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
 from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import FolderLock
@@ -144,11 +144,10 @@ class Run:
         reusable = {
             f"reusable {rate}": (self.summary.get("reusable") or {}).get(rate) for rate in ("surface", "shading")
         }
-        rates = ", ".join(
-            f"{name} {entry['mean_percent']:.2f} %"
-            for name, entry in (reusable | discard).items()
-            if entry is not None and entry.get("mean_percent") is not None
-        )
+        entries = (reusable | discard).items()
+        shares = {name: entry.get("mean_percent") for name, entry in entries if entry is not None}
+        shares["sky"] = (self.summary.get("reusable") or {}).get("sky_percent")
+        rates = ", ".join(f"{name} {share:.2f} %" for name, share in shares.items() if share is not None)
         return f"<Run {self._title()}: {rates or 'nothing measured'}>"
 
 
@@ -265,6 +264,8 @@ def load_run(folder: str | Path) -> Run:
     schema = summary.get("schema") if isinstance(summary, dict) else None
     if schema != SUMMARY_SCHEMA:
         hint = "another version of taubench-gl wrote it, or it is not a run"
+        if schema == "taubench-gl/summary/1":
+            hint = "its reusable pixels count sky: evaluate the scene again"
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
@@ -272,32 +273,7 @@ def load_run(folder: str | Path) -> Run:
         checked(summary, Summary)
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
-    _update(summary)
-    rows = read_frames(out / FRAMES_FILE)
-    for row in rows:  # columns that an earlier release did not write
-        row.update({name: None for name in COUNT_COLUMNS if name not in row})
-    return Run(summary, rows, out)
-
-
-def _update(summary: dict[str, Any]) -> None:
-    """Bring a summary of an earlier release to the current form: block names, ``reusable``, and position in meters.
-
-    Earlier releases wrote the position threshold and the bin edges of the position curve in scene units: their edges
-    begin at 2^HISTOGRAM_MIN_EXPONENT for every unit scale.
-    """
-    if "truth" in summary:
-        summary.setdefault("path_traced", summary.pop("truth"))
-    if not summary.get("reusable"):
-        summary["reusable"] = {
-            rate: {"mean_percent": None, "reason": "an earlier release wrote this run"}
-            for rate in ("surface", "shading")
-        }
-    settings, curve = summary.get("settings") or {}, (summary.get("curves") or {}).get("position") or {}
-    scale, edges = settings.get("unit_scale") or 1.0, curve.get("edges")
-    if scale != 1.0 and edges and edges[0] == 2.0**HISTOGRAM_MIN_EXPONENT:
-        curve["edges"] = [edge / scale for edge in edges]
-        if settings.get("thresholds"):
-            settings["thresholds"]["position"] /= scale
+    return Run(summary, read_frames(out / FRAMES_FILE), out)
 
 
 def read_frames(path: Path) -> list[dict[str, Any]]:

@@ -30,6 +30,9 @@ class Rate(Struct):
     without_cuts_mean_percent: float | None = None
     min_percent: float | None = None
     max_percent: float | None = None
+    of_picture_percent: float | None = None
+    at_half_exposure_percent: float | None = None
+    at_twice_exposure_percent: float | None = None
     pixels: float | None = None
     reason: str | None = None
 
@@ -51,6 +54,7 @@ class Columns(Struct):
 class Reusable(Struct):
     surface: Rate | None = None
     shading: Rate | None = None
+    sky_percent: float | None = None
     reprojection: str | None = None
     reasons_of: str | None = None
     reasons: dict[str, Reason] | None = None

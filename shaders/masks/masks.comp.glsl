@@ -209,7 +209,7 @@ uint classify(ivec2 pixel, out vec2 motion) {
     bool surface = is_surface(now.position);
     uint mask = surface ? 0u : SKY;
     if (P.declared != 0u) return mask | P.declared;
-    if (non_finite(now)) return INVALID;
+    if (non_finite(now)) return INVALID | (non_finite(now.position) ? 0u : mask); // sky only where it is known to be
 #if CUTS
     // A surface that replaces another one has no counterpart in the frame before.
     if (surface && (ids_at(pixel).y & NO_HISTORY) != 0u) return mask | CUT;
@@ -237,7 +237,7 @@ uint classify(ivec2 pixel, out vec2 motion) {
     vec4 clip = P.clip_from_current * p;
     motion = (prev_clip.xy / prev_clip.w - clip.xy / clip.w) * 0.5 * vec2(P.size.xy);
     vec2 at = vec2(pixel) + motion;
-    if (non_finite(motion)) { motion = vec2(0.0); return INVALID; }
+    if (non_finite(motion)) { motion = vec2(0.0); return INVALID | mask; }
     vec2 last = vec2(P.size.xy - 1);
     if (any(lessThan(at, vec2(-P.guard_px))) || any(greaterThan(at, last + P.guard_px))) return mask | OUTSIDE;
 

@@ -63,7 +63,7 @@ import taubench_gl as tb
 
 scene = "assets/demo.glb"
 run = tb.evaluate(scene, size="320x180", frames=range(0, 4), indirect="none")
-print(run.summary["reusable"]["surface"]["mean_percent"])  # % of all pixels
+print(run.summary["reusable"]["surface"]["mean_percent"])  # % of surface pixels
 print(run.table())  # as HTML in a notebook
 run.plot().savefig("frames.png")  # discard rate over time, a Matplotlib figure
 ```

@@ -35,7 +35,7 @@ from taubench_gl.report.render import write_tables as write_table_files
 from taubench_gl.run import CAMERA_COLUMNS, EXACT_COLUMNS, SUMMARY_FILE, Run, RunWriter, load_run
 from taubench_gl.scene.model import Camera
 
-SCHEMA = "taubench-gl/batch/2"
+SCHEMA = "taubench-gl/batch/3"
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
 
 

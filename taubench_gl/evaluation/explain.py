@@ -173,7 +173,15 @@ def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], s
 
 
 def in_words(word: int) -> str:
-    """A reason mask as a phrase with the labels of the glossary."""
+    """A reason mask as a phrase with the labels of the glossary.  Sky is named first; it is neither reused nor not."""
+    r, words = Reason(word), _reasons_in_words(word)
+    if not r & Reason.SKY or words.startswith("sky"):
+        return words or "reusable"
+    return f"sky; {words}" if words else "sky"
+
+
+def _reasons_in_words(word: int) -> str:
+    """The reasons of a mask, an empty text for none."""
     r = Reason(word)
     for reason in (Reason.FIRST, Reason.CUT, Reason.INVALID):
         if r & reason:
@@ -195,4 +203,4 @@ def in_words(word: int) -> str:
         detail = [label_of(d) for d in (Reason.LIT, Reason.SHADOWED) if r & d]
         parts.append(f"direct: {detail[0] if detail else 'above the threshold'}")
     parts += [f"{label_of(reason)}: above the threshold" for reason in (Reason.INDIRECT, Reason.COLOR) if r & reason]
-    return "; ".join(parts) or "reusable"
+    return "; ".join(parts)

@@ -73,6 +73,8 @@ def assemble_summary(
     sampled = not settings.metrics.all_pairs
     sampling = _sampling(sample, stats, settings, discard) if sampled else None
     weights = sample.weights if sampled else None
+    for column, shares in stats.sensitivity(settings.metrics.thresholds).items():
+        discard[column] |= shares
     reusable = stats.reuse.block(settings.metrics.reprojection, cuts[list(sample.positions)], weights)
     return {
         "schema": SUMMARY_SCHEMA,
@@ -131,7 +133,7 @@ def _color_notes(reusable: dict[str, Any]) -> list[str]:
         return []
     return [
         f"color is not part of the reuse rate, because it depends on the tone map; color alone discards {share:.2f} % "
-        "of all pixels (emission or textures changed, or light changed by less than its thresholds)"
+        "of the surface pixels (emission or textures changed, or light changed by less than its thresholds)"
     ]
 
 
@@ -157,8 +159,8 @@ def _sampling(sample: PairSample, stats: SequenceStats, settings: Settings, disc
         columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
     reusable = {}
     for rate in RATES if sample.positions else ():
-        if rate not in stats.reuse.missing:
-            found = estimate(sample, stats.reuse.per_pair(rate))
+        if rate not in stats.reuse.missing and stats.reuse.has_surface:
+            found = estimate(sample, stats.reuse.residuals(rate, sample.weights))
             reusable[rate] = {"half_width_points": found.half_width, "level": found.level}
     return {
         "pairs": settings.metrics.pairs,

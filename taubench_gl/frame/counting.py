@@ -7,17 +7,29 @@ without cuts, which are known only at the end.
 from __future__ import annotations
 
 from array import array
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS
 from taubench_gl.frame.passes.masks import Counts
-from taubench_gl.metrics.counts import CLASSES, comparable_percent, counts_of, discarded_above, edges, percent
+from taubench_gl.metrics.counts import (
+    CLASSES,
+    comparable_percent,
+    counts_of,
+    discarded_above,
+    discarded_at,
+    edges,
+    percent,
+)
 from taubench_gl.metrics.reuse_rate import RATES, ReuseStats
 from taubench_gl.metrics.streaming import Welford
 
 NOT_MEASURED = "not measured"
+LIGHT_COLUMNS = ("direct", "indirect")
+EXPOSURE_FACTORS = {"at_half_exposure_percent": 0.5, "at_twice_exposure_percent": 2.0}
+"""Keys of a light column in ``discard``, and the factors of the exposure that they stand for."""
 
 
 class SequenceStats:
@@ -78,6 +90,20 @@ class SequenceStats:
                 "max_percent": self._all[column].max,
                 "without_cuts_mean_percent": float(kept.mean()) if len(kept) else None,
             }
+        return out
+
+    def sensitivity(self, thresholds: Mapping[str, float]) -> dict[str, dict[str, float | None]]:
+        """Discards of ``direct`` and ``indirect`` at half and twice the exposure, % of all pixels of all pairs.
+
+        The exposure multiplies every distance, so the curve at the threshold divided by the factor has them
+        (``metrics.counts.discarded_at``).  None where the column was not measured or the threshold is beyond the curve.
+        """
+        curves, pixels = self.curves(), self.reuse.pixels
+        out: dict[str, dict[str, float | None]] = {column: dict.fromkeys(EXPOSURE_FACTORS) for column in LIGHT_COLUMNS}
+        for column in (c for c in LIGHT_COLUMNS if c in curves):
+            for key, factor in EXPOSURE_FACTORS.items():
+                found = discarded_at(curves[column]["counts"], thresholds[column] / factor)
+                out[column][key] = None if found is None else 100.0 * found / pixels
         return out
 
     def per_pair(self, column: str) -> np.ndarray:

@@ -32,7 +32,8 @@ _CLASS_OF_WORD = {
     "comparable": (WORDS & NOT_COMPARABLE) == 0,
 }
 
-_MEMBERS = {"pixels": WORDS >= 0} | {f"reusable_{rate}": (WORDS & bits) == 0 for rate, bits in RATE_BITS.items()}
+_MEMBERS = {"pixels": WORDS >= 0}
+_MEMBERS |= {f"reusable_{rate}": (WORDS & (bits | Reason.SKY)) == 0 for rate, bits in RATE_BITS.items()}
 _MEMBERS |= _CLASS_OF_WORD
 _MEMBERS |= {
     bit.name.lower(): (WORDS & bit) != 0
@@ -85,3 +86,15 @@ def edges(mantissa_bits: int = HISTOGRAM_MANTISSA_BITS) -> np.ndarray:
 def discarded_above(counts: np.ndarray) -> np.ndarray:
     """Pixels with a distance at or above each of ``edges()``.  (HISTOGRAM_BINS,) -> (HISTOGRAM_BINS - 1,)."""
     return np.cumsum(np.asarray(counts)[::-1])[::-1][1:]
+
+
+def discarded_at(counts: np.ndarray, threshold: float) -> float | None:
+    """Pixels with a distance above ``threshold``, from a histogram of distances.  (HISTOGRAM_BINS,) -> float.
+
+    Exact at the edges of the bins; between two edges the count is linear in the logarithm of the threshold.  None
+    beyond the edges, where a histogram tells nothing.
+    """
+    bounds = edges()
+    if not bounds[0] <= threshold <= bounds[-1]:
+        return None
+    return float(np.interp(np.log2(threshold), np.log2(bounds), discarded_above(counts)))

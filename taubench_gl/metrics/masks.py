@@ -89,9 +89,9 @@ def pair_masks(
     sampled = sampler(previous, moved.at_px[rows, columns], surface[rows, columns])
     finite = _finite(sampled)
 
-    mask = np.where(surface, 0, Reason.SKY).astype(np.uint32)
-    mask[invalid] = Reason.INVALID
-    mask[not_finite] = Reason.INVALID
+    sky = ~surface & np.isfinite(now["position"]).all(axis=-1)
+    mask = np.where(sky, Reason.SKY, 0).astype(np.uint32)
+    mask[invalid | not_finite] |= np.uint32(Reason.INVALID)
     mask[cut] |= np.uint32(Reason.CUT)
     mask[behind] |= np.uint32(Reason.BEHIND)
     mask[outside] |= np.uint32(Reason.OUTSIDE)

@@ -1,16 +1,16 @@
-"""The reuse rate of frame pairs: the share of pixels whose history is valid, and disjoint reasons for the others.
+"""The reuse rate of frame pairs: the share of surface pixels whose history is valid, and disjoint reasons for others.
 
-Two rates, both exact from the mask histogram:
+A surface pixel shows a surface in the current frame: it has no bit SKY.  Two rates, both exact from the mask histogram:
 
-- ``surface``: pixels without FIRST, CUT, INVALID, BEHIND, OUTSIDE, POSITION or NORMAL.
+- ``surface``: surface pixels without FIRST, CUT, INVALID, BEHIND, OUTSIDE, POSITION or NORMAL.
 - ``shading``: of these, the pixels without DIRECT or INDIRECT.
 
-Color is not part of a rate, because it depends on the tone map.  Sky that reprojects onto sky is reusable.
+Color is not part of a rate, because it depends on the tone map.  Sky is not part of a rate: it has nothing to shade.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -25,7 +25,9 @@ RATES = ("surface", "shading")
 
 RATE_BITS = {"surface": NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL}
 RATE_BITS["shading"] = RATE_BITS["surface"] | Reason.DIRECT | Reason.INDIRECT
-"""Reasons of which a rate counts no pixel."""
+"""Reasons that no pixel of a rate has."""
+
+NO_SURFACE = "no pixel shows a surface"
 
 RATE_COLUMNS = {"surface": ("frustum", "position", "normal")}
 """The columns of Table 4 that a rate needs."""
@@ -36,20 +38,26 @@ LIGHT_REASONS = frozenset({Reason.LIT, Reason.SHADOWED, Reason.DIRECT, Reason.IN
 
 
 def reusable_pixels(mask_histogram: Array) -> dict[str, int]:
-    """Reusable pixels of each rate from the mask histogram.  (65536,) pixels per reason word -> {rate: int}."""
+    """Reusable surface pixels of each rate.  (65536,) pixels per reason word -> {rate: int}."""
     words, pixels = occupied(mask_histogram)
-    return {rate: int(pixels[(words & int(bits)) == 0].sum()) for rate, bits in RATE_BITS.items()}
+    return {rate: int(pixels[(words & int(bits | Reason.SKY)) == 0].sum()) for rate, bits in RATE_BITS.items()}
 
 
 def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, int]:
-    """Pixels that ``rate`` does not count, by the first of ``REUSE_REASONS`` that applies.  (65536,) -> {reason: int}.
+    """Surface pixels that ``rate`` does not count, by the first of ``REUSE_REASONS`` that applies: {reason: int}.
 
-    With ``reusable_pixels(...)[rate]`` the values add up to all pixels.
+    ``mask_histogram``: (65536,).  With ``reusable_pixels(...)[rate]`` the values add up to all surface pixels.
     """
     words, pixels = occupied(mask_histogram)
     counts = np.zeros(len(_reasons_of(rate)) + 1, dtype=np.int64)
     np.add.at(counts, _first_reason(rate)[words], pixels)
     return {name: count for (_, name), count in zip(_reasons_of(rate), counts.tolist())}
+
+
+def surface_pixels(mask_histogram: Array) -> int:
+    """Pixels that show a surface.  (65536,) pixels per reason word -> int."""
+    words, pixels = occupied(mask_histogram)
+    return int(pixels[(words & int(Reason.SKY)) == 0].sum())
 
 
 def unmeasured_rates(reasons: Mapping[str, str]) -> dict[str, str]:
@@ -70,8 +78,9 @@ class ReuseStats:
         measured = [rate for rate in RATES if rate not in self.missing]
         self.rate = measured[-1] if measured else None  # the rate that the reasons refer to
         self._with_color = self.rate == "shading" and "color" not in unmeasured
+        self._with_sky = "position" not in unmeasured
         self._pixels: list[int] = []  # of each pair, like all that follow
-        self._comparable: list[int] = []
+        self._surface: list[int] = []
         self._counts: dict[str, list[int]] = {rate: [] for rate in measured}
         self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
         self._color_only: list[int] = []
@@ -82,7 +91,7 @@ class ReuseStats:
         words, pixels = occupied(mask_histogram)
         self._histogram[words] += pixels
         self._pixels.append(int(pixels.sum()))
-        self._comparable.append(int(pixels[(words & int(NOT_COMPARABLE)) == 0].sum()))
+        self._surface.append(surface_pixels(mask_histogram))
         counted = reusable_pixels(mask_histogram)
         for rate, values in self._counts.items():
             values.append(counted[rate])
@@ -90,50 +99,70 @@ class ReuseStats:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
         if self._with_color:
-            kept = (words & int(RATE_BITS["shading"])) == 0
+            kept = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
             self._color_only.append(int(pixels[kept & ((words & int(Reason.COLOR)) != 0)].sum()))
 
-    def per_pair(self, rate: str) -> Array:
-        """Percentages of all pixels of every pair, in order.  (pairs,) float64; empty where not measured."""
-        return self._percent(self._counts.get(rate, []))
+    def residuals(self, rate: str, weights: Array) -> Array:
+        """Linearized deviations of each pair from the rate, percentage points: their mean has the rate's interval.
+
+        (y - R x) / mean(x) with y reusable and x surface pixels of a pair and R the rate: the combined ratio estimate
+        (Cochran, *Sampling Techniques*, 3rd ed. 1977, section 6.11).  ``weights``: as in ``block``.  (pairs,) float64.
+        Raises ValueError where no pixel shows a surface.
+        """
+        y, x = np.array(self._counts[rate], np.float64), np.array(self._surface, np.float64)
+        mean = float(weights @ x)
+        if not mean:
+            raise ValueError(NO_SURFACE)
+        return 100.0 * (y - (weights @ y) / mean * x) / mean
 
     def block(self, reprojection: str, cuts: Array, weights: Array | None = None) -> dict[str, Any]:
-        """The block ``reusable`` of a summary.
+        """The block ``reusable`` of a summary; every share is a total over a total.
 
         ``cuts`` (pairs,) bool: pairs left out of ``without_cuts_mean_percent``.  ``weights`` (pairs,) float64: weights
-        of the pairs in a mean, with the sum 1; None: equal weights.
+        of the pairs, with the sum 1; None: equal weights.
         """
+        weights = np.ones(len(self._pixels)) if weights is None else weights
         out: dict[str, Any] = {rate: self._rate(rate, cuts, weights) for rate in RATES}
-        found = self.rate is not None and bool(self._pixels)
+        sky = [pixels - surface for pixels, surface in zip(self._pixels, self._surface, strict=True)]
+        out["sky_percent"] = _percent(sky, self._pixels, weights) if self._with_sky else None
+        found = self.rate is not None and self.has_surface
         out |= {"reprojection": reprojection, "reasons_of": self.rate if found else None, "reasons": {}}
         if found:
             out["reasons"] = {name: self._share(values, weights) for name, values in self._reasons.items()}
-        out["color_only"] = self._share(self._color_only, weights) if self._color_only else None
+        out["color_only"] = self._share(self._color_only, weights) if found and self._with_color else None
         return out
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of all pairs."""
+        return sum(self._pixels)
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether any pixel shows a surface."""
+        return any(self._surface)
 
     def histogram(self) -> dict[str, list[int]]:
         """The mask histogram of all pairs: ``words`` that occur, ascending, and their ``pixels``."""
         words, pixels = occupied(self._histogram)
         return {"words": words.tolist(), "pixels": pixels.tolist()}
 
-    def _rate(self, rate: str, cuts: Array, weights: Array | None) -> dict[str, Any]:
-        keys = ("mean_percent", "comparable_mean_percent", "min_percent", "max_percent", "without_cuts_mean_percent")
-        if rate in self.missing or not self._pixels:
-            reason = self.missing.get(rate, "the scene gives no pair of frames")
+    def _rate(self, rate: str, cuts: Array, weights: Array) -> dict[str, Any]:
+        keys = ("mean_percent", "of_picture_percent", "min_percent", "max_percent", "without_cuts_mean_percent")
+        if rate in self.missing or not self.has_surface:
+            reason = self.missing.get(rate, NO_SURFACE if self._pixels else "the scene gives no pair of frames")
             return {**dict.fromkeys(keys), "pixels": None, "reason": reason}
-        shares, kept = self.per_pair(rate), self.per_pair(rate)[~np.asarray(cuts, dtype=bool)]
-        counts, comparable = np.array(self._counts[rate], np.float64), np.array(self._comparable, np.float64)
-        of_comparable = 100.0 * counts[comparable > 0] / comparable[comparable > 0]
-        means = (_mean(shares, weights), of_comparable.mean() if len(of_comparable) else None)
-        values = (*means, shares.min(), shares.max(), kept.mean() if len(kept) else None)
-        numbers = {key: None if value is None else float(value) for key, value in zip(keys, values, strict=True)}
-        return numbers | {"pixels": sum(self._counts[rate])}
+        counts, surface = np.array(self._counts[rate], np.float64), np.array(self._surface, np.float64)
+        shares = 100.0 * counts[surface > 0] / surface[surface > 0]
+        kept = weights * ~np.asarray(cuts, dtype=bool)
+        values = (
+            _percent(counts, surface, weights), _percent(counts, self._pixels, weights),
+            float(shares.min()), float(shares.max()), _percent(counts, surface, kept),
+        )  # fmt: skip
+        return dict(zip(keys, values, strict=True)) | {"pixels": sum(self._counts[rate])}
 
-    def _share(self, counts: list[int], weights: Array | None) -> dict[str, Any]:
-        return {"mean_percent": _mean(self._percent(counts), weights), "pixels": sum(counts)}
-
-    def _percent(self, counts: list[int]) -> Array:
-        return 100.0 * np.array(counts, np.float64) / np.array(self._pixels[: len(counts)], np.float64)
+    def _share(self, counts: list[int], weights: Array) -> dict[str, Any]:
+        return {"mean_percent": _percent(counts, self._surface, weights), "pixels": sum(counts)}
 
 
 def occupied(mask_histogram: Array) -> tuple[Array, Array]:
@@ -145,12 +174,12 @@ def occupied(mask_histogram: Array) -> tuple[Array, Array]:
 
 @cache
 def _first_reason(rate: str) -> Array:
-    """Index of the reason of each word in ``_reasons_of(rate)``, one past the end without any.  (65536,) int64."""
+    """Index of each word's reason in ``_reasons_of(rate)``, one past the end for none and for sky.  (65536,) int64."""
     words, reasons = np.arange(1 << 16), _reasons_of(rate)
     out = np.full(1 << 16, len(reasons))
     for index, (bit, _) in reversed(list(enumerate(reasons))):
         out[(words & int(bit)) != 0] = index
-    out[(words & int(RATE_BITS[rate])) == 0] = len(reasons)
+    out[((words & int(RATE_BITS[rate])) == 0) | ((words & int(Reason.SKY)) != 0)] = len(reasons)
     return out
 
 
@@ -161,5 +190,7 @@ def _reasons_of(rate: str) -> list[tuple[Reason, str]]:
     return [(bit, term.key) for bit, term in shown if rate == "shading" or bit not in LIGHT_REASONS]
 
 
-def _mean(values: Array, weights: Array | None) -> float:
-    return float(values.mean() if weights is None else weights @ values)
+def _percent(counts: Sequence[int] | Array, base: Sequence[int] | Array, weights: Array) -> float | None:
+    """Weighted total of ``counts`` in percent of that of ``base``; None where that is 0."""
+    whole = float(weights @ np.array(base, np.float64))
+    return 100.0 * float(weights @ np.array(counts, np.float64)) / whole if whole else None

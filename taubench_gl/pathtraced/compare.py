@@ -83,8 +83,9 @@ def _require_same_light(a: Run, b: Run) -> None:
         raise OutputError(f"the runs have different light units, {units[0]} and {units[1]}", hint=hint)
     exposures = [run.summary["settings"].get("exposure") for run in (a, b)]
     if None not in exposures and exposures[0] != exposures[1]:
-        what = f"the runs have different exposures, {exposures[0]:g} and {exposures[1]:g}"
-        raise OutputError(what, hint=f"evaluate the reference again with --exposure {exposures[0]:g}")
+        first, second = (f"{value:g}" if isinstance(value, int | float) else str(value) for value in exposures)
+        what = f"the runs have different exposures, {first} and {second}"
+        raise OutputError(what, hint=f"evaluate the reference again with --exposure {first}")
 
 
 def _measures(run: Run, column: str) -> bool:

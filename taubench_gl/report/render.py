@@ -156,7 +156,7 @@ def to_csv(tables: Sequence[Table]) -> str:
             for index, (column, value) in enumerate(zip(table.columns, row.values, strict=True)):
                 source = "paper" if row.paper else "run"
                 note = row.reasons.get(index, "")
-                unit = row.percent_of if column.unit == "%" else column.unit
+                unit = (column.percent_of or row.percent_of) if column.unit == "%" else column.unit
                 out.append((table.number, row.label, source, column.name, unit, value, note))
     return csv_text(out)
 

@@ -16,6 +16,7 @@ Summary = Mapping[str, Any]
 TERMS = {term.key: term for term in REUSE_REASONS.values()}
 MERGED = (("behind", "outside"), ("lit", "shadowed"))
 """Reasons that are one phrase in the sentence."""
+OF_SURFACE = "% of surface pixels"
 _MOST_REASONS = 6
 """Columns of the table of reasons; the others are summed up."""
 
@@ -26,26 +27,36 @@ def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
 
 
 def reusable_sentence(summary: Summary) -> str:
-    """``81.3 % of pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``."""
+    """``81.3 % of surface pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``."""
     block = summary.get("reusable") or {}
     rate = block.get("reasons_of")
     if rate is None:
         return f"reusable pixels are unknown: {_why(block, 'surface')}"
     shares = {name: entry["mean_percent"] for name, entry in (block.get("reasons") or {}).items()}
-    text = sentence(block[rate]["mean_percent"], shares, rate)
-    return text if rate == "shading" else f"{text} (light was not measured)"
+    return sentence(block[rate]["mean_percent"], shares, rate, block.get("sky_percent"))
 
 
 def headline(summary: Summary) -> str:
-    """``camera reprojection: 81.3 % of pixels can be reused ...``: the reprojection mode and ``reusable_sentence``."""
+    """``camera reprojection: 81.3 % of surface ...``: the reprojection mode and ``reusable_sentence``."""
     mode = reprojection_of(summary)
     return (f"{mode} reprojection: " if mode else "") + reusable_sentence(summary)
 
 
-def sentence(percent: float, shares: Mapping[str, float], rate: str = "shading") -> str:
-    """The sentence from a reuse rate and the shares of its disjoint reasons, all in % of all pixels."""
-    subject = "of pixels" if rate == "shading" else "of pixels show a surface that"
-    text = f"{percent_text(percent)} {subject} can be reused"
+def sentence(
+    percent: float, shares: Mapping[str, float], rate: str = "shading", sky_percent: float | None = None
+) -> str:
+    """The sentence from a reuse rate and the shares of its disjoint reasons, in % of surface pixels.
+
+    ``sky_percent``: of all pixels.
+    """
+    text = _rate_and_reasons(percent, shares)
+    if rate != "shading":
+        text = f"by geometry {text} (light was not measured)"
+    return f"{text}; sky fills {percent_text(sky_percent)} of the image" if sky_percent else text
+
+
+def _rate_and_reasons(percent: float, shares: Mapping[str, float]) -> str:
+    text = f"{percent_text(percent)} of surface pixels can be reused"
     phrases, covered = _largest(shares, 100.0 - percent)
     if not phrases:
         return text
@@ -79,7 +90,7 @@ def _largest(shares: Mapping[str, float], rest: float, most: int = 2) -> tuple[l
 
 
 def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
-    """Reusable pixels with the reprojection mode, and the disjoint reasons of the others; a row per run."""
+    """Reusable surface pixels with the reprojection mode, and the disjoint reasons of the others; a row per run."""
     labels = run_labels(summaries)
     several = len(summaries) > 1
     lead = [f"{label}, {headline(s)}" if several else headline(s) for label, s in zip(labels, summaries, strict=True)]
@@ -87,30 +98,30 @@ def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
 
 
 def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str, ...]) -> Table:
+    """A row for each rate of each run."""
     rows = []
     for label, summary in zip(labels, summaries, strict=True):
         block = summary.get("reusable") or {}
-        values, why = [reprojection_of(summary)], [None]
         for rate in RATES:
             entry = block.get(rate) or {}
-            values += [entry.get(key) for key in _STATISTICS]
-            why += [_why(block, rate)] * len(_STATISTICS)
-        rows.append(replace(table_row(label, values, summary, *why), percent_of=STATISTICS["mean_percent"].label))
+            values = [reprojection_of(summary), *(entry.get(key) for key in _STATISTICS), block.get("sky_percent")]
+            row = table_row(f"{label}, {rate}", values, summary, *[_why(block, rate)] * len(values))
+            rows.append(replace(row, percent_of=OF_SURFACE))
+    of_all = STATISTICS["of_picture_percent"].label
     columns = (
         Column("reprojection", definition="How a pixel finds its history: camera or motion"),
-        *(
-            Column(f"{rate} {word}".strip(), "%", 2, f"{CONCEPTS[rate].tooltip}; {STATISTICS[key].definition}")
-            for rate in RATES
-            for key, word in _STATISTICS.items()
-        ),
+        Column("reusable", "%", 2, "; ".join(CONCEPTS[rate].tooltip for rate in RATES)),
+        Column("min", "%", 2, STATISTICS["min_percent"].tooltip),
+        Column("max", "%", 2, STATISTICS["max_percent"].tooltip),
+        Column(of_all.removeprefix("% "), "%", 2, STATISTICS["of_picture_percent"].tooltip, of_all),
+        Column("sky", "%", 2, STATISTICS["sky_percent"].tooltip, of_all),
         *SAMPLING_COLUMNS,
     )
-    return Table(
-        "reusable", "Reusable pixels, % of all pixels, mean over the animation", columns, tuple(rows), lead=lead
-    )
+    notes = ("A mean is a total over all pairs by a total; min and max are of a pair. sky: % of all pixels.",)
+    return Table("reusable", f"Reusable pixels, {OF_SURFACE}", columns, tuple(rows), notes, lead)
 
 
-_STATISTICS = {"mean_percent": "", "min_percent": "min", "max_percent": "max"}
+_STATISTICS = ("mean_percent", "min_percent", "max_percent", "of_picture_percent")
 
 
 def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
@@ -132,16 +143,15 @@ def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
             values.append(None if rate is None else sum(value or 0.0 for value in rest))
         why = [_why(block, "shading" if rate else "surface")] * len(values)
         row = table_row(label if rate != "surface" else f"{label}, surface", values, summary, *why)
-        rows.append(replace(row, percent_of=STATISTICS["mean_percent"].label))
+        rows.append(replace(row, percent_of=OF_SURFACE))
     columns = [Column("reusable", "%", 2, CONCEPTS["reuse_rate"].tooltip)]
     columns += [Column(TERMS[name].label, "%", 2, TERMS[name].tooltip) for name in named]
     if len(named) < len(present):
         rest = ", ".join(TERMS[name].label for name in present if name not in named)
         columns.append(Column("other", "%", 2, f"All other reasons: {rest}"))
     notes = ("A pixel counts once, under its first reason; reasons and reusable pixels add up to 100 %.",)
-    return Table(
-        "reasons", "Why pixels are not reusable, % of all pixels", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes
-    )
+    title = f"Why surface pixels are not reusable, {OF_SURFACE}"
+    return Table("reasons", title, (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
 
 
 def reprojection_of(summary: Summary) -> str | None:

@@ -39,7 +39,7 @@ _COLUMN_OF = {
     Reason.DISOCCLUDED: "position", Reason.OCCLUDING: "position", Reason.LIT: "direct", Reason.SHADOWED: "direct",
 }  # fmt: skip
 """The column that must be measured for a detail to be known; the frustum column for the others."""
-_ROW_COLUMNS = ("frame", "time_s", "pixels", "comparable", "translation_m", "angle_deg")
+_ROW_COLUMNS = ("frame", "time_s", "pixels", "sky", "comparable", "translation_m", "angle_deg")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +106,7 @@ def _run_view(summary: Summary, label: str) -> dict[str, Any]:
         "headline": reusable_sentence(summary),
         "reprojection": reprojection_of(summary),
         "rates": [_rate(summary, rate) for rate in RATES],
+        "sky": _sky(summary),
         "reasons": _reason_bars(summary),
         "figures": [_figure(summary, column) for column in COLUMNS],
         "effects": _effects(summary),
@@ -137,19 +138,33 @@ def _about(summary: Summary) -> str:
 
 
 def _rate(summary: Summary, rate: str) -> dict[str, Any]:
-    """A reuse rate: mean, lowest and highest of a pair, or why it is unknown."""
+    """A reuse rate: mean, lowest and highest of a pair, and share of all pixels; or why it is unknown."""
     entry = (summary.get("reusable") or {}).get(rate) or {}
     mean, low, high = (entry.get(f"{key}_percent") for key in ("mean", "min", "max"))
     found = {"name": rate, "definition": glossary.CONCEPTS[rate].tooltip, "reason": None}
     if mean is None:
         return found | {"reason": entry.get("reason") or "not measured"}
-    return found | {"mean": _percent(mean), "range": "" if low is None else f"{_percent(low)} to {_percent(high)} %"}
+    whole = entry.get("of_picture_percent")
+    return found | {
+        "mean": _percent(mean),
+        "range": "" if low is None else f"{_percent(low)} to {_percent(high)} %",
+        "of_all": "" if whole is None else f"{_percent(whole)} % of all pixels",
+    }
+
+
+def _sky(summary: Summary) -> dict[str, Any]:
+    """The share of sky, None where it is unknown."""
+    value = (summary.get("reusable") or {}).get("sky_percent")
+    return {
+        "definition": glossary.STATISTICS["sky_percent"].tooltip,
+        "value": None if value is None else _percent(value),
+    }
 
 
 def _reason_bars(summary: Summary) -> dict[str, Any]:
-    """Disjoint reasons of the pixels that are not reusable, the largest first, or why they are unknown.
+    """Disjoint reasons of the surface pixels that are not reusable, the largest first, or why they are unknown.
 
-    ``rows``: label, % of all pixels as text, length of the bar in % of the longest one.
+    ``rows``: label, % of surface pixels as text, length of the bar in % of the longest one.
     """
     block = summary.get("reusable") or {}
     if block.get("reasons_of") is None:
@@ -313,9 +328,9 @@ def _curve(summary: Summary, feature: str) -> dict[str, Any] | None:
 
 
 def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The reasons that the viewer lists: columns of Table 4, reason classes, and pixels that a rate does not count.
+    """The reasons that the viewer lists: columns of Table 4, reason classes, and surface pixels outside a rate.
 
-    ``of``: the rate whose complement a reason is; its count in ``rows`` is that of the reusable pixels.
+    ``of``: the rate whose complement in the surface pixels a reason is; its count in ``rows`` is that of the rate.
     """
     bits = {"frustum": FRUSTUM, **FEATURE_BIT}
     present = {r for r in _CLASSES if any(row.get(glossary.key_of(r)) for row in frames)}
@@ -331,7 +346,7 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
     return found + [
         {"name": f"reusable_{rate}", "label": rate, "bits": int(RATE_BITS[rate]), "of": rate,
          "group": "Not reusable, for any reason", "on": False, "color": hex_of(REUSE_COLORS[rate]),
-         "definition": f"Pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}
+         "definition": f"Surface pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}
         for rate in known
     ]  # fmt: skip
 

@@ -30,6 +30,7 @@ class Column:
     unit: str = ""
     digits: int | None = None
     definition: str = ""
+    percent_of: str = ""  # as in Row, of a column with another base than the others
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +180,11 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     notes = tuple(
         f"{_prefix(label, labels)}{conditions(summary)}" for label, summary in zip(labels, summaries, strict=True)
     )
+    notes += tuple(
+        f"{_prefix(label, labels)}{text}"
+        for label, text in zip(labels, map(sensitivity, summaries), strict=True)
+        if text is not None
+    )
     for label, summary in zip(labels, summaries, strict=True):
         if summary.get("path_traced") and not summary.get("noise_floor"):
             notes += (
@@ -289,6 +295,20 @@ def conditions(summary: Summary) -> str:
     size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
     ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
     return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
+
+
+def sensitivity(summary: Summary) -> str | None:
+    """``at half and twice the exposure: direct 20.15 and 31.40 %, ...`` of all pixels; None where it is not known."""
+    entries = {name: (summary.get("discard") or {}).get(name) or {} for name in ("direct", "indirect")}
+    keys = ("at_half_exposure_percent", "at_twice_exposure_percent")
+    pairs = {name: [entry.get(key) for key in keys] for name, entry in entries.items()}
+    known = {name: values for name, values in pairs.items() if any(value is not None for value in values)}
+    shares = ", ".join(f"{name} {_share(low)} and {_share(high)} %" for name, (low, high) in known.items())
+    return f"at half and twice the exposure: {shares}." if shares else None
+
+
+def _share(value: float | None) -> str:
+    return "unknown" if value is None else "<0.01" if 0 < value < 0.005 else f"{value:.2f}"
 
 
 def thresholds_of(summary: Summary) -> dict[str, float]:

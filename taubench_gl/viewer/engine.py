@@ -25,7 +25,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
-from taubench_gl.metrics.reuse_rate import RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
+from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison
@@ -567,29 +567,33 @@ class ViewerEngine:
         return self._display.read()
 
     def percentages(self) -> Mapping[str, float | None]:
-        """Percent of all pixels per count; None if its column is not measured."""
+        """Percent per count: of surface pixels for reuse rates, else of all pixels; None where it is not known."""
         pixels, missing = max(self.counts.get("pixels", 0), 1), self.unmeasured
+        surface = pixels - self.counts.get("sky", 0)
         needs = {"lit": ("direct",), "shadowed": ("direct",)}
         needs |= {f"reusable_{rate}": columns for rate, columns in RATE_COLUMNS.items()}
         out: dict[str, float | None] = {}
         out |= self._exact.percent
         for name in self.counts:
             absent = any(column in missing for column in needs.get(name, (name,)))
-            out[name] = None if absent else 100.0 * self.counts[name] / pixels
+            base = surface if name.startswith("reusable") else pixels
+            out[name] = None if absent or not base else 100.0 * self.counts[name] / base
         return out
 
     def reusable(self) -> tuple[str, float | None, str]:
-        """The reuse rate of the pair: which one, in percent of all pixels, and a sentence with its largest reasons.
+        """The reuse rate of the pair: which one, in % of surface pixels, and a sentence with its largest reasons.
 
         ``shading``, or ``surface`` where light is not measured; None and why where neither is.
         """
-        pixels, missing = max(self.counts.get("pixels", 0), 1), unmeasured_rates(self.unmeasured)
+        pixels, missing = self.counts.get("pixels", 0), unmeasured_rates(self.unmeasured)
         rate = next((r for r in reversed(RATES) if r not in missing), None)
-        if rate is None or not self.counts:
-            return "surface", None, f"reusable pixels are unknown: {missing.get('surface', 'no pair')}"
-        percent = 100.0 * self.counts[f"reusable_{rate}"] / pixels
-        shares = {name: 100.0 * count / pixels for name, count in self.reasons[rate].items()}
-        return rate, percent, sentence(percent, shares, rate)
+        surface = pixels - self.counts.get("sky", 0)
+        if rate is None or not surface:
+            why = missing.get("surface", NO_SURFACE if pixels else "no pair")
+            return "surface", None, f"reusable pixels are unknown: {why}"
+        percent = 100.0 * self.counts[f"reusable_{rate}"] / surface
+        shares = {name: 100.0 * count / surface for name, count in self.reasons[rate].items()}
+        return rate, percent, sentence(percent, shares, rate, 100.0 * (pixels - surface) / pixels)
 
     def release(self) -> None:
         drawing = (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, REASONS, label_of
+from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, REASONS, STATISTICS, label_of
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import EXACT_COLORS, color_of
@@ -129,7 +129,7 @@ class Panels:
         reusable = (
             ""
             if percent is None
-            else f"{'reusable' if rate == 'shading' else f'reusable {rate}'} {percent:.1f} % of all pixels   "
+            else f"{'reusable' if rate == 'shading' else f'reusable {rate}'} {percent:.1f} % of surface pixels   "
         )
         at = f"{s.frame / s.fps:.3f} s at {s.fps:g} fps"
         self._ui.faint(f"{at}   {reusable}{speed}{loop}")
@@ -239,14 +239,16 @@ class Panels:
             imgui.text(text)
 
     def _reusable(self) -> None:
-        """The reuse rates of the pair and the largest reasons; the reprojection mode beside them."""
+        """The reuse rates of the pair, sky and the largest reasons; the reprojection mode beside them."""
         engine = self._viewer.engine
         percentages, (_, _, words) = engine.percentages(), engine.reusable()
-        for rate in RATES:
-            percent = percentages.get(f"reusable_{rate}")
-            imgui.text(f"reusable {rate}")
+        lines = {f"reusable_{rate}": (f"reusable {rate}", CONCEPTS[rate]) for rate in RATES}
+        lines["sky"] = "sky, of all pixels", STATISTICS["sky_percent"]
+        for name, (label, term) in lines.items():
+            percent = percentages.get(name)
+            imgui.text(label)
             if imgui.is_item_hovered():
-                imgui.set_tooltip(wrapped(CONCEPTS[rate].tooltip))
+                imgui.set_tooltip(wrapped(term.tooltip))
             text = "not measured" if percent is None else f"{percent:.2f} %"
             imgui.same_line(imgui.get_content_region_avail().x - imgui.calc_text_size(text).x)
             imgui.text(text)

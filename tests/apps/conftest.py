@@ -35,7 +35,7 @@ class FakeEvaluate:
             raise ZeroDivisionError("oops")
         rows = [{"frame": i, "pixels": 10, "frustum": i} for i in range(1, self.pairs + 1)]
         summary = {
-            "schema": "taubench-gl/summary/1",
+            "schema": "taubench-gl/summary/2",
             "scene": {"name": name, "duration_s": self.duration},
             "settings": {"width": 5, "height": 2, "fps": settings.sequence.fps, "thresholds": {}},
             "pairs": self.pairs,

@@ -59,7 +59,7 @@ def test_unknown_command_is_a_usage_error(taubench):
 
 def test_a_closed_pipe_is_no_traceback(tmp_path):
     with RunWriter(tmp_path) as writer:
-        writer.write_summary({"schema": "taubench-gl/summary/1", "pairs": 0})
+        writer.write_summary({"schema": "taubench-gl/summary/2", "pairs": 0})
     read, write = os.pipe()
     os.close(read)
     command = [sys.executable, "-m", "taubench_gl", "compare", str(tmp_path)]
@@ -120,7 +120,7 @@ def stored(tmp_path):
     for name in ("one", "two"):
         with RunWriter(tmp_path / name) as writer:
             discard = {"frustum": {"mean_percent": 12.5}}
-            scene = {"schema": "taubench-gl/summary/1", "scene": {"name": name}, "pairs": 0, "discard": discard}
+            scene = {"schema": "taubench-gl/summary/2", "scene": {"name": name}, "pairs": 0, "discard": discard}
             writer.write_summary(scene)
         folders.append(tmp_path / name)
     return folders

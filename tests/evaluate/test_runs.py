@@ -13,10 +13,12 @@ import psutil
 import pytest
 
 from taubench_gl.animation import OrbitCamera
+from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
-from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
+from taubench_gl.run import COUNT_COLUMNS, FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -50,6 +52,42 @@ def test_slices_give_the_rows_of_the_whole_run(changes) -> None:
             # A camera cut is detected against neighboring pairs, which a slice does not have.
             same = {k: v for k, v in whole[row["frame"]].items() if k != "camera_cut"}
             assert {k: v for k, v in row.items() if k != "camera_cut"} == same
+
+
+LIGHT = {"shadow_size": 64, "probes": 64, "indirect_samples": 128, "light": "raster"}
+
+
+def test_half_and_twice_the_exposure_are_those_of_runs_at_them() -> None:
+    """Each curve is exact at the edges of its bins, so the values lie as close as the pixels of one bin."""
+    runs = {factor: evaluate_scene(DEMO, settings(columns=COLUMNS, exposure=2.0 * factor, **LIGHT)).summary
+            for factor in (0.5, 1, 2)}  # fmt: skip
+    discard, pixels = runs[1]["discard"], 5 * 96 * 54
+    for column in ("direct", "indirect"):
+        curve, threshold = runs[1]["curves"][column], runs[1]["settings"]["thresholds"][column]
+        for key, factor in (("at_half_exposure_percent", 0.5), ("at_twice_exposure_percent", 2)):
+            found, expected = discard[column][key], runs[factor]["discard"][column]["mean_percent"]
+            index = np.searchsorted(curve["edges"], threshold / factor, side="right")
+            assert abs(found - expected) <= 100.0 * curve["counts"][index] / pixels
+            assert abs(found - expected) < 0.2 < abs(found - discard[column]["mean_percent"])
+    assert not any("exposure" in key for column in ("color", "position") for key in discard[column])
+
+
+def test_shares_of_surface_pixels_are_totals_of_the_rows_whichever_pairs() -> None:
+    for pairs in ("all", "every:2", "strata:2"):
+        run = evaluate_scene(DEMO, settings(columns=COLUMNS, pairs=pairs, frames=(0, 9), **LIGHT))
+        block = run.summary["reusable"]
+        total = {name: sum(row[name] for row in run.frames) for name in COUNT_COLUMNS}  # strata of one size
+        surface = total["pixels"] - total["sky"]
+        assert 0 < total["sky"] < surface
+        for rate in ("surface", "shading"):
+            reusable = total[f"reusable_{rate}"]
+            assert block[rate]["mean_percent"] == pytest.approx(100.0 * reusable / surface)
+            assert block[rate]["of_picture_percent"] == pytest.approx(100.0 * reusable / total["pixels"])
+        assert block["sky_percent"] == pytest.approx(100.0 * total["sky"] / total["pixels"])
+        shares = [entry["mean_percent"] for entry in block["reasons"].values()]
+        assert sum(shares) + block["shading"]["mean_percent"] == pytest.approx(100.0)
+        if pairs != "all":
+            assert all(run.summary["sampling"]["reusable"][rate]["half_width_points"] > 0 for rate in RATES)
 
 
 def test_times_follow_the_rate() -> None:

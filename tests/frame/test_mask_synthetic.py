@@ -236,6 +236,20 @@ def test_one_broken_value_is_one_invalid_pixel(gpu) -> None:
                     np.testing.assert_array_equal(got.mask[~expected] & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY), 0)
 
 
+def test_an_invalid_pixel_is_sky_where_its_position_is_known(gpu) -> None:
+    """A share of surface pixels has no sky in it, and loses no pixel whose position is broken."""
+    view = views()[1]
+    clean = frame(np.random.default_rng(9), view, 0)
+    clean["position"][40, 60] = 0
+    for name, at, sky in (("direct", (40, 60), True), ("normal", (40, 60), True), ("position", (40, 60), False),
+                          ("direct", (20, 30), False)):  # fmt: skip
+        spoiled = {n: v.copy() for n, v in clean.items()}
+        spoiled["position"][20, 30] = (0, 0, -2, 2)
+        spoiled[name][at][1] = np.nan
+        mask = evaluate(gpu, spoiled, clean, pair_matrices(view, view, *SIZE)).mask
+        assert mask[at] == (Reason.INVALID | Reason.SKY if sky else Reason.INVALID)
+
+
 def test_features_not_given_are_not_judged(gpu) -> None:
     rng = np.random.default_rng(8)
     now_view, then_view = views()

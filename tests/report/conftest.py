@@ -30,11 +30,12 @@ def _curve(seed: int) -> dict[str, Any]:
 
 
 def _reuse() -> ReuseStats:
-    """PAIRS equal pairs: 600 reusable pixels, 130 off-screen, 50 disoccluded, 15 turned, 5 of them occluding."""
+    """PAIRS equal pairs of 640 surface pixels: 480 reusable, 104 off-screen, 40 disoccluded, 16 turned, 4 occluding."""
     stats, words = ReuseStats({"indirect": "no indirect light here"}), np.zeros(1 << 16, dtype=np.int64)
-    words[0], words[Reason.OUTSIDE], words[Reason.NORMAL] = 600, 130, 15
-    words[Reason.POSITION | Reason.DISOCCLUDED] = 50
-    words[Reason.POSITION | Reason.OCCLUDING | Reason.NORMAL] = 5
+    words[0], words[Reason.OUTSIDE], words[Reason.NORMAL] = 480, 104, 12
+    words[Reason.POSITION | Reason.DISOCCLUDED] = 40
+    words[Reason.POSITION | Reason.OCCLUDING | Reason.NORMAL] = 4
+    words[Reason.SKY | Reason.HISTORY_SKY], words[Reason.SKY | Reason.OUTSIDE] = 100, 60
     for _ in range(PAIRS):
         stats.add(words)
     return stats

@@ -19,10 +19,12 @@ from PIL import Image
 from taubench_gl.api import evaluate
 from taubench_gl.conventions import FEATURE_BIT, FEATURES, NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
+from taubench_gl.metrics.reuse_rate import ReuseStats
+from taubench_gl.paths import PACKAGE
 from taubench_gl.report.distance_planes import levels_of
 from taubench_gl.report.frame_store import LEVELS, stored_frames
 from taubench_gl.report.reusable import TERMS, reusable_sentence
-from taubench_gl.report.run_page import ReportRun, write_html_report
+from taubench_gl.report.run_page import ReportRun, report_data, write_html_report
 from taubench_gl.run import Run
 from taubench_gl.selftest.scenes import busy_room
 
@@ -111,14 +113,16 @@ def test_shares_and_masks_at_other_thresholds_are_those_of_a_run_at_them(page, m
         found = frame_counts(page)
         assert {name: found[name] for name in COUNTED} == {name: row[name] for name in COUNTED}
         for rate in ("surface", "shading"):
-            assert found[f"reusable_{rate}"] == row["pixels"] - row[f"reusable_{rate}"]
+            assert found[f"reusable_{rate}"] == row["pixels"] - row["sky"] - row[f"reusable_{rate}"]
     old = [row["position"] for row in made.run.frames]
     assert all(row["position"] > count for row, count in zip(made.other.frames, old, strict=True))
     frame = made.other.frames[-1]["frame"]
     for box in page.locator("[data-reason]").all():
         box.set_checked(box.get_attribute("data-reason") in ("position", "reusable_shading"))
     rates = NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL | Reason.DIRECT | Reason.INDIRECT
-    expected = (made.masks[frame] & np.uint32(int(rates))) != 0
+    bits = made.masks[frame]
+    expected = ((bits & np.uint32(int(rates))) != 0) & ((bits & Reason.SKY) == 0)
+    expected |= (bits & Reason.POSITION) != 0  # the column counts sky against surface
     np.testing.assert_array_equal(mask_pixels(page)[..., 3] > 0, expected)
     # The rates over time follow: the readout at a pair is that of the other run.
     page.locator("#plots [role=application]").focus()
@@ -138,6 +142,7 @@ def counted(page: Any) -> dict[str, Any]:
     """The headline once it is counted: sentence, rates, bars of reasons, note."""
     page.wait_for_selector(".headline[data-counted]")
     rates = {rate: page.locator(f"[data-rate={rate}] dd").all_inner_texts() for rate in ("surface", "shading")}
+    rates["sky"] = page.locator(".sky dd").all_inner_texts()
     words = {name: page.locator(f".headline .{name}").inner_text() for name in ("sentence", "live")}
     return words | {"rates": rates, "bars": bars(page)}
 
@@ -156,12 +161,13 @@ def bars_of(summary: dict[str, Any]) -> list[list[str]]:
 
 
 def rates_of(summary: dict[str, Any]) -> dict[str, list[str]]:
-    """What the figures of a run read: ``60.00 %``, ``50.00 to 70.00 %``."""
+    """What the figures of a run read: ``60.00 %``, ``50.00 to 70.00 %``, ``40.00 % of all pixels``; sky."""
     found = {}
     for rate in ("surface", "shading"):
-        mean, low, high = (summary["reusable"][rate][f"{key}_percent"] for key in ("mean", "min", "max"))
-        found[rate] = [f"{mean:.2f} %", f"{low:.2f} to {high:.2f} %"]
-    return found
+        keys = ("mean", "min", "max", "of_picture")
+        mean, low, high, whole = (summary["reusable"][rate][f"{key}_percent"] for key in keys)
+        found[rate] = [f"{mean:.2f} %", f"{low:.2f} to {high:.2f} %", f"{whole:.2f} % of all pixels"]
+    return found | {"sky": [f"{summary['reusable']['sky_percent']:.2f} %", "of all pixels"]}
 
 
 def test_the_headline_at_other_thresholds_is_that_of_a_run_at_them(page, made):
@@ -178,6 +184,36 @@ def test_the_headline_at_other_thresholds_is_that_of_a_run_at_them(page, made):
     page.get_by_role("button", name=re.compile("Reset")).click()
     repainted(page)
     assert page.locator(".headline").inner_text() == before
+
+
+def test_the_headline_of_the_page_counts_surface_pixels_as_the_summary_does(page, made):
+    """Frames made by hand, with sky in most words: the script and the package give one sentence and the same rates."""
+    rng, words = np.random.default_rng(5), np.arange(1 << 16)
+    possible = words[(words & int(NOT_COMPARABLE)) == 0]
+    frames, stats = [], ReuseStats({})
+    for share in (0.9, 0.2):
+        found = rng.choice(possible, 40, replace=False)
+        sky = rng.random(40) < share
+        found = np.where(sky, found | int(Reason.SKY), found & ~int(Reason.SKY))
+        histogram = np.bincount(found, rng.integers(1, 500, 40), 1 << 16).astype(np.int64)
+        stats.add(histogram)
+        counts = [[int(word), int(histogram[word])] for word in np.flatnonzero(histogram)]
+        frames.append({"pixels": int(histogram.sum()), "counts": counts})
+    block = stats.block("camera", np.zeros(2, dtype=bool))
+    data = report_data([ReportRun(made.run.summary, made.run.frames)], ["run"])
+    code = "\n".join((PACKAGE / "report" / "assets" / name).read_text() for name in ("plot.js", "headline.js"))
+    script = f"""(frames) => {{ {code}
+        const data = {json.dumps(data)}, found = summarizeFrames(frames, data.runs[0], data);
+        return [found, found.rate && reuseSentence(found, data.reuse)]; }}"""
+    found, text = page.evaluate(script, frames)
+    for rate, shown in found["rates"].items():
+        keys = {"mean": "mean", "low": "min", "high": "max", "whole": "of_picture"}
+        assert shown == pytest.approx({name: block[rate][f"{key}_percent"] for name, key in keys.items()})
+    assert found["sky"] == pytest.approx(block["sky_percent"]) and 20.0 < found["sky"] < 80.0
+    assert found["shares"] == pytest.approx({n: entry["mean_percent"] for n, entry in block["reasons"].items()})
+    assert text == reusable_sentence({"reusable": block})
+    sky = [{"pixels": 9, "counts": [[int(Reason.SKY), 9]]}]
+    assert page.evaluate(script, sky)[0]["rate"] is None
 
 
 def test_the_headline_of_a_part_of_the_pairs_states_it(browser, made, tmp_path):

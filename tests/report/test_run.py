@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -201,16 +203,18 @@ def test_columns_are_unique_and_repr_is_one_line(run):
     assert "nothing measured" in repr(run)
 
 
-def test_a_run_of_an_earlier_release_has_no_reuse_rate(run, tmp_path):
-    for name in ("reusable", "mask_histogram"):
-        del run.summary[name]
-    for row in run.frames:
-        del row["reusable_surface"], row["reusable_shading"]
-    loaded = load_run(run.save(tmp_path))
-    for rate in ("surface", "shading"):
-        assert loaded.summary["reusable"][rate]["mean_percent"] is None
-        assert loaded.summary["reusable"][rate]["reason"]
-        assert all(row[f"reusable_{rate}"] is None for row in loaded.frames)
-    first = loaded.tables()[0]
-    assert first.rows[0].values[1:7] == (None,) * 6
-    assert first.rows[0].reasons[1] == loaded.summary["reusable"]["surface"]["reason"]
+@pytest.mark.parametrize("command", [["compare", "--no-paper"], ["report", "--out", "page.html"]])
+def test_runs_whose_rates_count_sky_are_refused(run, tmp_path, command):
+    """Schema 1 counted sky as reusable: its rates never stand beside those of today."""
+    new = run.save(tmp_path / "new")
+    run.summary["schema"] = "taubench-gl/summary/1"
+    old = run.save(tmp_path / "old")
+    with pytest.raises(OutputError, match="summary/1") as caught:
+        load_run(old)
+    assert caught.value.hint
+    result = subprocess.run(
+        [sys.executable, "-m", "taubench_gl", command[0], str(new), str(old), *command[1:]],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert result.returncode == 2 and result.stdout == "" and "Traceback" not in result.stderr
+    assert len(result.stderr.splitlines()) <= 2 and not (tmp_path / "page.html").exists()

@@ -131,8 +131,9 @@ def test_number_of_images_is_limited_by_their_bytes(tmp_path, run, monkeypatch):
 
 def test_reusable_pixels_come_first(summary, frames):
     page = report_html([ReportRun(summary, frames), ReportRun(summary, frames)])
-    assert page.index("75.0 % of pixels") < page.index('id="figures"')
+    assert page.index("75.0 % of surface pixels") < page.index('id="figures"')
     assert page.count('class="headline"') == 2 and page.count('"big mode">camera<') == 2
+    assert page.count('20.00<small> %</small></dd><dd class="small">of all pixels') == 2
     names = [a["id"] for _, a in _Tags(page).tags if a.get("id")]
     assert len(set(names)) == len(names)
     del summary["reusable"], summary["mask_histogram"]

@@ -33,10 +33,13 @@ def test_percentages_are_those_of_evaluate(drive, reprojection):
             n: row[n] for n in COUNT_COLUMNS if row[n] is not None
         }
         assert driven.engine.percentages()["position"] == percent(row, "position") > 0
-        assert driven.engine.percentages()["reusable_surface"] == percent(row, "reusable_surface") > 0
+        expected = 100.0 * row["reusable_surface"] / (row["pixels"] - row["sky"])
+        assert driven.engine.percentages()["reusable_surface"] == expected > 0
+        assert driven.engine.percentages()["sky"] == percent(row, "sky") > 0
         assert driven.engine.percentages()["reusable_shading"] is None  # light is not measured
         rate, share, words = driven.engine.reusable()
-        assert (rate, share) == ("surface", percent(row, "reusable_surface")) and f"{share:.1f} %" in words
+        assert (rate, share) == ("surface", expected) and f"{share:.1f} %" in words
+        assert f"{percent(row, 'sky'):.1f} %" in words
 
 
 def test_light_counts_are_those_of_evaluate(drive):
@@ -182,7 +185,10 @@ def test_the_probe_agrees_with_the_float64_reference(drive, sampling, reprojecti
     ("word", "reasons"),
     [
         (0, ()),
-        (Reason.SKY | Reason.HISTORY_SKY, ()),
+        (Reason.SKY | Reason.HISTORY_SKY, (Reason.SKY,)),
+        (Reason.SKY | Reason.HISTORY_SKY | Reason.COLOR, (Reason.SKY, Reason.COLOR)),
+        (Reason.SKY | Reason.OUTSIDE, (Reason.SKY, FRUSTUM, Reason.OUTSIDE)),
+        (Reason.SKY | Reason.INVALID, (Reason.SKY, Reason.INVALID)),
         (Reason.FIRST, (Reason.FIRST,)),
         (Reason.INVALID, (Reason.INVALID,)),
         (Reason.BEHIND, (FRUSTUM, Reason.BEHIND)),
@@ -198,6 +204,7 @@ def test_reasons_in_words(word, reasons):
     words = in_words(int(word))
     assert all(label_of(reason) in words for reason in reasons)
     assert words.startswith("reusable") == (not reasons)
+    assert words.startswith("sky") == bool(word & Reason.SKY)
 
 
 @pytest.mark.parametrize(

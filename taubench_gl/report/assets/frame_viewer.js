@@ -59,6 +59,11 @@ function makeViewer(box, state) {
     return found;
   }
 
+  // Whether a reason word has a reason; sky has none that stands for a rate.
+  function has(word, reason) {
+    return word & reason.bits && !(reason.of && word & state.bits.sky);
+  }
+
   function tint({ run: of, words, tint: canvas }) {
     const { width, height } = of.images;
     const pen = canvas.getContext("2d");
@@ -77,8 +82,8 @@ function makeViewer(box, state) {
         const word = words[i];
         if (!(word & any)) continue;
         hits.length = 0;
-        for (let k = 0; k < enabled.length; k++) if (word & enabled[k].bits) hits.push(k);
-        target[i] = colors[hits[Math.floor((x + y) / STRIPE) % hits.length]];
+        for (let k = 0; k < enabled.length; k++) if (has(word, enabled[k])) hits.push(k);
+        if (hits.length) target[i] = colors[hits[Math.floor((x + y) / STRIPE) % hits.length]];
       }
     }
     pen.putImageData(pixels, 0, 0);
@@ -191,8 +196,8 @@ function makeViewer(box, state) {
     for (const r of run.reasons) {
       const cell = cells.get(r.name);
       let pixels = (run.rows[r.name] || [])[row], all = run.rows.pixels[row];
-      if (r.of && pixels !== undefined && pixels !== null) pixels = all - pixels;
-      if (words) [pixels, all] = [r.bits & front.unknown && !r.of ? null : pixelsWith(words, r.bits), front.words.length];
+      if (r.of && pixels !== undefined && pixels !== null) pixels = all - run.rows.sky[row] - pixels;
+      if (words) [pixels, all] = [r.bits & front.unknown && !r.of ? null : pixelsWith(words, (word) => has(word, r)), front.words.length];
       const known = pixels !== null && pixels !== undefined;
       cell.textContent = known ? percent((100 * pixels) / all) : "–";
       cell.dataset.count = known ? pixels : "";

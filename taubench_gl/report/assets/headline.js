@@ -1,5 +1,5 @@
-// The reusable pixels at the thresholds of the page, from the stored distances of every frame with images: the sentence,
-// the rates and the bars of the reasons.  The words are those of report/reusable.py and run.html.
+// The reusable surface pixels at the thresholds of the page, from the stored distances of every frame with images: the
+// sentence, the rates and the bars of the reasons.  The words are those of report/reusable.py and run.html.
 
 const KEPT_BYTES = 2 ** 27; // of decoded frames, so that dragging does not decode them again
 const SLICE_MS = 12;
@@ -28,15 +28,18 @@ async function countFrames(run, bits, wanted, progress) {
   return out;
 }
 
-// Means over the frames in % of all pixels: {rates: {rate: {mean, low, high}}, rate, shares: {reason: %}}, where `rate` is
-// the one that the disjoint reasons refer to.
+// Totals over the frames in % of surface pixels: {rates: {rate: {mean, low, high, whole}}, rate, sky, shares: {reason: %}},
+// where `whole` and `sky` are in % of all pixels, and `rate` is the one that the disjoint reasons refer to, null where no
+// pixel shows a surface.
 function summarizeFrames(frames, run, state) {
-  const mean = (values) => values.reduce((sum, v) => sum + v, 0) / values.length;
-  const rates = {};
+  const { sky } = state.bits, total = (values) => values.reduce((sum, v) => sum + v, 0);
+  const pixelsOf = (frame, without) => total(frame.counts.map(([word, n]) => (word & without ? 0 : n)));
+  const rates = {}, surface = frames.map((f) => pixelsOf(f, sky)), surfaces = total(surface), pixels = total(frames.map((f) => f.pixels));
   let last = null;
-  for (const reason of run.reasons.filter((r) => r.of)) {
-    const shares = frames.map((f) => 100 - (100 * f.counts.reduce((sum, [word, n]) => sum + (word & reason.bits ? n : 0), 0)) / f.pixels);
-    rates[reason.of] = { mean: mean(shares), low: Math.min(...shares), high: Math.max(...shares) };
+  for (const reason of surfaces ? run.reasons.filter((r) => r.of) : []) {
+    const kept = frames.map((f) => pixelsOf(f, sky | reason.bits));
+    const shares = kept.map((n, i) => (100 * n) / surface[i]).filter((_, i) => surface[i]);
+    rates[reason.of] = { mean: (100 * total(kept)) / surfaces, low: Math.min(...shares), high: Math.max(...shares), whole: (100 * total(kept)) / pixels };
     last = reason;
   }
   if (!last) return { rates, rate: null };
@@ -44,17 +47,20 @@ function summarizeFrames(frames, run, state) {
   const shares = Object.fromEntries(terms.map((term) => [term.name, 0]));
   for (const frame of frames) {
     for (const [word, pixels] of frame.counts) {
-      if (!(word & last.bits)) continue;
-      shares[terms.find((term) => word & term.bits).name] += (100 * pixels) / frame.pixels / frames.length;
+      if (word & sky || !(word & last.bits)) continue;
+      shares[terms.find((term) => word & term.bits).name] += (100 * pixels) / surfaces;
     }
   }
-  return { rates, rate: last.of, shares };
+  return { rates, rate: last.of, sky: (100 * (pixels - surfaces)) / pixels, shares };
 }
 
 // report/reusable.py, sentence.
-function reuseSentence({ rates, rate, shares }, { terms, merged }) {
-  const share = rates[rate].mean;
-  const text = `${percentText(share)} ${rate === "shading" ? "of pixels" : "of pixels show a surface that"} can be reused`;
+function reuseSentence(found, reuse) {
+  const text = rateAndReasons(found, reuse), by = found.rate === "shading" ? text : `by geometry ${text} (light was not measured)`;
+  return found.sky ? `${by}; sky fills ${percentText(found.sky)} of the image` : by;
+}
+function rateAndReasons({ rates, rate, shares }, { terms, merged }) {
+  const share = rates[rate].mean, text = `${percentText(share)} of surface pixels can be reused`;
   const groups = new Map();
   for (const { name } of terms) {
     const group = merged.find((names) => names.includes(name)) || [name];
@@ -84,7 +90,7 @@ function reasonBars({ shares }, { terms }) {
     bar.style.width = `${(100 * shares[name]) / most}%`;
     return el("tr", {}, el("th", { scope: "row" }, label), el("td", {}, `${exact(shares[name])} %`), el("td", { class: "bar" }, bar));
   })));
-  const words = rows.length ? "Why pixels are not reusable, % of all pixels. A pixel counts once, under its first reason." : "Every pixel is reusable.";
+  const words = rows.length ? "Why surface pixels are not reusable, % of surface pixels. A pixel counts once, under its first reason." : "Every surface pixel is reusable.";
   return [...(rows.length ? [table] : []), el("figcaption", { class: "muted" }, words)];
 }
 function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : fixed(value, 2); }
@@ -95,7 +101,7 @@ function makeHeadline(box, run, state) {
   const sentence = box.querySelector(".sentence"), figure = box.querySelector(".reasons");
   sentence.after(note);
   sentence.setAttribute("aria-live", "polite");
-  const parts = [sentence, figure, ...box.querySelectorAll("[data-rate] .big, [data-rate] .small")];
+  const parts = [sentence, figure, ...box.querySelectorAll("[data-rate] dd, .sky .big")];
   const recorded = parts.map((part) => [...part.childNodes]);
   let turn = 0;
 
@@ -112,13 +118,16 @@ function makeHeadline(box, run, state) {
 
   function show(counted) {
     const found = summarizeFrames(counted.frames, run, state);
-    const line = `${reuseSentence(found, state.reuse)}${found.rate === "shading" ? "" : " (light was not measured)"}.`;
+    if (!found.rate) { note.textContent = "No pixel of the frames with images shows a surface."; return; }
+    const line = `${reuseSentence(found, state.reuse)}.`;
     sentence.textContent = line[0].toUpperCase() + line.slice(1);
-    for (const [rate, { mean, low, high }] of Object.entries(found.rates)) {
+    for (const [rate, { mean, low, high, whole }] of Object.entries(found.rates)) {
       const of = box.querySelector(`[data-rate="${rate}"]`);
       of.querySelector(".big").replaceChildren(exact(mean), el("small", {}, " %"));
-      of.querySelector(".small").textContent = `${exact(low)} to ${exact(high)} %`;
+      of.querySelector(".range").textContent = `${exact(low)} to ${exact(high)} %`;
+      of.querySelector(".of-all").textContent = `${exact(whole)} % of all pixels`;
     }
+    box.querySelector(".sky .big").replaceChildren(exact(found.sky), el("small", {}, " %"));
     figure.replaceChildren(...reasonBars(found, state.reuse));
     note.textContent = coverage(counted);
   }

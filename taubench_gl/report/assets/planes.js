@@ -88,10 +88,10 @@ function countWords(words) {
   return counts;
 }
 
-// Pixels with any of `bits`.
-function pixelsWith(counts, bits) {
+// Pixels whose reason word `has` something.
+function pixelsWith(counts, has) {
   let sum = 0;
-  for (let word = 0; word < counts.length; word++) if (word & bits) sum += counts[word];
+  for (let word = 0; word < counts.length; word++) if (counts[word] && has(word)) sum += counts[word];
   return sum;
 }
 

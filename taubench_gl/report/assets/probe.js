@@ -22,7 +22,7 @@ function makeProbe(info) {
     const why = found.filter((term) => !term.quiet);
     const columns = codes && !(word & info.bits.not_comparable) ? run.images.planes.features : [];
     const sky = Boolean(word & info.bits.sky) !== Boolean(word & info.bits.history_sky);
-    head.replaceChildren(el("b", {}, `pixel (${pixel.x}, ${pixel.y})`), ` ${why.length ? why.map((term) => term.label).join(", ") : "reusable: no column discards it"}`);
+    head.replaceChildren(el("b", {}, `pixel (${pixel.x}, ${pixel.y})`), ` ${why.length ? why.map((term) => term.label).join(", ") : word & info.bits.sky ? "sky: no column discards it" : "reusable: no column discards it"}`);
     reasons.replaceChildren(...found.map((term) => {
       const swatch = el("i", { class: "swatch" });
       swatch.style.background = term.color;
