@@ -13,6 +13,7 @@ from taubench_gl.conventions import COLUMNS, Visibility
 from taubench_gl.glossary import CAMERA, CENSUS, EXACT, EXACT_REASONS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report.labels import lighting_text, run_labels
+from taubench_gl.settings import DEFAULT_SIZE, PAPER_SIZE
 
 Summary = Mapping[str, Any]
 
@@ -292,8 +293,7 @@ def conditions(summary: Summary) -> str:
     thresholds = ", ".join(
         f"{name} {value:.4g}{' m' if name == 'position' else ''}" for name, value in thresholds_of(summary).items()
     )
-    size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
-    ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
+XX, '?')} reprojection, {settings.get('sampling', '?')} sampling"
     return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
 
 

@@ -136,7 +136,7 @@ def test_unwritable_folder():
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a file that is always full")
 def test_full_disk_raises_output_error(tmp_path, monkeypatch):
-    monkeypatch.setattr("taubench_gl.run.new_file", lambda path: open("/dev/full", "wb", buffering=0))
+    monkeypatch.setattr("taubench_gl.run.new_file", lambda path: open("/dev/full", "wb", buffering=0))  # noqa: SIM115
     with pytest.raises(OutputError, match="No space left"), RunWriter(tmp_path):
         pass
 
