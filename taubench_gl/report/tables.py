@@ -293,7 +293,10 @@ def conditions(summary: Summary) -> str:
     thresholds = ", ".join(
         f"{name} {value:.4g}{' m' if name == 'position' else ''}" for name, value in thresholds_of(summary).items()
     )
-XX, '?')} reprojection, {settings.get('sampling', '?')} sampling"
+    size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
+    if not summary.get("path_traced") and size == "{}x{}".format(*DEFAULT_SIZE):
+        size += " (--size paper: {}x{})".format(*PAPER_SIZE)
+    ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
     return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
 
 
