@@ -19,7 +19,7 @@ from taubench_gl.metrics import activity
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.metrics.exposure import metered_exposure, rounded
 from taubench_gl.metrics.masks import pair_masks
-from taubench_gl.metrics.pair_sample import PairSample, estimate
+from taubench_gl.metrics.pair_sample import PairSample, estimate, expected_half_width
 from taubench_gl.reuse import quality
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, limits, shifted_pair
@@ -367,10 +367,12 @@ def weights_of_pairs(bench: Bench) -> Outcome:
     half = T1 * math.sqrt(0.6**2 * (1 - 2 / 6) * 8.0 / 2)
     one = estimate(PairSample(10, ((6, (1, 4)), (4, (6, 7, 8, 9)))), np.array([10.0, 14.0, 1.0, 2.0, 3.0, 4.0]))
     whole = estimate(PairSample(3, ((3, (0, 1, 2)),)), np.array([1.0, 2.0, 6.0]))
+    planned = 1.9599640 * 0.6 * math.sqrt((1 - 2 / 6) * 0.3 / 2)  # S^2 = 0.3 in the first stratum, 0 in the second
     errors = [
         worst(sample.weights - [0.3, 0.3, 0.2, 0.2]), found.mean - 19.2, 1e-2 * (found.half_width - half),
         one.mean - (0.6 * 12.0 + 0.4 * 2.5), 1e-2 * (one.half_width - half),
         whole.mean - 3.0, whole.half_width,
+        expected_half_width(sample, np.array([1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 5.0, 5.0, 5.0, 5.0])) / planned - 1.0,
     ]  # fmt: skip
     return field("19.2", errors, Naive("equal weights", 21.0, 1.8))
 

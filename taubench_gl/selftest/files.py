@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import tempfile
 from pathlib import Path
@@ -13,9 +14,10 @@ from taubench_gl.animation import Poser, pose_vertices, sample
 from taubench_gl.errors import SceneError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, field, worst
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn, turn_y
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -173,3 +175,75 @@ def duration_from_float_keys(bench: Bench) -> Outcome:
     off = worst(np.subtract(measured, expected))
     plain = Naive("floor(duration * fps)", str(naive), worst(np.subtract(naive, expected)))
     return Outcome(str(expected), str(measured), off, plain)
+
+
+def _furnished(texels: Array) -> Scene:
+    """A scene with every kind of light, a textured and a glowing material, and moving nodes."""
+    b = SceneBuilder()
+    sampler = Sampler(mag_filter=9728, min_filter=9984, wrap_s=33071, wrap_t=33648)
+    textured = b.material(
+        name="textured", base_color=(0.25, 0.5, 0.75, 0.5), base_color_texture=Texture(0, sampler), metallic=0.25,
+        roughness=0.75, normal_texture=Texture(0), normal_scale=0.5, alpha_mode="MASK", alpha_cutoff=0.25,
+        double_sided=True, specular=0.5,
+    )  # fmt: skip
+    glowing = b.material(name="glowing", emissive=(4.0, 2.0, 0.5), emissive_strength=4.0, alpha_mode="BLEND")
+    plate = quad(2.0, 1.0, cells=(3, 2), material=textured)
+    corner = 0.5 + 0.5 * plate.positions[:, :2]
+    plate = dataclasses.replace(plate, texcoords=(corner.astype(np.float32), None))
+    root = b.node(name="root", translation=(1.0, 2.0, 3.0), rotation=turn((1.0, 2.0, 3.0), 40.0), scale=(2.0, 1.0, 0.5))
+    arm = b.node(root, name="arm", mesh=b.mesh(plate, box(material=glowing)))
+    b.animate(root, "rotation", [0.0, 0.5, 1.0], [turn_y(0.0), turn_y(170.0), turn((1.0, 0.0, 1.0), 90.0)])
+    b.animate(arm, "translation", [0.0, 0.25, 1.0], [(0.0, 0.0, 0.0), (1.0, -2.0, 0.5), (3.0, 0.0, 1.0)], "STEP")
+    b.animate(arm, "scale", [0.25, 0.75], [[(0, 0, 0), (1, 1, 1), (2, 0, 1)], [(0, 1, 0), (2, 3, 1), (0, 0, 0)]],
+              "CUBICSPLINE")  # fmt: skip
+    b.light(arm, kind="point", intensity=7.0, color=(1.0, 0.5, 0.25), range=9.0)
+    b.light(root, kind="spot", intensity=5.0, inner_cone=0.25, outer_cone=0.5, translation=(0.0, 1.0, 0.0))
+    b.light(kind="directional", intensity=3.0, rotation=turn((1.0, 0.0, 0.0), -50.0))
+    b.camera(root, yfov=0.75, znear=0.125, zfar=64.0)
+    image = Image("texels", (texels.shape[1], texels.shape[0]), lambda: texels)
+    return dataclasses.replace(b.build(), images=(image,))
+
+
+@case(
+    "round-trip",
+    what="a scene written as .glb and read again: matrices at nine times, vertices, triangles, texels, materials, "
+    "lights and lens, largest difference",
+    elsewhere="strides, component types, samplers, key layouts of splines or unit conversions differ",
+    here="every value is read as it was written",
+    tolerance=2e-7,
+    source="relative to the largest value; keys, rotations and vertices are float32 in the file",
+)
+def round_trip(bench: Bench) -> Outcome:
+    from taubench_gl.datasets.gltf_from_scene import write_scene  # imported late: pygltflib
+
+    texels = np.arange(6 * 5 * 4, dtype=np.uint8).reshape(6, 5, 4) + np.uint8(100)
+    made = _furnished(texels)
+    with tempfile.TemporaryDirectory() as folder:
+        write_scene(made, Path(folder) / "scene.glb")
+        read = load_scene(Path(folder) / "scene.glb")
+        errors = [float(not np.array_equal(read.images[0].decode(), texels))]
+    poses, order = [Poser(made), Poser(read)], [list(read.nodes.names).index(name) for name in made.nodes.names]
+    for time in np.linspace(0.0, 1.0, 9):
+        a, b = (poser.sample(float(time)).world for poser in poses)
+        errors.append(worst(a - b[order]) / worst(a))
+    for a, b in zip(made.meshes[0].primitives, read.meshes[0].primitives, strict=True):
+        errors += [worst(getattr(a, name) - getattr(b, name)) for name in ("positions", "normals")]
+        errors.append(float(not np.array_equal(a.triangles, b.triangles)))
+    uv = [scene.meshes[0].primitives[0].texcoords[0] for scene in (made, read)]
+    errors += [worst(uv[0] - uv[1]), read.duration - 1.0, len(read.meshes) - 1, len(read.notes)]
+    pairs = [*zip(made.materials, read.materials, strict=True), *zip(made.cameras, read.cameras, strict=True),
+             *zip(made.lights, read.lights, strict=True)]  # fmt: skip
+    return field("no difference", errors + [_unlike(a, b) for a, b in pairs])
+
+
+def _unlike(a: object, b: object) -> float:
+    """Largest difference of the fields of two records, names aside; 1 for other than numbers."""
+    largest = 0.0
+    for part in dataclasses.fields(a):
+        x, y = getattr(a, part.name), getattr(b, part.name)
+        if isinstance(x, Texture) and isinstance(y, Texture):
+            largest = max(largest, float((x.image, x.sampler, x.texcoord) != (y.image, y.sampler, y.texcoord)))
+        elif part.name != "name" and x != y:
+            numbers = isinstance(x, int | float | tuple) and isinstance(y, int | float | tuple)
+            largest = max(largest, worst(np.subtract(x, y)) if numbers else 1.0)
+    return largest
