@@ -66,6 +66,44 @@ def _pixels(*bits: Reason, without: tuple[Reason, ...] = ()) -> int:
 
 
 @case(
+    "headline",
+    what="surface and shading reuse rates, their disjoint reasons and the share of sky, every kind of pixel: largest "
+    "difference from shares of surface pixels, percentage points",
+    elsewhere="the rate forgets normals or indirect light, or counts sky, which has nothing to shade",
+    here="surface pixels without FIRST, CUT, INVALID, BEHIND, OUTSIDE, POSITION, NORMAL; shading also without light",
+    tolerance=1e-12,
+    source="float64: 64 ulps of 100",
+)
+def headline(bench: Bench) -> Outcome:
+    geometry = (*NOT_COMPARED, Reason.POSITION, Reason.NORMAL, Reason.SKY)
+    light = (*geometry, Reason.DIRECT, Reason.INDIRECT)
+    surface = _pixels(without=(Reason.SKY,))
+    # A second pair, all sky but one valid pixel: a rate is a total over a total, not a mean of shares.
+    whole = surface + 1
+    kept = {"surface": _pixels(without=geometry) + 1, "shading": _pixels(without=light) + 1}
+    stats = _stats(WORDS, {0: 1, Reason.SKY | Reason.HISTORY_SKY: TOTAL - 1})
+    block = stats.reuse.block("camera", np.array([False, True]))
+    errors = []
+    for rate, pixels in kept.items():
+        found = block[rate]
+        errors += [
+            found["mean_percent"] - 100.0 * pixels / whole, found["of_picture_percent"] - 100.0 * pixels / (2 * TOTAL),
+            found["pixels"] - pixels, found["min_percent"] - 100.0 * (pixels - 1) / surface,
+            found["max_percent"] - 100.0, found["without_cuts_mean_percent"] - 100.0 * (pixels - 1) / surface,
+        ]  # fmt: skip
+    reasons = {name: share["pixels"] for name, share in block["reasons"].items()}
+    wanted = {
+        "first": 17, "cut": 19, "invalid": 23, "behind": 29, "outside": 31, "disoccluded": 37, "normal": 41, "lit": 43,
+        "indirect": 47 + 53,
+    }  # fmt: skip
+    errors += [reasons[name] - wanted.get(name, 0) for name in reasons]
+    errors += [sum(reasons.values()) + kept["shading"] - whole]
+    errors += [block["sky_percent"] - 100.0 * (2 * TOTAL - whole) / (2 * TOTAL), block["color_only"]["pixels"] - 7]
+    naive = 100.0 * (_pixels(without=light[:-2]) - kept["shading"] + 1) / whole
+    return field("shares of surface pixels", errors, Naive("without DIRECT and INDIRECT", f"off by {naive:.3g}", naive))
+
+
+@case(
     "eq4-of-all-pixels",
     what="counts of every kind of pixel in Table 4: the largest difference from 100 n / (w h), percentage points",
     elsewhere="the share is taken of the comparable pixels: off-screen pixels make every other column larger",

@@ -20,7 +20,7 @@ from taubench_gl.frame import counting, geometry, records
 from taubench_gl.frame.passes import deform, masks
 from taubench_gl.gpu import shader
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics import activity, counts, streaming
+from taubench_gl.metrics import activity, counts, reuse_rate, streaming
 from taubench_gl.scene.gltf import meshes
 from taubench_gl.selftest import bench
 from taubench_gl.selftest.animation import plain_slerp
@@ -239,6 +239,13 @@ def _hermite_of_all_terms(v0: Array, out0: Array, in1: Array, v1: Array, u: Arra
     return h00 * v0 + h01 * v1 + dt * ((u**3 - 2 * u**2 + u) * out0 + (u**3 - u**2) * in1)
 
 
+def _rate_without(rate: str, bit: conventions.Reason) -> Callable[[], AbstractContextManager[None]]:
+    """A rate that forgets a reason; its table of first reasons, which is kept, forgets it too."""
+    bits = reuse_rate.RATE_BITS | {rate: reuse_rate.RATE_BITS[rate] & ~bit}
+    first = reuse_rate._first_reason.__wrapped__
+    return _python((reuse_rate, "RATE_BITS", bits), (reuse_rate, "_first_reason", first))
+
+
 def _fixed_point_depth(gpu: Gpu, size: tuple[int, int]) -> Any:
     return gpu.ctx.depth_texture(size)
 
@@ -424,6 +431,18 @@ GUARDS: tuple[Guard, ...] = (
         "skin weights are normalized to a sum of 1",
         _python((meshes, "skin_weights", _weights_as_stored)),
         ("weights-not-one", "weights-all-zero"),
+    ),
+    Guard(
+        "rate-without-normals",
+        "surface pixels with another normal are not reusable",
+        _rate_without("surface", conventions.Reason.NORMAL),
+        ("headline",),
+    ),
+    Guard(
+        "rate-without-indirect",
+        "shaded pixels with other indirect light are not reusable",
+        _rate_without("shading", conventions.Reason.INDIRECT),
+        ("headline",),
     ),
     Guard(
         "all-pixels",
