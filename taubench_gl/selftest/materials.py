@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from taubench_gl.scene.gltf.specular_glossiness import metallic_roughness
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
@@ -274,3 +275,21 @@ def normal_scale(bench: Bench) -> Outcome:
     got = frame["normal"][..., :3][frame["position"][..., 3] > 0.0]
     naive = Naive("scale 1", "twice the slope", worst(plain - expected))
     return field("half the slope", got - expected if len(got) else np.nan, naive)
+
+
+@case(
+    "specular-glossiness",
+    what="gray surfaces of base color 0.1 to 1 and metalness 0 to 1 as specular-glossiness, converted back",
+    elsewhere="specular is dropped, so metals become dark plastic",
+    here="metalness is the root of 0.04 m^2 + b m + c = 0 of Khronos' conversion",
+    tolerance=1e-12,
+    source="float64: 1e-15, divided by 0.08",
+)
+def specular_glossiness(bench: Bench) -> Outcome:
+    base, metallic = np.meshgrid(np.linspace(0.1, 1.0, 10), np.linspace(0.0, 1.0, 11))
+    specular = 0.04 * (1.0 - metallic) + base * metallic
+    diffuse = base * 0.96 * (1.0 - metallic) / (1.0 - np.minimum(specular, 1.0 - 1e-9))
+    valid = diffuse <= 1.0
+    gray = [values[valid][:, None] * np.ones(3) for values in (diffuse, specular)]
+    found_base, found_metallic = metallic_roughness(*gray)
+    return field("the same", [worst(found_base - base[valid][:, None]), worst(found_metallic - metallic[valid])])
