@@ -1,5 +1,5 @@
 // Counter-based random numbers: a hash of (pixel, frame, seed, sample).  Nothing is stored, so any frame can be rendered again.
-// pcg4d of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", listing 1.   Reference: metrics.stochastic.pcg4d
+// pcg4d of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", listing 1.   Reference: references.stochastic.pcg4d
 uvec4 pcg4d(uvec4 v) {
     v = v * 1664525u + 1013904223u;
     v.x += v.y * v.w; v.y += v.z * v.x; v.z += v.x * v.y; v.w += v.y * v.z;

@@ -1,7 +1,7 @@
 // Sample numbers: a scrambled Sobol sequence, a row for each sample, four dimensions a texel.
 //
 // Pattern `fixed`: the same numbers in every pixel and frame.  Pattern `independent`: each dimension is shifted by a hash
-// of pixel, frame and seed; a digital (exclusive-or) shift keeps the stratification.   Reference: metrics.path_samples
+// of pixel, frame and seed; a digital (exclusive-or) shift keeps the stratification.   Reference: references.path_tracing
 #include "common/random.glsl"
 
 const int BLOCKS_PER_VERTEX = 3;

@@ -1,8 +1,6 @@
-"""Sample numbers of the path tracer: an Owen-scrambled Sobol sequence, and the shift that makes pixels independent.
+"""Sample numbers of the path tracer: an Owen-scrambled Sobol sequence.
 
-Reference for shaders/pathtracing/numbers.glsl, equal bit for bit.  Sources: Owen, Randomly permuted (t,m,s)-nets and
-(t,s)-sequences, 1995 (SciPy's scrambling); Kollig and Keller, Efficient multidimensional sampling, 2002 (digital
-shift).
+Source: Owen, Randomly permuted (t,m,s)-nets and (t,s)-sequences, 1995 (SciPy's scrambling).
 """
 
 from __future__ import annotations
@@ -10,8 +8,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-
-from taubench_gl.metrics.stochastic import pcg4d
 
 Array = np.ndarray
 
@@ -44,16 +40,3 @@ def sample_table(first: int, count: int, seed: int = 0) -> Array:
     table = words.reshape(count, -1, 4)
     table.flags.writeable = False
     return table
-
-
-def numbers(table: Array, sample: int, column: int, pixel: Array | None = None, frame: int = 0, seed: int = 0) -> Array:
-    """The four numbers of a block, in [0, 1), multiples of 2^-24.
-
-    ``pixel`` (..., 2): column and row, row 0 at the *bottom*; None: pattern ``fixed``.  -> (4,) or (..., 4) float64.
-    """
-    words = table[sample, column]
-    if pixel is not None:
-        x, y = (np.asarray(pixel[..., k], dtype=np.uint32) for k in range(2))
-        parts = [x | y << np.uint32(16), *(np.full(x.shape, value, np.uint32) for value in (frame, seed, column))]
-        words = words ^ pcg4d(np.stack(parts, axis=-1))
-    return (words >> np.uint32(8)).astype(np.float64) / (1 << 24)

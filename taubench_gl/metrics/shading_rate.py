@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-Array = np.ndarray
-
 RATES = ("full", "half", "checkerboard", "quarter")
 """full: every pixel; half: every second row; checkerboard: every second pixel; quarter: one pixel of each 2x2 block."""
 

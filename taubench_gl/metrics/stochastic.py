@@ -1,29 +1,10 @@
-"""Counter-based random numbers and the choice of lights.
-
-References for shaders/common/random.glsl, equal bit for bit, and shaders/common/light_choice.glsl.
-"""
+"""The choice of a light by chance.  Reference for shaders/common/light_choice.glsl."""
 
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
-
-
-def pcg4d(v: Array) -> Array:
-    """Hash of four words (Jarzynski and Olano 2020, listing 1).  (..., 4) uint32 -> (..., 4) uint32."""
-    x, y, z, w = (np.asarray(v[..., k], dtype=np.uint32) for k in range(4))
-    with np.errstate(over="ignore"):
-        x, y, z, w = (c * np.uint32(1664525) + np.uint32(1013904223) for c in (x, y, z, w))
-        for turn in range(2):
-            x = x + y * w
-            y = y + z * x
-            z = z + x * y
-            w = w + y * z
-            if turn == 0:
-                x, y, z, w = (c ^ (c >> np.uint32(16)) for c in (x, y, z, w))
-    return np.stack([x, y, z, w], axis=-1)
-
 
 UNIFORM_SHARE = 0.5
 """Share of the probability that is uniform over all lights that are on; the rest is proportional to power.  The weight

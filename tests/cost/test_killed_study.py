@@ -16,8 +16,8 @@ from taubench_gl.cost.records import RECORDS_FILE
 from taubench_gl.cost.reference import SUMS_FILE
 
 REQUEST = (
-    "--size", "48x27", "--frames", "20:24", "--parameters", "combinations", "--reference", "path-traced@16",
-    "--repeats", "3", "--time-limit", "none", "--clock", "cpu",
+    "--size", "48x27", "--frames", "20:24", "--parameters", "shadow_size,shadow_filter",
+    "--reference", "path-traced@16", "--repeats", "3", "--time-limit", "none", "--clock", "cpu",
 )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.metrics.stochastic import pcg4d
+from references.stochastic import pcg4d
 from taubench_gl.reuse.reshade import BLOCK
 
 Array = np.ndarray

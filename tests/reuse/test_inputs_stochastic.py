@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from references.shading_rate import nearest_shaded, shaded
-from references.stochastic import choose, estimate_direct, estimate_indirect, random4
+from references.stochastic import choose, estimate_direct, estimate_indirect, pcg4d, random4
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.shading_rate import RATES
-from taubench_gl.metrics.stochastic import light_choice, pcg4d
+from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from taubench_gl.metrics.stochastic import pcg4d
+from references.stochastic import pcg4d
 
 Array = np.ndarray
 
