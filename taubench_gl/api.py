@@ -18,14 +18,11 @@ from taubench_gl.evaluation import (
     Observers,
     Pair,
     SceneInput,
+    Session,
+    Wants,
     evaluate_scene,
-    frame_schedule,
-    iterate_pairs,
     open_scene,
 )
-from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
-from taubench_gl.gpu.context import Gpu, open_gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import (
@@ -36,7 +33,6 @@ from taubench_gl.pathtraced.evaluation import (
     require_supported,
 )
 from taubench_gl.pathtraced.sequence import is_sequence
-from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.frame_store import FrameRecorder, PlaneRecorder
 from taubench_gl.report.page import REPORT_FILE
@@ -156,26 +152,9 @@ def _readable(scene: Scene | str | Path) -> Scene | str | Path:
 
 
 def _pairs(given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Iterator[Pair]:
-    settings, frames = given.settings, given.frames
-    gpu = open_gpu(settings.device.backend, settings.device.device)
-    context = source = None
-    try:
-        with gpu:
-            context = GpuContext(gpu)
-            source = _source(gpu, given, channels)
-        yield from iterate_pairs(context, source, settings, frame_schedule(frames, settings))
-    finally:
-        with gpu:
-            for part in (source, context):
-                if part is not None:
-                    part.release()
-            gpu.collect()
-
-
-def _source(gpu: Gpu, given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Source:
-    if isinstance(given, PathTracedInput):
-        return PathTracedSource(gpu, given.sequence, given.camera, given.settings)
-    return RasterSource(gpu, given.scene, given.camera, given.settings, SourceOptions(extra=channels))
+    with Session(given, Wants(images=True, channels=channels)) as session:
+        for pair in session.pairs():
+            yield pair.load()
 
 
 def _settings_of(

@@ -28,31 +28,24 @@ from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
 from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDone, Task, Unit
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
-    ExactColumns,
-    LobeColumns,
-    Observers,
+    ResolvedLighting,
+    SceneInput,
+    Session,
+    Wants,
     checked_frames,
     environment_image,
-    evaluate_pairs,
-    exact_channels,
     file_hashes,
     files_identity,
     frame_range,
     frame_schedule,
-    missing_of_scene,
     pair_schedule,
     require_exact,
     require_triangles,
     resolve_lighting,
-    scene_channels,
     scene_facts,
     with_pairs,
 )
-from taubench_gl.frame.passes.masks import Counts
-from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu, open_gpu
-from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.provenance import provenance
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -71,19 +64,17 @@ class NoOpenGL(GraphicsError):
 
 @dataclass(slots=True)
 class _Loaded:
-    """A scene and, once it renders, its source; reused by the next unit of the same job."""
+    """A scene and, once it renders, its session; reused by the next unit of the same job."""
 
     key: tuple[Any, ...]
     scene: Scene
     poser: Poser
     camera: Any
-    source: RasterSource | None = None
-    gpu: Gpu | None = None
-    exact: ExactColumns | None = None
+    session: Session | None = None
 
 
 class Worker:
-    """Runs units one after another.  Keeps the scene and the source of the last job for its next chunk."""
+    """Runs units one after another.  Keeps the scene and the session of the last job for its next chunk."""
 
     def __init__(self) -> None:
         self._loaded: _Loaded | None = None
@@ -99,7 +90,7 @@ class Worker:
             return head(loaded.scene, loaded.poser, loaded.camera, unit.settings)
         if unit.sha256 != files_identity(file_hashes(loaded.scene, unit.settings)):
             raise SceneError("changed while the batch was running", where=unit.scene, hint="run the batch again")
-        return self._count(unit, loaded, gpu, on_pair, started)
+        return self._count(unit, loaded, on_pair, started)
 
     def _load(self, unit: Unit) -> _Loaded:
         settings = unit.settings
@@ -111,59 +102,40 @@ class Worker:
         self._loaded = _Loaded(key, scene, Poser(scene), camera_of_run(scene, settings.sequence))
         return self._loaded
 
-    def _count(self, unit: Unit, loaded: _Loaded, gpu: Gpu, on_pair: Callable[[], None], started: float) -> bytes:
+    def _count(self, unit: Unit, loaded: _Loaded, on_pair: Callable[[], None], started: float) -> bytes:
         settings = unit.settings
         frames = frame_range(loaded.scene, loaded.camera, settings)
-        with gpu:
-            timer = PassTimer(gpu)
-            if loaded.source is None:
-                loaded.gpu = gpu
-                extra = (*scene_channels(unit.lobes), *(exact_channels() if settings.metrics.exact else ()))
-                options = SourceOptions(extra=extra)
-                loaded.source = RasterSource(gpu, loaded.scene, loaded.camera, settings, options, poser=loaded.poser)
-                if settings.metrics.exact:
-                    parts = loaded.scene, loaded.camera, settings, loaded.poser, loaded.source
-                    loaded.exact = ExactColumns.of_source(gpu, *parts, frames)
-            chosen = unit.positions
-            schedule = pair_schedule(frames, chosen) if chosen else frame_schedule(frames, settings)
-            counts: list[Counts] = []
-            context = GpuContext(gpu, timer=timer)
-            observed = None if loaded.exact is None else loaded.exact.observer(None)
-            missing = missing_of_scene(unit.lobes, loaded.source.unmeasured)
-            untimed = GpuContext(gpu, context.shaders)
-            apart = LobeColumns(untimed, loaded.source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
-            observed = apart.observer(observed) if missing else observed
-            observers = Observers(progress=lambda _: on_pair(), on_counts=counts.append, on_pair=observed)
-            checked = checked_frames(frame_schedule(frames, settings))
-            try:
-                results = evaluate_pairs(context, loaded.source, settings, schedule, observers, checked)
-            finally:
-                apart.release()
-                context.release()
-            rows = results.rows
-            gpu.check("a chunk of a batch")
+        if loaded.session is None:
+            given = SceneInput(loaded.scene, loaded.camera, frames, ResolvedLighting(settings), loaded.poser)
+            loaded.session = Session(given, Wants(lobes=unit.lobes))
+        session = loaded.session
+        session.timer.reset()
+        schedule = pair_schedule(frames, unit.positions) if unit.positions else frame_schedule(frames, settings)
+        counts, lobes = [], []
+        for pair in session.pairs(schedule, checked_frames(frame_schedule(frames, settings))):
+            counts.append(pair.evaluated.counts)
+            lobes.append(pair.evaluated.lobes)
+            on_pair()
+        with session.gpu:
+            session.gpu.check("a chunk of a batch")
             report = {
-                "source": loaded.source.describe(),
-                "brightness": results.brightness.as_dict(),
-                "depths": results.depths,
-                "unmeasured": dict(loaded.source.unmeasured),
-                "reprojection": loaded.source.reprojection,
-                "provenance": provenance(gpu, timer.clock) | _process_info(time.perf_counter() - started),
-                "passes_ms": timer.median_ms(),
+                "source": session.source.describe(),
+                "brightness": session.brightness.as_dict(),
+                "depths": session.depths,
+                "unmeasured": dict(session.source.unmeasured),
+                "reprojection": session.source.reprojection,
+                "provenance": provenance(session.gpu, session.timer.clock)
+                | _process_info(time.perf_counter() - started),
+                "passes_ms": session.timer.median_ms(),
             }
-        lobes = apart.histograms or [{} for _ in rows]
-        records = [PairRecord(*of_pair) for of_pair in zip(unit.positions, rows, counts, lobes, strict=True)]
-        return encode(records, report)
+        of_pairs = zip(unit.positions, session.rows, counts, lobes, strict=True)
+        return encode([PairRecord(*of_pair) for of_pair in of_pairs], report)
 
     def release(self) -> None:
-        """Release the scene and its GL objects."""
+        """Close the session of the scene."""
         loaded, self._loaded = self._loaded, None
-        if loaded is not None and loaded.source is not None:
-            with loaded.gpu:
-                if loaded.exact is not None:
-                    loaded.exact.release()
-                loaded.source.release()
-                loaded.gpu.collect()
+        if loaded is not None and loaded.session is not None:
+            loaded.session.close()
 
 
 def warm_up() -> None:

@@ -1,7 +1,8 @@
 """Evaluation: frames of a scene -> masks of every pair -> statistics -> Run.
 
-``scene`` is the data flow on one page; ``schedule`` says which frames are drawn and which pairs evaluated, ``pairs``
-compares and counts them (``PairEvaluator``), ``summary`` assembles summary.json.  Images, tables and plots are views of
+``session`` is the data flow on one page: it owns all that one evaluation needs and yields its pairs.  ``schedule`` says
+which frames are drawn and which pairs evaluated, ``pairs`` compares and counts them (``PairEvaluator``), ``summary``
+assembles summary.json.  Images, tables and plots are views of
 the Run and of the pairs that ``on_pair`` receives; ``taubench_gl.api.evaluate`` adds them.
 Path-traced files: ``pathtraced.evaluation``.
 """
@@ -23,12 +24,9 @@ from taubench_gl.evaluation.pairs import (
     Observers,
     Pair,
     PairEvaluator,
-    PairResults,
-    evaluate_pairs,
-    iterate_pairs,
 )
 from taubench_gl.evaluation.scale import describe_scale
-from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, frame_columns, open_scene, require_triangles
+from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, require_triangles
 from taubench_gl.evaluation.schedule import (
     frame_range,
     frame_schedule,
@@ -37,6 +35,7 @@ from taubench_gl.evaluation.schedule import (
     sampled_pairs,
     with_pairs,
 )
+from taubench_gl.evaluation.session import Session, Wants, frame_columns
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
 __all__ = [
@@ -49,15 +48,15 @@ __all__ = [
     "Observers",
     "Pair",
     "PairEvaluator",
-    "PairResults",
     "ResolvedLighting",
     "SceneInput",
+    "Session",
+    "Wants",
     "assemble_summary",
     "checked_frames",
     "describe_brightness",
     "describe_scale",
     "environment_image",
-    "evaluate_pairs",
     "evaluate_scene",
     "exact_channels",
     "exact_summary",
@@ -68,7 +67,6 @@ __all__ = [
     "frame_range",
     "frame_schedule",
     "frame_total",
-    "iterate_pairs",
     "mark_cuts",
     "missing_of_scene",
     "open_scene",

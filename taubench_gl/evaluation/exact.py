@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.run import EXACT_COLUMNS
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
 CLASSES = {
@@ -154,8 +157,12 @@ class ExactColumns:
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 
+    def blocks(self, session: Session) -> dict[str, Any]:
+        """The block ``exact`` of summary.json."""
+        return {"exact": exact_summary(session.rows, session.source.unmeasured, self._reprojection)}
+
     def complete(self, pair: Pair) -> None:
-        """Add EXACT_COLUMNS to the row of ``pair``, for ``Observers.complete_row``."""
+        """Add EXACT_COLUMNS to the row of ``pair``."""
         found = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
         pair.row.update(self.row(pair.mask, found))
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, LOBES
 from taubench_gl.errors import SettingsError
@@ -16,6 +15,9 @@ from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.evaluation.session import Session
 
 BOUNCES = ("direct", "indirect")
 
@@ -77,26 +79,18 @@ class LobeColumns:
         """
         self._source, self._texture = source, texture
         self._lobes: dict[str, tuple[PairEvaluator | None, SequenceStats]] = {}
-        self.histograms: list[dict[str, np.ndarray]] = []  # of each pair: lobe -> mask histogram
         for lobe, reasons in missing.items():
             measured = tuple(b for b in BOUNCES if b not in reasons)
             evaluator = PairEvaluator(context, source, settings, radiance=measured) if measured else None
             self._lobes[lobe] = evaluator, SequenceStats(measured, dict(reasons))
 
-    def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
-        """A callback that counts each pair for every lobe and then calls ``on_pair``."""
+    def blocks(self, session: Session) -> dict[str, Any]:
+        """The block ``lobes`` of summary.json."""
+        return {"lobes": {lobe: _block(stats) for lobe, (_, stats) in self._lobes.items()}}
 
-        def observe(pair: Pair) -> None:
-            self._add(pair.view)
-            if on_pair is not None:
-                on_pair(pair)
-
-        return observe
-
-    def _add(self, view: View) -> None:
-        """Count the pair whose frames the source holds; ``view`` is that of the current frame."""
-        pair = reprojection(view, self._source.previous_view, *self._source.size)
-        self.histograms.append({})
+    def complete(self, pair: Pair) -> None:
+        """Count ``pair``, whose frames the source holds, for every lobe."""
+        step = reprojection(pair.view, self._source.previous_view, *self._source.size)
         for lobe, (evaluator, stats) in self._lobes.items():
             if evaluator is None:
                 continue
@@ -105,13 +99,9 @@ class LobeColumns:
                 dict(textures) | {b: textures[name] for b, name in names.items() if name in textures}
                 for textures in (self._source.current, self._source.previous)
             )
-            counts = evaluator.compare(pair, current=current, previous=previous)
+            counts = evaluator.compare(step, current=current, previous=previous)
             stats.add(counts)
-            self.histograms[-1][lobe] = counts.mask_histogram
-
-    def summary(self) -> dict[str, Any]:
-        """lobe -> {direct, indirect} as in the ``discard`` block."""
-        return {lobe: _block(stats) for lobe, (_, stats) in self._lobes.items()}
+            pair.evaluated.lobes[lobe] = counts.mask_histogram
 
     def release(self) -> None:
         for evaluator, _ in self._lobes.values():

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import difflib
 import operator
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -16,18 +15,13 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as reprojection_of
-from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import SettingsError, TaubenchError
-from taubench_gl.evaluation.brightness import Brightness, checked_frames
 from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
-from taubench_gl.evaluation.scale import median_depths
-from taubench_gl.evaluation.schedule import Schedule
-from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import ComparedSource, Counts, MaskPass
 from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Progress, Run, RunWriter
@@ -60,11 +54,12 @@ class EvaluatedPair:
     ended: float = 0.0  # when the CPU had nothing left to do for the pair but read its counts
     run: int = 0  # of the mask pass, for ``MaskPass.read``
     counts: Counts | None = None
+    lobes: dict[str, np.ndarray] = field(default_factory=dict)  # lobe -> mask histogram, where they are measured
 
     @property
     def seconds(self) -> float:
-        """Wall-clock time from drawing the frame to ``ended``."""
-        return self.ended - self.started
+        """Wall-clock time from drawing the frame to ``ended``; until now where that is 0."""
+        return (self.ended or time.perf_counter()) - self.started
 
 
 class PairEvaluator:
@@ -244,8 +239,9 @@ class Pair:
     TaubenchError.  With several samples per pixel images show the last sample.
     """
 
-    def __init__(self, frame: int, row: dict[str, Any], view: View, evaluator: PairEvaluator):
-        self.frame, self.row, self.view, self.settings = frame, row, view, evaluator.settings
+    def __init__(self, evaluated: EvaluatedPair, row: dict[str, Any], evaluator: PairEvaluator):
+        self.frame, self.view, self.evaluated = evaluated.frame, evaluated.view, evaluated
+        self.row, self.settings = row, evaluator.settings
         self.unmeasured = dict(evaluator.source.unmeasured)
         self._evaluator: PairEvaluator | None = evaluator
 
@@ -334,10 +330,7 @@ def _pixel_in(size: tuple[int, int], x: Any, y: Any) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Observers:
-    """Receivers of every evaluated pair.
-
-    ``on_pair`` and ``complete_row`` make the mask pass write images and counts be read at once.
-    """
+    """Receivers of every evaluated pair.  ``on_pair`` makes the mask pass write images and counts be read at once."""
 
     progress: Callable[[Progress], None] | None = None
     on_pair: Callable[[Pair], None] | None = None
@@ -347,119 +340,3 @@ class Observers:
     scene: str = ""  # its name, for ``progress``; set by the evaluation
     writer: RunWriter | None = None  # gets the row; set by the evaluation
     on_finish: Callable[[Run], None] | None = None  # gets the run, with all rows written, before its summary.json is
-    complete_row: Callable[[Pair], None] | None = None  # adds columns to the row before it is written
-
-
-@dataclass(frozen=True, slots=True)
-class PairResults:
-    """Everything evaluated of one sequence."""
-
-    rows: list[dict[str, Any]]  # of frames.csv, one per pair
-    views: list[View]  # of all frames drawn, through pixel centers
-    stats: SequenceStats  # sums over all pairs
-    brightness: Brightness  # of the frames that were checked
-    depths: list[float]  # median depth of each of them that shows a surface, scene units
-
-
-def evaluate_pairs(
-    context: GpuContext,
-    source: Source,
-    settings: Settings,
-    schedule: Schedule,
-    observers: Observers,
-    checked: Collection[int] | None = None,
-) -> PairResults:
-    """Evaluate the pairs of ``schedule``.
-
-    ``checked``: frames whose brightness and depth are measured; None: ``checked_frames`` of ``schedule``, which is the
-    whole run's.
-    After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
-    """
-    images = observers.on_pair is not None or observers.complete_row is not None
-    evaluator = PairEvaluator(context, source, settings, images=images, distances=observers.distances)
-    results = PairResults([], [], _stats_of(source), Brightness(), [])
-    checked = checked_frames(schedule) if checked is None else checked
-    total = sum(evaluate for _, evaluate in schedule)
-    try:
-        for frame, evaluate in schedule:
-            view, finished = evaluator.step(frame, evaluate)
-            results.views.append(view)
-            if evaluate and frame in checked:
-                results.depths.extend(median_depths(source))
-                if source.radiance:
-                    results.brightness.count(source, settings)
-            for pair in finished:
-                _report(pair, evaluator, results, observers, total)
-        for pair in evaluator.finish():
-            _report(pair, evaluator, results, observers, total)
-    except KeyboardInterrupt:
-        for pair in evaluator.finish():
-            _report(pair, evaluator, results, observers, total)
-        raise
-    finally:
-        evaluator.release()
-    return results
-
-
-def iterate_pairs(context: GpuContext, source: Source, settings: Settings, schedule: Schedule) -> Iterator[Pair]:
-    """The pairs of ``schedule``, one after another, with mask, motion and color read.
-
-    The GPU context is current only while a pair is drawn, not while the caller works with it.
-    """
-    gpu, stats = context.gpu, _stats_of(source)
-    with gpu:
-        evaluator = PairEvaluator(context, source, settings, images=True)
-    try:
-        for frame, evaluate in schedule:
-            with gpu:
-                _, finished = evaluator.step(frame, evaluate)
-            for one in finished:
-                with contextlib.closing(Pair(frame, _row(one, settings, stats), one.view, evaluator)) as pair:
-                    yield pair.load()
-    finally:
-        with gpu:
-            evaluator.release()
-
-
-def _stats_of(source: Source) -> SequenceStats:
-    return SequenceStats(tuple(c for c in COLUMNS if c not in source.unmeasured), dict(source.unmeasured))
-
-
-def _row(pair: EvaluatedPair, settings: Settings, stats: SequenceStats) -> dict[str, Any]:
-    """The row of frames.csv of a pair, which is added to ``stats``."""
-    row = {"frame": pair.frame, "time_s": pair.frame / settings.sequence.fps, **stats.add(pair.counts)}
-    return row | _camera_row(pair.views, settings.metrics.unit_scale)
-
-
-def _report(
-    pair: EvaluatedPair, evaluator: PairEvaluator, results: PairResults, observers: Observers, total: int
-) -> None:
-    """Add a pair to the results and hand it to the observers."""
-    row = _row(pair, evaluator.settings, results.stats)
-    results.rows.append(row)
-    if observers.on_counts is not None:
-        observers.on_counts(pair.counts)
-    with contextlib.closing(Pair(pair.frame, row, pair.view, evaluator)) as given:
-        if observers.complete_row is not None:
-            observers.complete_row(given)
-        if observers.writer is not None:
-            observers.writer.write_row(row)
-        if observers.on_pair is not None:
-            observers.on_pair(given)
-    if observers.complete_row is not None or observers.on_pair is not None:
-        pair.ended = time.perf_counter()
-    if observers.progress is not None:
-        observers.progress(Progress(observers.scene, len(results.rows), total, pair.seconds))
-
-
-def _camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:
-    """How the camera moved between two frames, as columns of frames.csv; ``unit_scale``: scene units per meter."""
-    activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
-    return {
-        "translation_m": float(activity.position[0]) / unit_scale,
-        "yaw_deg": float(activity.yaw[0]),
-        "pitch_deg": float(activity.pitch[0]),
-        "roll_deg": float(activity.roll[0]),
-        "angle_deg": float(activity.angle[0]),
-        "gimbal": bool(activity.gimbal[0]),
-    }

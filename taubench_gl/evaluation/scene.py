@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation.brightness import describe_brightness
-from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_summary, require_exact
+from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
-from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
-from taubench_gl.evaluation.scale import describe_scale, require_scale
-from taubench_gl.evaluation.schedule import frame_range, frame_schedule, with_pairs
-from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
+from taubench_gl.evaluation.pairs import Observers
+from taubench_gl.evaluation.scale import require_scale
+from taubench_gl.evaluation.schedule import frame_range, with_pairs
+from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
+from taubench_gl.evaluation.summary import scene_facts
 from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.provenance import provenance
-from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, Run, RunWriter
+from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
-
-TIMED_FIRST, TIMED_EVERY = 16, 16
-"""Frames whose passes are timed; timing a pass waits for it, so the passes of all other frames overlap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +35,42 @@ class SceneInput:
     camera: CameraTrack
     frames: range
     lighting: ResolvedLighting
+    poser: Poser
+
+    @property
+    def name(self) -> str:
+        return self.scene.name
 
     @property
     def settings(self) -> Settings:
         return self.lighting.settings
+
+    def open_source(self, gpu: Gpu, timer: PassTimer, wants: Wants) -> RasterSource:
+        extra = (*wants.channels, *scene_channels(wants.lobes), *exact_channels() * self.settings.metrics.exact)
+        options = SourceOptions(extra=tuple(dict.fromkeys(extra)))
+        return RasterSource(gpu, self.scene, self.camera, self.settings, options, timer=timer, poser=self.poser)
+
+    def adders(self, session: Session) -> Iterator[ColumnAdder]:
+        source, settings = session.source, self.settings
+        if session.wants.lobes:
+            missing = missing_of_scene(session.wants.lobes, source.unmeasured)
+            untimed = GpuContext(session.gpu, session.context.shaders)
+            yield LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
+        if settings.metrics.exact:
+            parts = session.gpu, self.scene, self.camera, settings, self.poser, source
+            yield ExactColumns.of_source(*parts, self.frames)
+
+    def facts(self, session: Session) -> dict[str, Any]:
+        return scene_facts(self.scene, self.camera, self.frames, self.lighting, self.poser)
+
+    def views(self, session: Session) -> list[View]:
+        if self.settings.metrics.all_pairs:
+            return session.drawn
+        fps = self.settings.sequence.fps
+        return [self.camera.view_at(self.poser.sample(frame / fps)) for frame in self.frames]
+
+    def amend(self, summary: dict[str, Any], session: Session) -> None:
+        """Nothing: a rendered scene has what every input has."""
 
 
 def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrack | None = None) -> SceneInput:
@@ -54,8 +83,10 @@ def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrac
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
     require_scale(scene, settings)
-    lighting = resolve_lighting(scene, settings, camera, frames=frames)
-    return SceneInput(scene, camera, frames, replace(lighting, settings=with_pairs(scene, lighting.settings, frames)))
+    poser = Poser(scene)
+    lighting = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
+    lighting = replace(lighting, settings=with_pairs(scene, lighting.settings, frames))
+    return SceneInput(scene, camera, frames, lighting, poser)
 
 
 def evaluate_scene(
@@ -77,62 +108,7 @@ def evaluate_scene(
     if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:
         raise SettingsError("lobes are measured at one sample per pixel", hint="leave samples per pixel at 1")
     given = open_scene(scene, settings or Settings(), camera)
-    observers = replace(observers or Observers(), scene=given.scene.name)
-    if out is None:
-        return _run(given, observers, tuple(lobes))
-    with RunWriter(out, frame_columns(given.settings)) as writer:
-        return _run(given, replace(observers, writer=writer), tuple(lobes))
-
-
-def frame_columns(settings: Settings) -> tuple[str, ...]:
-    """Columns of frames.csv."""
-    return FRAME_COLUMNS + EXACT_COLUMNS * settings.metrics.exact
-
-
-def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run:
-    scene, camera, frames, settings = given.scene, given.camera, given.frames, given.settings
-    gpu = open_gpu(settings.device.backend, settings.device.device)
-    with gpu:
-        timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
-        context = GpuContext(gpu, timer=timer)
-        exact = settings.metrics.exact
-        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes), *exact_channels() * exact)))
-        source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=extra), timer=timer, poser=poser)
-        untimed, missing = GpuContext(gpu, context.shaders), missing_of_scene(lobes, source.unmeasured)
-        apart = LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
-        if lobes:
-            observers = replace(observers, on_pair=apart.observer(observers.on_pair))
-        schedule = frame_schedule(frames, settings)
-        if exact:
-            columns = ExactColumns.of_source(gpu, scene, camera, settings, poser, source, frames)
-            observers = replace(observers, complete_row=columns.complete)
-        try:
-            results = evaluate_pairs(context, source, settings, schedule, observers)
-            gpu.check("evaluation")
-            views = results.views
-            if not settings.metrics.all_pairs:  # camera activity is over all frames, drawn or not
-                views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
-            facts = scene_facts(scene, camera, frames, given.lighting, poser)
-            summary = assemble_summary(facts, frames, settings, views, results.stats)
-            described = source.describe()
-            summary["notes"] += described.pop("notes")
-            summary |= described
-            describe_brightness(summary, results.brightness, settings)
-            describe_scale(summary, results.depths, settings)
-            if lobes:
-                summary["lobes"] = apart.summary()
-            if exact:
-                summary["exact"] = exact_summary(results.rows, source.unmeasured, source.reprojection)
-        finally:
-            apart.release()
-            if exact:
-                columns.release()
-            source.release()
-            context.release()
-            gpu.collect()
-        summary["timing"] = timer.summary()
-        summary["provenance"] = provenance(gpu, timer.clock)
-    return finish_run(summary, results.rows, observers)
+    return evaluate(given, observers or Observers(), tuple(lobes), out)
 
 
 def require_triangles(scene: Scene) -> None:

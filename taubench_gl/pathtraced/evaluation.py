@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
+from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import (
-    Observers,
-    PairEvaluator,
-    assemble_summary,
-    describe_brightness,
-    describe_scale,
-    evaluate_pairs,
-    finish_run,
-    frame_schedule,
-)
+from taubench_gl.evaluation import Observers, PairEvaluator
 from taubench_gl.evaluation.lobes import LobeColumns, require_lobes
+from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
@@ -39,9 +32,8 @@ from taubench_gl.pathtraced.cameras import (
 from taubench_gl.pathtraced.passes import BOUNCES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
-from taubench_gl.provenance import provenance
 from taubench_gl.report.labels import GIVEN
-from taubench_gl.run import FRAME_COLUMNS, Run, RunWriter
+from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -73,11 +65,55 @@ class PathTracedInput:
     sequence: PathTracedSequence
     camera: PathTracedCamera
     settings: Settings  # with the size of the files, and the frame rate of the sidecar if it has one
+    options: PathTracedOptions
+
+    @property
+    def name(self) -> str:
+        return self.sequence.name
 
     @property
     def frames(self) -> range:
         """Frame numbers to evaluate.  Raises PathTracedError on gaps."""
         return self.sequence.select(self.settings.sequence.frames)
+
+    def open_source(self, gpu: Gpu, timer: PassTimer, wants: Wants) -> PathTracedSource:
+        return PathTracedSource(gpu, self.sequence, self.camera, self.settings, lobes=wants.lobes)
+
+    def adders(self, session: Session) -> Iterator[ColumnAdder]:
+        if session.wants.lobes:
+            untimed, missing = GpuContext(session.gpu, session.context.shaders), _missing_lobes(session.source)
+            yield LobeColumns(untimed, session.source, self.settings, missing, lambda lobe, bounce: f"{lobe}_{bounce}")
+
+    def facts(self, session: Session) -> dict[str, Any]:
+        """As ``evaluation.scene_facts``, for files."""
+        return {
+            "scene": {
+                "name": self.sequence.name,
+                "path": str(self.sequence.path),
+                "sha256": self.sequence.sha256(),
+                "duration_s": (len(self.frames) - 1) / self.settings.sequence.fps,
+                "playing": [],
+            },
+            "census": {"reason": NO_SCENE},
+            "lighting": {"light_unit": "as rendered", "exposure": GIVEN, "environment": "as rendered"},
+            "camera_source": self.camera.describe(),
+            "notes": _notes(session.source, self.camera),
+        }
+
+    def views(self, session: Session) -> list[View]:
+        return session.drawn
+
+    def amend(self, summary: dict[str, Any], session: Session) -> None:
+        """What the render recorded, and the noise floor of a second seed."""
+        record = read_render(self.sequence.folder)
+        summary["settings"] |= _lighting(record)
+        summary["path_traced"]["render"] = None if record is None else record.summary(self.frames)
+        if self.options.second_seed is not None:
+            how = {"mapping": self.options.mapping, "layer": self.options.layer}
+            second = PathTracedSequence.open(self.options.second_seed, **how)
+            untimed = GpuContext(session.gpu, session.context.shaders)
+            floor = summary["noise_floor"] = noise_floor(untimed, self, second)
+            summary["notes"].append(_floor_note(floor))
 
 
 def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedInput:
@@ -85,7 +121,7 @@ def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions)
     sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
     camera, fps = _choose_camera(options, settings, sequence)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
-    return PathTracedInput(sequence, camera, settings)
+    return PathTracedInput(sequence, camera, settings, options)
 
 
 def _choose_camera(
@@ -122,12 +158,7 @@ def evaluate_path_traced(
     settings, options = settings or Settings(), options or PathTracedOptions()
     require_supported(spec, settings)
     given = open_input(spec, settings, options)
-    frames = given.frames
-    observers = replace(observers or Observers(), scene=given.sequence.name)
-    if out is None:
-        return _run(given, frames, options, observers)
-    with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(given, frames, options, replace(observers, writer=writer))
+    return evaluate(given, observers or Observers(), options.lobes, out)
 
 
 def require_supported(spec: str | Path, settings: Settings) -> None:
@@ -141,43 +172,6 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
             raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")
 
 
-def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, observers: Observers) -> Run:
-    sequence, settings = given.sequence, given.settings
-    gpu = open_gpu(settings.device.backend, settings.device.device)
-    with gpu:
-        timer = PassTimer(gpu)
-        context = GpuContext(gpu, timer=timer)
-        untimed = GpuContext(gpu, context.shaders)
-        source = PathTracedSource(gpu, sequence, given.camera, settings, lobes=options.lobes)
-        lobes = LobeColumns(untimed, source, settings, _missing_lobes(source), lambda lobe, bounce: f"{lobe}_{bounce}")
-        try:
-            schedule = frame_schedule(frames, settings)
-            on_pair = lobes.observer(observers.on_pair) if options.lobes else observers.on_pair
-            results = evaluate_pairs(context, source, settings, schedule, replace(observers, on_pair=on_pair))
-            gpu.check("evaluation")
-            facts = _facts(given, _notes(source, given.camera))
-            summary = assemble_summary(facts, frames, settings, results.views, results.stats) | source.describe()
-            record = read_render(sequence.folder)
-            summary["settings"] |= _lighting(record)
-            describe_brightness(summary, results.brightness, settings)
-            describe_scale(summary, results.depths, settings)
-            summary["path_traced"]["render"] = None if record is None else record.summary(frames)
-            if options.lobes:
-                summary["lobes"] = lobes.summary()
-            if options.second_seed is not None:
-                second = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
-                floor = summary["noise_floor"] = noise_floor(untimed, given, second)
-                summary["notes"].append(_floor_note(floor))
-        finally:
-            lobes.release()
-            source.release()
-            context.release()
-            gpu.collect()
-        summary["timing"] = timer.summary()
-        summary["provenance"] = provenance(gpu, timer.clock)
-    return finish_run(summary, results.rows, observers)
-
-
 def _missing_lobes(source: PathTracedSource) -> dict[str, dict[str, str]]:
     """lobe -> {direct or indirect: why it is null}."""
     return {
@@ -189,24 +183,6 @@ def _missing_lobes(source: PathTracedSource) -> dict[str, dict[str, str]]:
 def _lighting(record: RenderRecord | None) -> dict[str, Any]:
     """Light unit and environment of the renders for the block ``settings``; None where they are not recorded."""
     return dict(record.lighting) if record is not None else {"light_unit": None, "environment": None}
-
-
-def _facts(given: PathTracedInput, notes: list[str]) -> dict[str, Any]:
-    """As ``evaluation.scene_facts``, for files."""
-    sequence = given.sequence
-    return {
-        "scene": {
-            "name": sequence.name,
-            "path": str(sequence.path),
-            "sha256": sequence.sha256(),
-            "duration_s": (len(given.frames) - 1) / given.settings.sequence.fps,
-            "playing": [],
-        },
-        "census": {"reason": NO_SCENE},
-        "lighting": {"light_unit": "as rendered", "exposure": GIVEN, "environment": "as rendered"},
-        "camera_source": given.camera.describe(),
-        "notes": notes,
-    }
 
 
 def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:

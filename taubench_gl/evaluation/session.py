@@ -1,0 +1,258 @@
+"""A session: everything that the evaluation of one scene or sequence owns, opened and closed together.
+
+    with Session(given, Wants(images=True)) as session:
+        for pair in session.pairs():
+            pair.row, pair.mask
+        summary = session.summary()
+
+``given`` is a SceneInput or, for path-traced files, a PathTracedInput.  ``evaluate`` is the one loop over all pairs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
+from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair, PairEvaluator
+from taubench_gl.evaluation.scale import describe_scale, median_depths
+from taubench_gl.evaluation.schedule import Schedule, frame_schedule
+from taubench_gl.evaluation.summary import assemble_summary, finish_run
+from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.frame.sources import Source
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.activity import camera_activity
+from taubench_gl.provenance import provenance
+from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, Progress, Run, RunWriter
+from taubench_gl.settings import Settings
+
+TIMED_FIRST, TIMED_EVERY = 16, 16
+"""Frames whose passes are timed; timing a pass waits for it, so the passes of all other frames overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wants:
+    """What is read of every pair besides its counts.
+
+    ``images``: mask, motion and channels of ``Pair``, so counts are read at once; ``channels``: to draw for it besides
+    those the columns need; ``distances``: of every pixel; ``lobes``: of direct and indirect, to measure apart.
+    """
+
+    images: bool = False
+    channels: tuple[str, ...] = ()
+    distances: bool = False
+    lobes: tuple[str, ...] = ()
+
+
+class ColumnAdder(Protocol):
+    """Adds columns to the row of every pair, before the row is written or seen, and blocks to the summary."""
+
+    def complete(self, pair: Pair) -> None: ...
+
+    def blocks(self, session: Session) -> dict[str, Any]:
+        """Blocks of summary.json over ``session.rows``."""
+
+    def release(self) -> None: ...
+
+
+class Input(Protocol):
+    """What a session evaluates: scene or files, camera and frames, with resolved settings."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def settings(self) -> Settings: ...
+
+    @property
+    def frames(self) -> range: ...
+
+    def open_source(self, gpu: Gpu, timer: PassTimer, wants: Wants) -> Source: ...
+
+    def adders(self, session: Session) -> Iterator[ColumnAdder]:
+        """Those that the settings and ``session.wants`` call for."""
+
+    def facts(self, session: Session) -> dict[str, Any]:
+        """The parts of the summary that need no pair (``summary.scene_facts``)."""
+
+    def views(self, session: Session) -> list[View]:
+        """Of all frames, drawn or not."""
+
+    def amend(self, summary: dict[str, Any], session: Session) -> None:
+        """Add what only this kind of input has."""
+
+
+class Session:
+    """Context, source, mask pass and column adders of ``given``, and what its pairs add up to.
+
+    ``rows``, ``views``, ``stats``, ``brightness`` and ``depths`` are those of the last ``pairs``.  The GPU context is
+    current while a pair is drawn, not while the caller has it.
+    """
+
+    def __init__(self, given: Input, wants: Wants = Wants(), *, timer: PassTimer | None = None):
+        """``timer``: of the passes; None: of one in TIMED_EVERY frames.  Raises TaubenchError."""
+        self.given, self.wants, self.settings = given, wants, given.settings
+        self.gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
+        self.timer = PassTimer(self.gpu, first=TIMED_FIRST, every=TIMED_EVERY) if timer is None else timer
+        with self.gpu, contextlib.ExitStack() as owned:
+            owned.callback(self.gpu.collect)
+            self.context = GpuContext(self.gpu, timer=self.timer)
+            owned.callback(self.context.release)
+            self.source = given.open_source(self.gpu, self.timer, wants)
+            owned.callback(self.source.release)
+            self.adders: list[ColumnAdder] = []
+            for adder in given.adders(self):
+                self.adders.append(adder)
+                owned.callback(adder.release)
+            self._images = wants.images or bool(self.adders)
+            how = {"images": self._images, "distances": wants.distances}
+            self.evaluator = PairEvaluator(self.context, self.source, self.settings, **how)
+            owned.callback(self.evaluator.release)
+            self._owned = owned.pop_all()
+        self._begin()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free everything on the GPU."""
+        with self.gpu:
+            self._owned.close()
+
+    def _begin(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self.drawn: list[View] = []  # of the frames drawn, through pixel centers
+        unmeasured = dict(self.source.unmeasured)
+        self.stats = SequenceStats(tuple(c for c in COLUMNS if c not in unmeasured), unmeasured)
+        self.brightness, self.depths = Brightness(), []
+        self.evaluator.restart()
+
+    def pairs(self, schedule: Schedule | None = None, checked: Collection[int] | None = None) -> Iterator[Pair]:
+        """Draw, compare and count the pairs of ``schedule``, one after another; None: those of the settings.
+
+        ``checked``: frames whose brightness and depth are measured; None: ``checked_frames`` of ``schedule``.  Without
+        images a pair arrives while the next one is drawn, and has its row and counts only.
+        """
+        schedule = frame_schedule(self.given.frames, self.settings) if schedule is None else schedule
+        checked = checked_frames(schedule) if checked is None else checked
+        self._begin()
+        for frame, evaluate in schedule:
+            with self.gpu:
+                view, finished = self.evaluator.step(frame, evaluate)
+                self.drawn.append(view)
+                if evaluate and frame in checked:
+                    self._check()
+            yield from self._completed(finished)
+        yield from self.finish()
+
+    def finish(self) -> Iterator[Pair]:
+        """The pairs that are submitted and not read yet, also after an interrupt."""
+        with self.gpu:
+            finished = self.evaluator.finish()
+        yield from self._completed(finished)
+
+    def _check(self) -> None:
+        """Measure brightness and depth of the current frame."""
+        self.depths.extend(median_depths(self.source))
+        if self.source.radiance:
+            self.brightness.count(self.source, self.settings)
+
+    def _completed(self, finished: list[EvaluatedPair]) -> Iterator[Pair]:
+        for one in finished:
+            row = {"frame": one.frame, "time_s": one.frame / self.settings.sequence.fps}
+            row |= self.stats.add(one.counts) | _camera_row(one.views, self.settings.metrics.unit_scale)
+            self.rows.append(row)
+            with contextlib.closing(Pair(one, row, self.evaluator)) as pair:
+                if self._images:
+                    with self.gpu:
+                        for adder in self.adders:
+                            adder.complete(pair)
+                    one.ended = 0.0  # the CPU is done with it when the caller is
+                else:
+                    pair.close()  # the source holds other frames
+                yield pair
+
+    def summary(self) -> dict[str, Any]:
+        """summary.json of the pairs."""
+        with self.gpu:
+            self.gpu.check("evaluation")
+            views = self.given.views(self)
+            summary = assemble_summary(self.given.facts(self), self.given.frames, self.settings, views, self.stats)
+            described = self.source.describe()
+            summary["notes"] += described.pop("notes", [])
+            summary |= described
+            describe_brightness(summary, self.brightness, self.settings)
+            describe_scale(summary, self.depths, self.settings)
+            for adder in self.adders:
+                summary |= adder.blocks(self)
+            self.given.amend(summary, self)
+            summary["timing"] = self.timer.summary()
+            summary["provenance"] = provenance(self.gpu, self.timer.clock)
+        return summary
+
+
+def evaluate(given: Input, observers: Observers, lobes: tuple[str, ...] = (), out: str | Path | None = None) -> Run:
+    """Evaluate every pair of ``given``.
+
+    ``out`` receives frames.csv row by row and summary.json at the end.  After a KeyboardInterrupt the pairs already
+    submitted are still read, written and reported.
+    """
+    observers = replace(observers, scene=given.name)
+    wants = Wants(observers.on_pair is not None, observers.channels, observers.distances, lobes)
+    with contextlib.ExitStack() as stack:
+        if out is not None:
+            writer = stack.enter_context(RunWriter(out, frame_columns(given.settings)))
+            observers = replace(observers, writer=writer)
+        with Session(given, wants) as session, session.gpu:
+            total = sum(evaluate for _, evaluate in frame_schedule(given.frames, session.settings))
+            try:
+                for pair in session.pairs():
+                    _report(pair, observers, len(session.rows), total)
+            except KeyboardInterrupt:
+                for pair in session.finish():
+                    _report(pair, observers, len(session.rows), total)
+                raise
+            summary = session.summary()
+        return finish_run(summary, session.rows, observers)
+
+
+def frame_columns(settings: Settings) -> tuple[str, ...]:
+    """Columns of frames.csv."""
+    return FRAME_COLUMNS + EXACT_COLUMNS * settings.metrics.exact
+
+
+def _report(pair: Pair, observers: Observers, done: int, total: int) -> None:
+    """Hand a pair to the observers, its row to the file first."""
+    if observers.writer is not None:
+        observers.writer.write_row(pair.row)
+    if observers.on_counts is not None:
+        observers.on_counts(pair.evaluated.counts)
+    if observers.on_pair is not None:
+        observers.on_pair(pair)
+    if observers.progress is not None:
+        observers.progress(Progress(observers.scene, done, total, pair.evaluated.seconds))
+
+
+def _camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:
+    """How the camera moved between two frames, as columns of frames.csv; ``unit_scale``: scene units per meter."""
+    activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
+    return {
+        "translation_m": float(activity.position[0]) / unit_scale,
+        "yaw_deg": float(activity.yaw[0]),
+        "pitch_deg": float(activity.pitch[0]),
+        "roll_deg": float(activity.roll[0]),
+        "angle_deg": float(activity.angle[0]),
+        "gimbal": bool(activity.gimbal[0]),
+    }
