@@ -29,7 +29,7 @@ from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.channels import CHANNELS
 from taubench_gl.datasets.stand_ins import make_stand_in
-from taubench_gl.evaluation import Observers, PairEvaluator, evaluate_pairs
+from taubench_gl.evaluation import PairEvaluator, Session, open_scene
 from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
@@ -58,13 +58,9 @@ def shares(gpu: Gpu, options: Options) -> Result:
             settings = Settings(
                 width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given, **FIXED_LIGHTING
             )
-            source = RasterSource(gpu, scene, camera, settings, timer=timer)
-            context = GpuContext(gpu, timer=timer)
-            schedule = [(frame, frame > 0) for frame in range(count)]
-            evaluate_pairs(context, source, settings, schedule, Observers(scene=label))
-            source.release()
-            context.release()
-            gpu.collect()
+            with Session(open_scene(scene, settings, camera), timer=timer) as session:
+                for _ in session.pairs():
+                    pass
             samples = {what: list(ms[1:]) for what, ms in timer.samples_ms().items() if len(ms) > 1}
             whole = sum(float(np.median(ms)) for ms in samples.values())
             for what, ms in samples.items():

@@ -5,10 +5,8 @@ from __future__ import annotations
 import pytest
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.evaluation import Observers, evaluate_pairs, frame_schedule
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.evaluation import Session, open_scene
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -24,11 +22,8 @@ def test_overlapping_passes_give_the_same_counts(gpu: Gpu, reprojection: str) ->
     rows = []
     for waits in (True, False, False):
         timer = PassTimer(gpu, enabled=waits)
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, timer=timer)
-        schedule = frame_schedule(FRAMES, settings)
-        context = GpuContext(gpu, timer=timer)
-        rows.append(evaluate_pairs(context, source, settings, schedule, Observers()).rows)
-        source.release()
-        context.release()
+        with Session(open_scene(scene, settings, choose_camera(scene)), timer=timer) as session:
+            assert len(list(session.pairs())) == 3
+            rows.append(session.rows)
     assert len(rows[0]) == 3 and all(row["direct"] > 0 and row["normal"] > 0 for row in rows[0])
     assert rows[0] == rows[1] == rows[2]
