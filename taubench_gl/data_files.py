@@ -29,6 +29,7 @@ from taubench_gl.memory_budget import require, shown_bytes
 
 MAX_BYTES = 256 << 20
 """Size limit of a file, unless its reader gives another."""
+_BLOCK = 1 << 16
 MAX_TOML_BYTES = 4 << 20
 MAX_VALUES = 4_000_000
 """Limit on the values of a JSON file; each takes about a hundred bytes."""
@@ -100,7 +101,10 @@ def read_bytes(
     """The content of a file that ``opened`` opens.  Raises ``fault``, also for one that grows beyond ``max_bytes``."""
     with opened(path, fault, max_bytes=max_bytes, links=links, where=where) as file:
         try:
-            data = file.read(max_bytes + 1) if os.fstat(file.fileno()).st_size == 0 else file.read()
+            data = file.read(os.fstat(file.fileno()).st_size)
+            # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
+            while len(data) <= max_bytes and (more := file.read(_BLOCK)):
+                data += more
         except OSError as error:
             raise fault(f"cannot be read: {error.strerror}", where=where or str(path)) from None
     if len(data) > max_bytes:

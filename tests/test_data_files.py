@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import re
+from pathlib import Path
 
 import msgspec
 import pytest
 
 from taubench_gl.data_files import MAX_DEPTH, parse_json, parse_toml, read_bytes, read_csv, read_json, read_toml
 from taubench_gl.errors import OutputError, SceneError, SettingsError, printable
-from taubench_gl.outputs import csv_text
+from taubench_gl.outputs import _process_space, csv_text
 
 DEEP = 100_000
 BAD_JSON = {
@@ -127,3 +129,11 @@ def test_formulas_in_csv_are_text():
 
 def test_control_characters_are_not_printed():
     assert printable("a\x1b[31mb\x07c\x9bd\re\n\tf") == "a [31mb c d e\n\tf"
+
+
+def test_files_of_the_system_are_read():
+    """They have a size of 0, and fail for a buffer of many megabytes."""
+    for path in ("/proc/sys/kernel/random/boot_id", "/proc/meminfo", "/proc/self/status"):
+        if Path(path).exists():
+            assert len(read_bytes(path)) > 30
+    assert re.fullmatch("-[0-9a-f]{8}", _process_space())
