@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tools"))
-from mutants import Mutant, draw, sites  # noqa: E402
+from mutations import Mutant, draw, sites  # noqa: E402
 
 GLSL = """\
 // 1 + 2
