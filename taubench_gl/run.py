@@ -17,34 +17,10 @@ from taubench_gl.data_files import checked, integer, read_csv, read_json, real, 
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
-from taubench_gl.run_schema import Summary
+from taubench_gl.run_schema import COUNT_COLUMNS, EXACT_COLUMNS, FRAME_COLUMNS, Summary
 
 SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
-
-COUNT_COLUMNS = (
-    "pixels", "reusable_surface", "reusable_shading", "first", "cut", "invalid", "sky", "history_sky", "behind",
-    "outside", "frustum", "comparable", "position", "normal", "direct", "indirect", "color", "disoccluded",
-    "occluding", "lit", "shadowed",
-)  # fmt: skip
-"""Pixel counts of a pair, exact integers; ``frustum`` = ``behind`` + ``outside``."""
-
-CAMERA_COLUMNS = ("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg")
-"""Camera activity of a pair (Eqs. 1 and 2), meters and degrees; ``angle_deg`` is the geodesic angle."""
-
-FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut", "gimbal")
-"""Columns of frames.csv, one row per pair: ``frame`` is the later frame of the pair, ``time_s`` its time.
-
-``camera_cut`` and ``gimbal`` are 0 or 1 (``cut`` counts pixels with the reason CUT).  A value that was not measured is
-``None`` here and an empty cell in the file.
-"""
-
-EXACT_COLUMNS = (
-    "visible", "occluded", "exact_outside", "exact_behind", "exact_new", "exact_invalid", "misregistered_color",
-    "misregistered_position", "misregistered_normal", "misregistered_direct", "misregistered_indirect", "missed",
-    "brightened", "darkened", "view_dependent", "light_noise",
-)  # fmt: skip
-"""More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
 
 _INTEGERS = frozenset({"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, "camera_cut", "gimbal"})
 

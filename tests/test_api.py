@@ -16,7 +16,7 @@ import taubench_gl as tb
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import FRAME_COLUMNS
+from taubench_gl.run_schema import FRAME_COLUMNS
 
 DEMO = ASSETS / "demo.glb"
 SMALL = {"width": 96, "height": 54, "frames": (0, 4), "indirect": "none"}

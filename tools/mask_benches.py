@@ -29,11 +29,11 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.state import View
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import ChannelPair, PairEvaluator
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.scene import load_scene

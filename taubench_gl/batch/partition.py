@@ -18,9 +18,10 @@ import numpy as np
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS
 from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
-from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
+from taubench_gl.frame.passes.masks import MASK_WORDS
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.outputs import plain_text
-from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS
+from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS
 
 REPORT_KEY = b"taubench-gl"
 """Key of the file's metadata: the worker's report on the job and on itself, as JSON."""

@@ -8,7 +8,7 @@ Path-traced files: ``pathtraced.evaluation``.
 """
 
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
-from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_summary, require_exact
+from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.lighting import (
     ResolvedLighting,
@@ -59,7 +59,6 @@ __all__ = [
     "environment_image",
     "evaluate_scene",
     "exact_channels",
-    "exact_summary",
     "file_hashes",
     "files_identity",
     "finish_run",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser
-from taubench_gl.conventions import CHANGED_LIGHT, COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason, Visibility
+from taubench_gl.conventions import CHANGED_LIGHT, FEATURE_BIT, FEATURES, FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.pairs import Pair
@@ -18,8 +18,9 @@ from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
 from taubench_gl.metrics.point_light import light_reasons
-from taubench_gl.run import EXACT_COLUMNS
+from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -27,19 +28,8 @@ if TYPE_CHECKING:
     from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
-CLASSES = {
-    "visible": Visibility.VISIBLE, "occluded": Visibility.OCCLUDED, "outside": Visibility.OUTSIDE,
-    "behind": Visibility.BEHIND, "new": Visibility.NEW, "invalid": Visibility.INVALID,
-}  # fmt: skip
-"""Disjoint classes that cover all pixels; the last four are ``exact_<name>`` in a row of frames.csv."""
-
 GEOMETRY = ("position", "normal")
 """Columns whose discards a ray can confirm; those of other columns need the light of the same point too."""
-
-CHANGES = {
-    "brightened": Visibility.BRIGHTENED, "darkened": Visibility.DARKENED, "view_dependent": Visibility.VIEW_DEPENDENT,
-}  # fmt: skip
-"""Disjoint reasons of visible points whose light changed."""
 
 _SURFACE = FRUSTUM | Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.POSITION | Reason.NORMAL
 
@@ -169,7 +159,7 @@ class ExactColumns:
     def row(self, mask: Array, found: Reasons) -> dict[str, int | None]:
         """EXACT_COLUMNS of one pair; None: not measured."""
         bits, row = found.bits, dict.fromkeys(EXACT_COLUMNS)
-        counts: dict[str, Array] = {_class_column(name): bits & bit for name, bit in CLASSES.items()}
+        counts: dict[str, Array] = {class_column(name): bits & bit for name, bit in CLASSES.items()}
         for column in self._measured:
             counts[f"misregistered_{column}"] = misregistered(mask, found, column, self._settings, self._reprojection)
         if set(GEOMETRY) <= set(self._measured):
@@ -187,44 +177,6 @@ class ExactColumns:
 
     def release(self) -> None:
         self._reasons.release()
-
-
-def exact_summary(
-    rows: Sequence[Mapping[str, Any]], unmeasured: Mapping[str, str], reprojection: str
-) -> dict[str, Any]:
-    """The block ``exact`` of summary.json from the rows of frames.csv of all pairs.
-
-    ``unmeasured``: column -> why it is null; ``reprojection``: of the source.
-    """
-
-    def rate(column: str) -> dict[str, float | None]:
-        shares = [100.0 * row[column] / row["pixels"] for row in rows if row[column] is not None]
-        if not shares:
-            return {"mean_percent": None, "max_percent": None}
-        return {"mean_percent": float(np.mean(shares)), "max_percent": float(np.max(shares))}
-
-    def share(part: str, of: str) -> dict[str, float | None]:
-        known = [row for row in rows if row[part] is not None]
-        whole = sum(row[of] for row in known)
-        return {"share_percent": 100.0 * sum(row[part] for row in known) / whole if whole else None}
-
-    wrong = {}
-    for column in (c for c in COLUMNS if c in FEATURES):
-        name = f"misregistered_{column}"
-        wrong[column] = rate(name) | share(name, column)
-        wrong[column] |= {"reason": unmeasured[column]} if column in unmeasured else {}
-    return {
-        **{name: rate(_class_column(name)) for name in CLASSES},
-        "misregistered": wrong,
-        **{name: rate(name) for name in CHANGES},
-        "light_noise": rate("light_noise"),
-        "missed": rate("missed") | share("missed", "occluded"),
-        "reprojection": reprojection,
-    }
-
-
-def _class_column(name: str) -> str:
-    return name if name in EXACT_COLUMNS else f"exact_{name}"
 
 
 def changed_light(bits: Array) -> Array:

@@ -11,9 +11,9 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
-from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.metrics.counts import Counts
+from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:

@@ -18,10 +18,11 @@ from taubench_gl.animation.pairs import reprojection as reprojection_of
 from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
-from taubench_gl.frame.passes.masks import ComparedSource, Counts, MaskPass
+from taubench_gl.frame.passes.masks import ComparedSource, MaskPass
 from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Progress, Run, RunWriter

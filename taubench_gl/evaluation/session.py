@@ -25,14 +25,15 @@ from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair, PairEva
 from taubench_gl.evaluation.scale import describe_scale, median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run
-from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.sources import Source
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity
+from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.provenance import provenance
-from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, Progress, Run, RunWriter
+from taubench_gl.run import Progress, Run, RunWriter
+from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
 from taubench_gl.settings import Settings
 
 TIMED_FIRST, TIMED_EVERY = 16, 16

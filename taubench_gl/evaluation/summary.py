@@ -13,10 +13,8 @@ from taubench_gl.evaluation.appearance import appearance_notes
 from taubench_gl.evaluation.lighting import ResolvedLighting, file_hashes
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.schedule import sampled_pairs
-from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
-from taubench_gl.metrics.pair_sample import PairSample, estimate
-from taubench_gl.metrics.reuse_rate import RATES
+from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 from taubench_gl.run import Run
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -69,13 +67,14 @@ def assemble_summary(
     cuts = detect_cuts(activity, settings.metrics.unit_scale)
     in_meters = activity.in_meters(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
-    discard = stats.discard(cuts[list(sample.positions)])
-    sampled = not settings.metrics.all_pairs
-    sampling = _sampling(sample, stats, settings, discard) if sampled else None
-    weights = sample.weights if sampled else None
-    for column, shares in stats.sensitivity(settings.metrics.thresholds).items():
-        discard[column] |= shares
-    reusable = stats.reuse.block(settings.metrics.reprojection, cuts[list(sample.positions)], weights)
+    rates = stats.rates(
+        settings.metrics.reprojection, cuts[list(sample.positions)], None if settings.metrics.all_pairs else sample
+    )
+    reusable, sampling, curves = rates["reusable"], rates.get("sampling"), stats.curves()
+    if sampling is not None:
+        sampling = {"pairs": settings.metrics.pairs} | sampling
+    for column, shares in sensitivity(curves, settings.metrics.thresholds, stats.reuse.pixels).items():
+        rates["discard"][column] |= shares
     return {
         "schema": SUMMARY_SCHEMA,
         "reusable": reusable,
@@ -85,10 +84,10 @@ def assemble_summary(
         "pairs": stats.pairs,
         "census": facts["census"],
         "camera": summarize(in_meters, cuts, settings.sequence.fps, frames[0]) | {"source": facts["camera_source"]},
-        "discard": discard,
+        "discard": rates["discard"],
         **({} if sampling is None else {"sampling": sampling}),
         "classes": stats.classes(),
-        "curves": _curves_in_meters(stats.curves(), settings.metrics.unit_scale),
+        "curves": _curves_in_meters(curves, settings.metrics.unit_scale),
         "mask_histogram": stats.reuse.histogram(),
         "notes": [*facts["notes"], *_color_notes(reusable), *_accuracy_notes(settings, sampling)],
     }
@@ -148,24 +147,3 @@ def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list
     if settings.metrics.samples_per_pixel > 1:
         notes.append(f"counts and percentages are over {settings.metrics.samples_per_pixel} samples per pixel")
     return notes
-
-
-def _sampling(sample: PairSample, stats: SequenceStats, settings: Settings, discard: dict[str, Any]) -> dict[str, Any]:
-    """The block ``sampling``: confidence intervals of the means.  Writes the weighted means into ``discard``."""
-    columns = {}
-    for column in stats.measured if sample.positions else ():
-        found = estimate(sample, stats.per_pair(column))
-        discard[column]["mean_percent"] = found.mean
-        columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
-    reusable = {}
-    for rate in RATES if sample.positions else ():
-        if rate not in stats.reuse.missing and stats.reuse.has_surface:
-            found = estimate(sample, stats.reuse.residuals(rate, sample.weights))
-            reusable[rate] = {"half_width_points": found.half_width, "level": found.level}
-    return {
-        "pairs": settings.metrics.pairs,
-        "drawn": len(sample.positions),
-        "total": sample.total,
-        "reusable": reusable,
-        "columns": columns,
-    }

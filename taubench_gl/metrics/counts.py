@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,6 +42,19 @@ _MEMBERS |= {
                 Reason.LIT, Reason.SHADOWED)
 } | {feature: (WORDS & bit) != 0 for feature, bit in FEATURE_BIT.items()}  # fmt: skip
 _MEMBER_TABLE = np.stack(list(_MEMBERS.values()), axis=-1)  # (65536, counts): one product instead of a sum per count
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Exact pixel counts of one pair."""
+
+    mask_histogram: np.ndarray  # (65536,) pixels per mask word; uint32 as read back, int64 once added
+    histograms: np.ndarray  # (5, bins) pixels per bin of each feature's distance
+
+    def __add__(self, other: Counts) -> Counts:
+        """Exact sum of both, as of several samples per pixel."""
+        words, distances = (np.asarray(x, dtype=np.int64) for x in (self.mask_histogram, self.histograms))
+        return Counts(words + other.mask_histogram, distances + other.histograms)
 
 
 def counts_of(mask_histogram: Array) -> dict[str, int]:

@@ -90,17 +90,22 @@ class ReuseStats:
         """Add one pair.  (65536,) pixels per reason word."""
         words, pixels = occupied(mask_histogram)
         self._histogram[words] += pixels
-        self._pixels.append(int(pixels.sum()))
-        self._surface.append(surface_pixels(mask_histogram))
-        counted = reusable_pixels(mask_histogram)
-        for rate, values in self._counts.items():
-            values.append(counted[rate])
+        whole = int(pixels.sum())
+        counted = {f"reusable_{rate}": count for rate, count in reusable_pixels(mask_histogram).items()}
+        self.add_counts({"pixels": whole, "sky": whole - surface_pixels(mask_histogram)} | counted)
         if self.rate is not None:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
         if self._with_color:
             kept = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
             self._color_only.append(int(pixels[kept & ((words & int(Reason.COLOR)) != 0)].sum()))
+
+    def add_counts(self, counts: Mapping[str, Any]) -> None:
+        """Add a pair by its row of frames.csv, which has the rates and not the reasons."""
+        self._pixels.append(counts["pixels"])
+        self._surface.append(counts["pixels"] - counts["sky"])
+        for rate, values in self._counts.items():
+            values.append(counts[f"reusable_{rate}"])
 
     def residuals(self, rate: str, weights: Array) -> Array:
         """Linearized deviations of each pair from the rate, percentage points: their mean has the rate's interval.

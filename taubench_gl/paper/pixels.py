@@ -31,12 +31,11 @@ from taubench_gl.evaluation import (
     sampled_pairs,
     scene_facts,
 )
-from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
-from taubench_gl.metrics.counts import bin_of
+from taubench_gl.metrics.counts import Counts, bin_of
 from taubench_gl.metrics.pair_sample import estimate
+from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Run

@@ -17,10 +17,10 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, PairEvaluator
 from taubench_gl.evaluation.lobes import LobeColumns, require_lobes
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
-from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
 from taubench_gl.pathtraced.cameras import (
     CAMERA_FILE,

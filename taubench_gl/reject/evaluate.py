@@ -14,7 +14,7 @@ from taubench_gl.animation import Poser
 from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator, open_scene
-from taubench_gl.evaluation.exact import CHANGES, ExactReasons, changed_light, exact_channels, require_exact
+from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels, require_exact
 from taubench_gl.evaluation.scene import SceneInput
 from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.frame.sources import RasterSource, SourceOptions
@@ -22,6 +22,7 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.classifier import Confusion, Curve
+from taubench_gl.metrics.exact_rates import CHANGES
 from taubench_gl.provenance import provenance
 from taubench_gl.reject.contract import RejectionTest, load_tests
 from taubench_gl.reject.differences import CHANNELS, Differences

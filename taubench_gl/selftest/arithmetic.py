@@ -13,13 +13,12 @@ from taubench_gl.animation import OrbitCamera, Poser, View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
 from taubench_gl.effects.census import census
-from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.metrics import activity
-from taubench_gl.metrics.counts import bin_of, edges
+from taubench_gl.metrics.counts import Counts, bin_of, edges
 from taubench_gl.metrics.exposure import metered_exposure, rounded
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.pair_sample import PairSample, estimate, expected_half_width
+from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.reuse import quality
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, limits, shifted_pair

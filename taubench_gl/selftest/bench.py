@@ -12,13 +12,12 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation import pairs as pairing
 from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Run
 from taubench_gl.scene.model import Camera, Scene

@@ -19,10 +19,9 @@ from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import exact_channels, require_exact
 from taubench_gl.evaluation.explain import Explanation
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates

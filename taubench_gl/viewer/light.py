@@ -10,11 +10,11 @@ import moderngl
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import PairEvaluator
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, Settings
 from taubench_gl.viewer.feeds import SceneFeed, Shot
 from taubench_gl.viewer.state import ViewerState

@@ -17,9 +17,9 @@ from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Lost, NoG
 from taubench_gl.batch.worker import Worker
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
-from taubench_gl.metrics.counts import counts_of
-from taubench_gl.run import EXACT_COLUMNS
+from taubench_gl.frame.passes.masks import MASK_WORDS
+from taubench_gl.metrics.counts import Counts, counts_of
+from taubench_gl.run_schema import EXACT_COLUMNS
 
 PIXELS = 40
 FRAMES = 20

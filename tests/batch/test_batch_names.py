@@ -8,7 +8,7 @@ import os
 import pytest
 
 from taubench_gl.batch.partition import frames_table
-from taubench_gl.run import FRAME_COLUMNS
+from taubench_gl.run_schema import FRAME_COLUMNS
 
 pq = pytest.importorskip("pyarrow.parquet")
 

@@ -16,7 +16,7 @@ from taubench_gl.evaluation import evaluate_scene, frame_schedule, sampled_pairs
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.pathtraced.evaluation import evaluate_path_traced
-from taubench_gl.run import COUNT_COLUMNS
+from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 

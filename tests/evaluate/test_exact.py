@@ -9,9 +9,11 @@ from taubench_gl import evaluate
 from taubench_gl.conventions import Reason, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, evaluate_scene
-from taubench_gl.evaluation.exact import CLASSES, Reasons, exact_summary, misregistered
+from taubench_gl.evaluation.exact import Reasons, misregistered
+from taubench_gl.metrics.exact_rates import CLASSES, exact_summary
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, FRAMES_FILE, load_run, read_frames
+from taubench_gl.run import FRAMES_FILE, load_run, read_frames
+from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 

@@ -18,7 +18,8 @@ from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchE
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
-from taubench_gl.run import COUNT_COLUMNS, FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
+from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
+from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 

@@ -22,7 +22,7 @@ from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_t
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.pathtraced.passes import load_mapping
 from taubench_gl.pathtraced.sequence import PathTracedSequence
-from taubench_gl.run import COUNT_COLUMNS
+from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 
 NAMES = tuple(RASTERIZED)

@@ -11,11 +11,12 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
-from taubench_gl.frame.passes.masks import Counts, MaskPass
+from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.scene.model import Camera, Channel, Image, Material, Primitive, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box

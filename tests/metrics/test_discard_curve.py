@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import HISTOGRAM_BINS
-from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import Counts
-from taubench_gl.metrics.counts import bin_of, discarded_at, edges
+from taubench_gl.metrics.counts import Counts, bin_of, discarded_at, edges
+from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 
 DISTANCES = np.random.default_rng(2).lognormal(-2.0, 1.2, 20_000).astype(np.float32)
 COUNTS = np.bincount(bin_of(DISTANCES), minlength=HISTOGRAM_BINS)
@@ -41,10 +40,12 @@ def test_a_factor_of_the_exposure_scales_the_distances():
     histograms[3, 1:] = COUNTS[1:]
     for _ in range(2):
         stats.add(Counts(words, histograms))
-    found = stats.sensitivity({"direct": 0.125, "indirect": 0.125})
+    found = sensitivity(stats.curves(), {"direct": 0.125, "indirect": 0.125}, stats.reuse.pixels)
     assert found["direct"] == pytest.approx({
         "at_half_exposure_percent": 100.0 * (0.5 * DISTANCES >= 0.125).sum() / 25_000,
         "at_twice_exposure_percent": 100.0 * (2.0 * DISTANCES >= 0.125).sum() / 25_000,
     })  # fmt: skip
     assert set(found["indirect"].values()) == {None}
-    assert set(stats.sensitivity({"direct": 0.0, "indirect": 0.0})["direct"].values()) == {None}
+    assert set(
+        sensitivity(stats.curves(), {"direct": 0.0, "indirect": 0.0}, stats.reuse.pixels)["direct"].values()
+    ) == {None}

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
-from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.glossary import REUSE_REASONS
-from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
 from taubench_gl.metrics.reuse_rate import (
     NO_SURFACE,
@@ -22,6 +20,7 @@ from taubench_gl.metrics.reuse_rate import (
     surface_pixels,
     unmeasured_rates,
 )
+from taubench_gl.metrics.sequence_stats import SequenceStats
 
 NO_CUT = np.zeros(2, dtype=bool)
 PAIR = {

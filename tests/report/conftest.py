@@ -12,7 +12,8 @@ import pytest
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.metrics.reuse_rate import ReuseStats
-from taubench_gl.run import COUNT_COLUMNS, FRAME_COLUMNS, Run
+from taubench_gl.run import Run
+from taubench_gl.run_schema import COUNT_COLUMNS, FRAME_COLUMNS
 
 WIDTH, HEIGHT, PAIRS = 40, 20, 12
 _STATS = ("mean", "variance", "max", "median", "p95")

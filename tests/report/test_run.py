@@ -13,7 +13,8 @@ import pytest
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import LOCK_FILE
-from taubench_gl.run import FRAME_COLUMNS, FRAMES_FILE, SUMMARY_FILE, RunWriter, load_run, read_frames
+from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, RunWriter, load_run, read_frames
+from taubench_gl.run_schema import FRAME_COLUMNS
 
 
 def test_saved_run_is_loaded_equal(run, tmp_path):

@@ -16,11 +16,11 @@ import numpy as np
 
 from taubench_gl import conventions, math3d
 from taubench_gl.animation import FrameState, Poser, View, curves, pairs
-from taubench_gl.frame import counting, geometry, records
+from taubench_gl.frame import geometry, records
 from taubench_gl.frame.passes import deform, masks
 from taubench_gl.gpu import shader
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics import activity, counts, reuse_rate, streaming
+from taubench_gl.metrics import activity, counts, reuse_rate, sequence_stats, streaming
 from taubench_gl.scene.gltf import meshes
 from taubench_gl.selftest import bench
 from taubench_gl.selftest.animation import plain_slerp
@@ -447,7 +447,7 @@ GUARDS: tuple[Guard, ...] = (
     Guard(
         "all-pixels",
         "Eq. 4 divides by all pixels, not by those that are compared",
-        _python((counting, "percent", counts.comparable_percent)),
+        _python((sequence_stats, "percent", counts.comparable_percent)),
         ("eq4-of-all-pixels",),
     ),
     Guard(

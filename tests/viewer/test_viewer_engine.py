@@ -16,7 +16,7 @@ from taubench_gl.glossary import label_of
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.report.palette import EXACT_COLORS, color_of
-from taubench_gl.run import COUNT_COLUMNS
+from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.engine import LiveTimer
 

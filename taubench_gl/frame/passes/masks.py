@@ -16,6 +16,7 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, WRITE, ComputePass, Pass, Use, stage
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
 
@@ -39,19 +40,6 @@ REPROJECTION = Struct(
 )
 MASK_WORDS = 1 << 16
 RADIANCE = ("direct", "indirect", "color")
-
-
-@dataclass(frozen=True, slots=True)
-class Counts:
-    """Exact pixel counts of one pair."""
-
-    mask_histogram: np.ndarray  # (65536,) pixels per mask word; uint32 as read back, int64 once added
-    histograms: np.ndarray  # (5, bins) pixels per bin of each feature's distance
-
-    def __add__(self, other: Counts) -> Counts:
-        """Exact sum of both, as of several samples per pixel."""
-        words, distances = (np.asarray(x, dtype=np.int64) for x in (self.mask_histogram, self.histograms))
-        return Counts(words + other.mask_histogram, distances + other.histograms)
 
 
 class ComparedSource(Protocol):

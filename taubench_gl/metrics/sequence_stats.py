@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS
-from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.metrics.counts import (
     CLASSES,
+    Counts,
     comparable_percent,
     counts_of,
     discarded_above,
@@ -23,6 +23,7 @@ from taubench_gl.metrics.counts import (
     edges,
     percent,
 )
+from taubench_gl.metrics.pair_sample import PairSample, estimate
 from taubench_gl.metrics.reuse_rate import RATES, ReuseStats
 from taubench_gl.metrics.streaming import Welford
 
@@ -53,8 +54,24 @@ class SequenceStats:
     def add(self, counted: Counts) -> dict[str, int | None]:
         """Add one pair; its raw counts, ``None`` where a feature was not measured."""
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
-        self.pairs += 1
         self.reuse.add(counted.mask_histogram)
+        self._add(counts)
+        self._histograms += counted.histograms
+        for column in FEATURES:
+            if column not in self.measured:
+                counts[column] = None
+        if "direct" not in self.measured:
+            counts["lit"] = counts["shadowed"] = None
+        counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
+        return counts
+
+    def add_row(self, row: Mapping[str, Any]) -> None:
+        """Add one pair by its row of frames.csv, which has neither reasons nor distances."""
+        self.reuse.add_counts(row)
+        self._add(row)
+
+    def _add(self, counts: Mapping[str, Any]) -> None:
+        self.pairs += 1
         self._comparable_pixels += counts["comparable"]
         for name in CLASSES:
             self._classes[name].add(counts[name])
@@ -64,14 +81,6 @@ class SequenceStats:
             share = comparable_percent(counts, column)
             if share is not None:
                 self._comparable[column].add(share)
-        self._histograms += counted.histograms
-        for column in FEATURES:
-            if column not in self.measured:
-                counts[column] = None
-        if "direct" not in self.measured:
-            counts["lit"] = counts["shadowed"] = None
-        counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
-        return counts
 
     def discard(self, cuts: np.ndarray) -> dict[str, Any]:
         """The ``discard`` block.  ``cuts`` (P,) bool: pairs left out of ``without_cuts_mean_percent``."""
@@ -92,19 +101,29 @@ class SequenceStats:
             }
         return out
 
-    def sensitivity(self, thresholds: Mapping[str, float]) -> dict[str, dict[str, float | None]]:
-        """Discards of ``direct`` and ``indirect`` at half and twice the exposure, % of all pixels of all pairs.
+    def rates(self, reprojection: str, cuts: np.ndarray, sample: PairSample | None) -> dict[str, Any]:
+        """The blocks ``reusable`` and ``discard``, and of sampled pairs their confidence intervals, ``sampling``.
 
-        The exposure multiplies every distance, so the curve at the threshold divided by the factor has them
-        (``metrics.counts.discarded_at``).  None where the column was not measured or the threshold is beyond the curve.
+        ``cuts`` (P,) bool of the pairs; ``sample``: how they were drawn, None for all pairs.
         """
-        curves, pixels = self.curves(), self.reuse.pixels
-        out: dict[str, dict[str, float | None]] = {column: dict.fromkeys(EXPOSURE_FACTORS) for column in LIGHT_COLUMNS}
-        for column in (c for c in LIGHT_COLUMNS if c in curves):
-            for key, factor in EXPOSURE_FACTORS.items():
-                found = discarded_at(curves[column]["counts"], thresholds[column] / factor)
-                out[column][key] = None if found is None else 100.0 * found / pixels
-        return out
+        discard = self.discard(cuts)
+        sampling = {} if sample is None else {"sampling": self._sampling(sample, discard)}
+        reusable = self.reuse.block(reprojection, cuts, None if sample is None else sample.weights)
+        return {"reusable": reusable, "discard": discard} | sampling
+
+    def _sampling(self, sample: PairSample, discard: dict[str, Any]) -> dict[str, Any]:
+        """The block ``sampling``: confidence intervals of the means.  Writes the weighted means into ``discard``."""
+        columns = {}
+        for column in self.measured if sample.positions else ():
+            found = estimate(sample, self.per_pair(column))
+            discard[column]["mean_percent"] = found.mean
+            columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
+        reusable = {}
+        for rate in RATES if sample.positions else ():
+            if rate not in self.reuse.missing and self.reuse.has_surface:
+                found = estimate(sample, self.reuse.residuals(rate, sample.weights))
+                reusable[rate] = {"half_width_points": found.half_width, "level": found.level}
+        return {"drawn": len(sample.positions), "total": sample.total, "reusable": reusable, "columns": columns}
 
     def per_pair(self, column: str) -> np.ndarray:
         """Percentages of every pair, in order.  (pairs,) float64; empty where not measured."""
@@ -129,3 +148,19 @@ class SequenceStats:
                 "comparable": self._comparable_pixels,
             }
         return out
+
+
+def sensitivity(
+    curves: Mapping[str, Any], thresholds: Mapping[str, float], pixels: int
+) -> dict[str, dict[str, float | None]]:
+    """Discards of ``direct`` and ``indirect`` at half and twice the exposure, % of all ``pixels`` of all pairs.
+
+    The exposure multiplies every distance, so the curve at the threshold divided by the factor has them
+    (``metrics.counts.discarded_at``).  None where the column was not measured or the threshold is beyond the curve.
+    """
+    out: dict[str, dict[str, float | None]] = {column: dict.fromkeys(EXPOSURE_FACTORS) for column in LIGHT_COLUMNS}
+    for column in (c for c in LIGHT_COLUMNS if c in curves):
+        for key, factor in EXPOSURE_FACTORS.items():
+            found = discarded_at(curves[column]["counts"], thresholds[column] / factor)
+            out[column][key] = None if found is None else 100.0 * found / pixels
+    return out
