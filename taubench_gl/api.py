@@ -13,7 +13,7 @@ import numpy as np
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURE_BIT, FEATURES, Reason
-from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import (
     Observers,
     Pair,
@@ -116,12 +116,13 @@ def _recorder(folder: Path, report: bool | str, settings: Settings) -> FrameReco
     return FrameRecorder(folder, PlaneRecorder(thresholds, {"position": settings.metrics.unit_scale}))
 
 
-def _write_views(run: Run, saver: _Saver, report: bool) -> None:
-    """Write the images, tables, plots and the page of a run, before its summary.json."""
+def _write_views(run: Run, saver: _Saver, report: bool) -> list[Path]:
+    """Write the images, tables, plots and the page of a run, before its summary.json.  -> all files but the rows."""
     saver.finish(run)
-    write_report(run.summary, run.frames, run.out)
+    written = [*saver.written, *write_report(run.summary, run.frames, run.out)]
     if report:
-        write_html_report([ReportRun(run.summary, run.frames, run.out)], run.out / REPORT_FILE)
+        written.append(write_html_report([ReportRun(run.summary, run.frames, run.out)], run.out / REPORT_FILE))
+    return written
 
 
 def pairs(
@@ -259,7 +260,7 @@ class _Saver:
         self._out, self._save, self._recorder, self._on_pair = out, save, recorder, on_pair
         self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
         self._measured: set[str] = set()
-        self._written: list[Path] = []
+        self.written: list[Path] = []
 
     def __call__(self, pair: Pair) -> None:
         self._measured = {name for name in FEATURE_BIT if pair.row[name] is not None}
@@ -285,7 +286,7 @@ class _Saver:
         write_arrays(file, {"mask": mask.astype(np.uint16)})
         title = f"frame {pair.frame}"
         save_mask_image(file.with_suffix(".png"), mask, shaded(pair), self._reasons(), title)
-        self._written += [file, file.with_suffix(".png")]
+        self.written += [file, file.with_suffix(".png")]
 
     def _save_channels(self, pair: Pair) -> None:
         file = folder_in(self._out, "channels") / f"channels_{pair.frame:05d}.npz"
@@ -293,7 +294,7 @@ class _Saver:
         arrays |= {"motion": pair.motion, "mask": pair.mask, "camera_position": pair.view.position}
         arrays["world_from_view"] = pair.view.world_from_view
         write_arrays(file, arrays)
-        self._written.append(file)
+        self.written.append(file)
 
     def _reasons(self) -> tuple[Reason, ...]:
         features = tuple(FEATURE_BIT[n] for n in FEATURE_BIT if n in self._measured and n not in ("position",))
@@ -301,20 +302,15 @@ class _Saver:
         return (*_GEOMETRY_REASONS, *(f for f in features if f is not Reason.DIRECT), *light)
 
     def finish(self, run: Run) -> None:
-        """Write the mask image of the worst frame and the index of the report's images.
-
-        Raises OutputError where a file of ``save`` is not there any more.
-        """
-        if lost := [file for file in self._written if not file.is_file()]:
-            hint = f"{len(lost)} of {len(self._written)} files that the run wrote were removed: run it again"
-            raise OutputError("was removed while the run went on", where=str(lost[0]), hint=hint)
+        """Write the mask image of the worst frame and the index of the report's images.  Raises OutputError."""
         if self._worst is None or run.out is None:
             return
         if self._recorder is not None:
-            self._recorder.finish(run.out / FRAMES_FILE)
+            self.written += self._recorder.finish(run.out / FRAMES_FILE)
         _, frame, mask, base = self._worst
         title = f"{run.summary['scene']['name']}: worst frame, pair of frames {frame - 1} and {frame}"
         save_mask_image(run.out / "mask.png", mask, base, self._reasons(), title)
+        self.written.append(run.out / "mask.png")
 
 
 def shaded(pair: Pair, *, previous: bool = False) -> np.ndarray:

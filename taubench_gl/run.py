@@ -5,18 +5,20 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from taubench_gl.checksums import with_checksums, without_checksums
 from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
 from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
+from taubench_gl.run_check import contradiction
 from taubench_gl.run_schema import COUNT_COLUMNS, EXACT_COLUMNS, FRAME_COLUMNS, Summary
 
 SUMMARY_FILE = "summary.json"
@@ -45,12 +47,14 @@ class Run:
     """What ``evaluate`` returns and ``load_run`` reads back.
 
     ``summary`` is summary.json as plain Python values; ``frames`` has one dict per pair with FRAME_COLUMNS as keys, and
-    ``None`` for a value that was not measured; ``out`` is the folder of the files, if any.
+    ``None`` for a value that was not measured; ``out`` is the folder of the files, if any; ``missing``: files that the
+    run wrote there and that ``load_run`` did not find.
     """
 
     summary: dict[str, Any]
     frames: list[dict[str, Any]]
     out: Path | None = None
+    missing: list[str] = field(default_factory=list)
 
     def tables(self, paper: bool = True) -> list[Any]:
         """Reusable pixels, then Tables 1 to 4, as plain data (``report.tables.Table``); ``paper``: with its rows."""
@@ -207,10 +211,14 @@ class RunWriter:
         write_atomically(self.path(FRAMES_FILE), "".join(lines))
         self.rows = len(rows)
 
-    def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json atomically.  NaN and infinity are not JSON: they raise ValueError."""
-        text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False, default=_plain) + "\n"
-        write_atomically(self.path(SUMMARY_FILE), text)
+    def write_summary(self, summary: Mapping[str, Any], files: Iterable[Path] = ()) -> None:
+        """Write summary.json atomically, with checksums.  ``files``: others that the run wrote to the folder.
+
+        Raises OutputError for a file that is missing.  NaN and infinity are not JSON: they raise ValueError.
+        """
+        plain = json.loads(text_bytes(json.dumps(summary, ensure_ascii=False, allow_nan=False, default=_plain)))
+        whole = with_checksums(plain, self.path(FRAMES_FILE), files)
+        write_atomically(self.path(SUMMARY_FILE), json.dumps(whole, indent=2, ensure_ascii=False) + "\n")
 
     def _write_line(self, cells: Sequence[Any]) -> None:
         if self._file is None:
@@ -226,7 +234,8 @@ class RunWriter:
 def load_run(folder: str | Path) -> Run:
     """Read a stored run; ``folder`` may also name its summary.json.
 
-    Raises OutputError if it is missing, unfinished, damaged, or of another schema version.
+    Raises OutputError if it is missing, unfinished, damaged, changed, or of another schema version, and where summary,
+    rows and histogram contradict each other.
     """
     out = Path(folder)
     if out.name == SUMMARY_FILE:
@@ -249,7 +258,12 @@ def load_run(folder: str | Path) -> Run:
         checked(summary, Summary)
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
-    return Run(summary, read_frames(out / FRAMES_FILE), out)
+    rows = read_frames(out / FRAMES_FILE)
+    if (found := contradiction(summary, rows)) is not None:
+        where = out / (FRAMES_FILE if found.in_rows else SUMMARY_FILE)
+        raise OutputError(str(found), where=str(where), hint="the file was changed or damaged: evaluate again")
+    summary, missing = without_checksums(summary, path, out / FRAMES_FILE)
+    return Run(summary, rows, out, missing)
 
 
 def read_frames(path: Path) -> list[dict[str, Any]]:

@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
-    "conventions", "channels", "data_files", "errors", "folder_lock", "glossary", "math3d", "memory_budget", "outputs",
-    "paths", "preset", "run_schema", "settings", "srgb",
+    "checksums", "conventions", "channels", "data_files", "errors", "folder_lock", "glossary", "math3d",
+    "memory_budget", "outputs", "paths", "preset", "run_schema", "settings", "srgb",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (
@@ -26,7 +26,7 @@ LAYERS: tuple[set[str], ...] = (
     {"animation"},
     {"effects"},
     {"frame"},
-    {"report"},
+    {"report", "run_check"},
     {"run", "provenance"},
     {"evaluation"},
     {"pathtraced"},
@@ -43,7 +43,7 @@ LAYERS: tuple[set[str], ...] = (
 """Packages and top-level modules, lowest first.  Each imports only from lower layers and from itself; leaf modules may
 import each other."""
 
-NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", *LEAF}
+NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", "run_check", *LEAF}
 """Packages that must import without OpenGL."""
 
 NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("check", "compare", "blender.convert", "blender.render"))

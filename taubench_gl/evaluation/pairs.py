@@ -6,9 +6,10 @@ import difflib
 import operator
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -340,4 +341,4 @@ class Observers:
     on_counts: Callable[[Counts], None] | None = None  # gets the exact counts
     scene: str = ""  # its name, for ``progress``; set by the evaluation
     writer: RunWriter | None = None  # gets the row; set by the evaluation
-    on_finish: Callable[[Run], None] | None = None  # gets the run, with all rows written, before its summary.json is
+    on_finish: Callable[[Run], Iterable[Path]] | None = None  # writes files once all rows are, before summary.json

@@ -111,10 +111,9 @@ def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], observers: O
     run = Run(summary, rows, None if writer is None else writer.out)
     if writer is not None:
         writer.rewrite_rows(rows)
-    if observers.on_finish is not None:
-        observers.on_finish(run)
+    files = [] if observers.on_finish is None else observers.on_finish(run)
     if writer is not None:
-        writer.write_summary(summary)
+        writer.write_summary(summary, files)
     return run
 
 

@@ -85,6 +85,7 @@ class ReuseStats:
         self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
         self._color_only: list[int] = []
         self._histogram = np.zeros(1 << 16, dtype=np.int64)
+        self._with_reasons = True
 
     def add(self, mask_histogram: Array) -> None:
         """Add one pair.  (65536,) pixels per reason word."""
@@ -92,7 +93,7 @@ class ReuseStats:
         self._histogram[words] += pixels
         whole = int(pixels.sum())
         counted = {f"reusable_{rate}": count for rate, count in reusable_pixels(mask_histogram).items()}
-        self.add_counts({"pixels": whole, "sky": whole - surface_pixels(mask_histogram)} | counted)
+        self._add_counts({"pixels": whole, "sky": whole - surface_pixels(mask_histogram)} | counted)
         if self.rate is not None:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
@@ -102,6 +103,10 @@ class ReuseStats:
 
     def add_counts(self, counts: Mapping[str, Any]) -> None:
         """Add a pair by its row of frames.csv, which has the rates and not the reasons."""
+        self._with_reasons = False
+        self._add_counts(counts)
+
+    def _add_counts(self, counts: Mapping[str, Any]) -> None:
         self._pixels.append(counts["pixels"])
         self._surface.append(counts["pixels"] - counts["sky"])
         for rate, values in self._counts.items():
@@ -130,7 +135,7 @@ class ReuseStats:
         out: dict[str, Any] = {rate: self._rate(rate, cuts, weights) for rate in RATES}
         sky = [pixels - surface for pixels, surface in zip(self._pixels, self._surface, strict=True)]
         out["sky_percent"] = _percent(sky, self._pixels, weights) if self._with_sky else None
-        found = self.rate is not None and self.has_surface
+        found = self.rate is not None and self.has_surface and self._with_reasons
         out |= {"reprojection": reprojection, "reasons_of": self.rate if found else None, "reasons": {}}
         if found:
             out["reasons"] = {name: self._share(values, weights) for name, values in self._reasons.items()}

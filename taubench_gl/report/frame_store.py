@@ -268,10 +268,13 @@ class FrameRecorder:
 
         self._kept.offer(frame, discarded, write)
 
-    def finish(self, frames_file: Path) -> None:
-        """Write the index.  ``frames_file``: frames.csv of the run; its hash ties the images to these rows."""
+    def finish(self, frames_file: Path) -> list[Path]:
+        """Write the index.  ``frames_file``: frames.csv of the run; its hash ties the images to these rows.
+
+        -> index and images.
+        """
         if not self._kept.frames:
-            return
+            return []
         index = {
             "schema": SCHEMA,
             "width": self._size[0],
@@ -284,6 +287,8 @@ class FrameRecorder:
         if self._planes is not None:
             index["planes"] = self._planes.finish(self._folder, self._kept.frames)
         write_atomically(self._folder / INDEX, json.dumps(index, indent=1) + "\n")
+        parts = _PARTS if self._planes is None else (*_PARTS, _PLANES)
+        return [self._folder / INDEX, *(self._folder / file_name(p, f) for p in parts for f in self._kept.frames)]
 
     def _write(self, frame: int, image: Array, previous: Array, mask: Array) -> None:
         self._step = step = step_of(mask.shape[1], MAX_WIDTH if self._planes is None else MAX_WIDTH_FULL)
