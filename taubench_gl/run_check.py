@@ -27,6 +27,7 @@ Row = Mapping[str, Any]
 
 TOLERANCE = 1e-9
 """Relative and absolute: JSON and CSV keep every digit, machines add in different orders."""
+_CAMERA_TOLERANCE = 1e-6  # of angles between nearly equal directions
 
 _FAULTS = (ArithmeticError, LookupError, TypeError, ValueError, AttributeError)
 
@@ -153,18 +154,18 @@ def _of_histogram(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict
 
 
 def _of_curves(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[str, Any]) -> Iterator[Contradiction]:
-    """The curves against the rows; adds what follows from them to ``derived``."""
+    """The curves against the rows; adds the shares at other exposures, which follow from them, to ``derived``."""
     settings = summary.get("settings") or {}
     thresholds, scale = settings.get("thresholds") or {}, settings.get("unit_scale") or 1.0
     curves = {name: curve for name, curve in (summary.get("curves") or {}).items() if (curve or {}).get("counts")}
-    derived["curves"] = {}
+    found: dict[str, Any] = {}
     comparable = sum(row["comparable"] for row in rows)
     for name, curve in curves.items():
         counts, bounds = np.array(curve["counts"]), edges() / (scale if name == "position" else 1.0)
         above = discarded_above(counts)
         counts[0] = comparable - counts[1:].sum()
-        derived["curves"][name] = {"edges": bounds.tolist(), "counts": counts.tolist(), "comparable": comparable}
-        derived["curves"][name]["at_or_above"] = above.tolist()
+        found[name] = {"edges": bounds.tolist(), "counts": counts.tolist(), "comparable": comparable}
+        found[name]["at_or_above"] = above.tolist()
         if (limit := thresholds.get(name)) is None:
             continue
         tails = np.array([comparable, *above, 0])
@@ -173,6 +174,7 @@ def _of_curves(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[st
         column = sum(row[name] for row in rows)
         if not least <= column <= most:
             yield Contradiction(f"curves.{name}.counts: pixels above the threshold", f"{least} to {most}", column)
+    yield from _differences(summary, {"curves": found}, "")
     if all(name in thresholds for name in curves):
         pixels = sum(row["pixels"] for row in rows)
         for column, shares in sensitivity(curves, thresholds, pixels).items():
@@ -212,12 +214,12 @@ def _differences(recorded: Any, derived: Any, at: str) -> Iterator[Contradiction
     elif isinstance(derived, str) or derived is None or recorded is None:
         if recorded != derived:
             yield Contradiction(at, recorded, derived)
-    elif not _close(recorded, derived):
+    elif not _close(recorded, derived, _CAMERA_TOLERANCE if at.startswith("camera.") else TOLERANCE):
         yield Contradiction(at, recorded, derived)
 
 
-def _close(a: float, b: float) -> bool:
-    return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+def _close(a: float, b: float, tolerance: float = TOLERANCE) -> bool:
+    return math.isclose(a, b, rel_tol=tolerance, abs_tol=tolerance)
 
 
 def _short(value: Any) -> str:

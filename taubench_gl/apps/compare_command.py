@@ -39,15 +39,14 @@ def compare(runs: tuple[str, ...], form: str, paper: bool) -> None:
     Folders of 'taubench-gl reuse evaluate' print the tables of their methods: in common tables where scene, frames,
     input and reference are the same, else one after another.
     """
-    from taubench_gl.apps.screen import show_tables
+    from taubench_gl.apps.screen import load_runs, show_tables
     from taubench_gl.report import FORMATS, run_tables
     from taubench_gl.reuse.stored import is_evaluation
-    from taubench_gl.run import load_run
 
     reuse = [is_evaluation(run) for run in runs]
     if any(reuse) and not all(reuse):
         raise OutputError("runs and reuse evaluations have different tables", hint="compare them separately")
-    tables = _reuse_tables(runs) if any(reuse) else run_tables([load_run(run).summary for run in runs], paper=paper)
+    tables = _reuse_tables(runs) if any(reuse) else run_tables([run.summary for run in load_runs(runs)], paper=paper)
     if form == "text":
         show_tables(tables)
     else:

@@ -40,15 +40,15 @@ def report(runs: tuple[str, ...], out: Path | None, images: int) -> None:
     with their reason masks, plots per frame, threshold curves, effects, camera cuts and provenance.  One folder of
     'taubench-gl reuse evaluate' makes the page of that evaluation.
     """
+    from taubench_gl.apps.screen import load_runs
     from taubench_gl.report.page import REPORT_FILE
     from taubench_gl.report.run_page import ReportRun, write_html_report
     from taubench_gl.reuse.stored import is_evaluation
-    from taubench_gl.run import load_run
 
     if any(map(is_evaluation, runs)):
         _echo_written(_reuse_page(runs, out, images))
         return
-    loaded = [load_run(run) for run in runs]
+    loaded = load_runs(runs)
     if out is None:
         out = loaded[0].out / REPORT_FILE if len(loaded) == 1 else Path(REPORT_FILE)
     path = write_html_report([ReportRun(run.summary, run.frames, run.out) for run in loaded], out, images)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,10 +13,22 @@ from taubench_gl.errors import printable
 
 if TYPE_CHECKING:
     from taubench_gl.report import Table
-    from taubench_gl.run import Progress
+    from taubench_gl.run import Progress, Run
 
 PLAIN_STEPS = 10
 """Progress lines per scene if standard error is not a terminal."""
+
+
+def load_runs(folders: Iterable[str | Path]) -> list[Run]:
+    """Stored runs, with a note for each of which files are missing.  Raises OutputError."""
+    from taubench_gl.run import load_run
+
+    found = [load_run(folder) for folder in folders]
+    for run in found:
+        if run.missing:
+            more = f" and {len(run.missing) - 1} more files" if len(run.missing) > 1 else ""
+            click.echo(f"note: {run.out}: {printable(run.missing[0])}{more} of the run missing", err=True)
+    return found
 
 
 def show_tables(tables: list[Table]) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.checksums import values_sha256
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS
 from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
@@ -23,8 +24,8 @@ from taubench_gl.metrics.counts import Counts
 from taubench_gl.outputs import plain_text
 from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS
 
-REPORT_KEY = b"taubench-gl"
-"""Key of the file's metadata: the worker's report on the job and on itself, as JSON."""
+REPORT_KEY, SHA256_KEY = b"taubench-gl", b"sha256"
+"""Keys of the file's metadata: the worker's report on the job and on itself, as JSON; checksum of report and rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,19 +68,25 @@ def encode(records: Sequence[PairRecord], report: Mapping[str, Any]) -> bytes:
         columns["lobes"].append(_lobes_text(record.lobes))
     fields = _fields(pa)
     arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
-    schema = pa.schema(list(fields.items()), metadata={REPORT_KEY: json.dumps(report)})
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(list(fields.items())))
+    text = json.dumps(report)
+    digest = values_sha256([json.loads(text), table.to_pylist()])
     sink = io.BytesIO()
-    pa.parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), sink, compression="zstd")
+    pa.parquet.write_table(
+        table.replace_schema_metadata({REPORT_KEY: text, SHA256_KEY: digest}), sink, compression="zstd"
+    )
     return sink.getvalue()
 
 
 def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
-    """The inverse of ``encode``.  Raises ValueError for other data, such as truncated files or another schema."""
+    """The inverse of ``encode``.  Raises ValueError for other data, such as truncated files and changed numbers."""
     pa = require_pyarrow()
     try:
         table = pa.parquet.read_table(io.BytesIO(data))
         report = parse_json(table.schema.metadata[REPORT_KEY])
         rows = table.to_pylist()
+        if values_sha256([report, rows]).encode() != table.schema.metadata.get(SHA256_KEY):
+            raise ValueError("not the pairs that were written")
     except (pa.ArrowException, OSError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"not a partition of pairs: {error}") from None
     if set(table.column_names) != set(_fields(pa)):

@@ -26,6 +26,7 @@ import msgspec
 from taubench_gl import __version__
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
+from taubench_gl.checksums import with_checksums, without_checksums
 from taubench_gl.data_files import checked, opened, read_bytes, read_json, read_text
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.folder_lock import LOCK_FILE
@@ -135,7 +136,8 @@ class Store:
     def known_head(self, job: str) -> dict[str, Any] | None:
         """The stored head, even if the scene has changed since; None if there is none."""
         try:
-            return read_json(self.head_file(job), _Head, max_bytes=MAX_HEAD_BYTES)
+            path = self.head_file(job)
+            return without_checksums(read_json(path, _Head, max_bytes=MAX_HEAD_BYTES), path)[0]
         except OutputError:  # missing, or damaged by a disk error: it is computed again
             return None
 
@@ -149,7 +151,7 @@ class Store:
         before = self.known_head(job.id)
         if before is None or any(before.get(key) != values.get(key) for key in ("facts", "frames", "lighting")):
             self.remove(job.id)
-        self.write_json(self.head_file(job.id), values, indent=None)
+        self.write_json(self.head_file(job.id), with_checksums(values), indent=None)
         return values
 
     def remove(self, job: str) -> None:

@@ -44,6 +44,8 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
     and without a common pair.
     """
     a, b = (one if isinstance(one, Run) else load_run(one) for one in (run, reference))
+    _require_files(a)
+    _require_files(b)
     _require_keys(a)
     _require_keys(b)
     sizes = [(r.summary["settings"]["width"], r.summary["settings"]["height"]) for r in (a, b)]
@@ -70,6 +72,15 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
         "worst": worst,
         "provenance": [r.summary.get("provenance") for r in (a, b)],
     }
+
+
+def _require_files(run: Run) -> None:
+    """Raises OutputError for a run of which some masks or channels are missing, so that others would be compared."""
+    for folder in (Path(_MASKS).parent, Path(_CHANNELS).parent):
+        lost = [name for name in run.missing if Path(name).parent == folder]
+        if lost and run.out is not None and (run.out / folder).is_dir():
+            hint = f"evaluate again, or remove the whole folder {folder} to compare without it"
+            raise OutputError("a file of the run is missing", where=str(run.out / lost[0]), hint=hint)
 
 
 def _require_same_light(a: Run, b: Run) -> None:

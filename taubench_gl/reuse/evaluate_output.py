@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.checksums import with_checksums
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.folder_lock import FolderLock
@@ -257,7 +258,8 @@ class ReuseFolder:
         out = self.out
         written = [out / "frames.csv", out / "reuse.json"]
         write_atomically(written[0], rows_csv(evaluation.rows, ROW_COLUMNS))
-        write_atomically(written[1], as_json(evaluation.summary))
+        summary = with_checksums(json.loads(as_json(evaluation.summary)), written[0])
+        write_atomically(written[1], as_json(summary))
         self.written_frames = len({row["frame"] for row in evaluation.rows})
         self._rows.clear()  # all on disk: an interrupt from here on loses nothing
         written += write_tables(out, reuse_tables(evaluation.summary))

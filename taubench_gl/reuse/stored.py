@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, Struct
 
+from taubench_gl.checksums import without_checksums
 from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
 from taubench_gl.errors import OutputError
 
@@ -103,7 +104,7 @@ def is_evaluation(folder: str | Path) -> bool:
 def load_evaluation(folder: str | Path) -> StoredEvaluation:
     """Read an evaluation; ``folder`` may also name its reuse.json.
 
-    Raises OutputError for files that are missing, damaged or of another schema.
+    Raises OutputError for files that are missing, damaged, changed or of another schema.
     """
     out = Path(folder)
     out = out.parent if out.name == FILE else out
@@ -118,7 +119,9 @@ def load_evaluation(folder: str | Path) -> StoredEvaluation:
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
     _check_methods(summary, path)
-    return StoredEvaluation(summary, _rows(out / FRAMES_FILE, summary), out)
+    rows = _rows(out / FRAMES_FILE, summary)
+    summary, _ = without_checksums(summary, path, out / FRAMES_FILE)
+    return StoredEvaluation(summary, rows, out)
 
 
 def _check_methods(summary: dict[str, Any], path: Path) -> None:
