@@ -12,6 +12,7 @@ import pytest
 from taubench_gl.apps import cli
 from taubench_gl.errors import SceneError
 from taubench_gl.run import Progress, Run, RunWriter
+from taubench_gl.run_schema import COUNT_COLUMNS
 
 
 class FakeEvaluate:
@@ -33,7 +34,12 @@ class FakeEvaluate:
             raise SceneError("no such thing", where=f"{scene}#/nodes/3", hint="repair it")
         if name.startswith("bug"):
             raise ZeroDivisionError("oops")
-        rows = [{"frame": i, "pixels": 10, "frustum": i} for i in range(1, self.pairs + 1)]
+        empty = dict.fromkeys(COUNT_COLUMNS, 0) | {"pixels": 10, "camera_cut": 0}
+        times = {i: i / settings.sequence.fps for i in range(1, self.pairs + 1)}
+        rows = [
+            empty | {"frame": i, "time_s": time, "outside": i, "frustum": i, "comparable": 10 - i}
+            for i, time in times.items()
+        ]
         summary = {
             "schema": "taubench-gl/summary/2",
             "scene": {"name": name, "duration_s": self.duration},

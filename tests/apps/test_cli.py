@@ -13,6 +13,7 @@ import pytest
 
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import RunWriter
+from taubench_gl.run_schema import COUNT_COLUMNS
 
 REPORT = {
     "backend": "egl",
@@ -120,7 +121,9 @@ def stored(tmp_path):
     for name in ("one", "two"):
         with RunWriter(tmp_path / name) as writer:
             discard = {"frustum": {"mean_percent": 12.5}}
-            scene = {"schema": "taubench-gl/summary/2", "scene": {"name": name}, "pairs": 0, "discard": discard}
+            scene = {"schema": "taubench-gl/summary/2", "scene": {"name": name}, "pairs": 1, "discard": discard}
+            counts = dict.fromkeys(COUNT_COLUMNS, 0) | {"pixels": 8, "outside": 1, "frustum": 1, "comparable": 7}
+            writer.write_row(counts | {"frame": 1})
             writer.write_summary(scene)
         folders.append(tmp_path / name)
     return folders

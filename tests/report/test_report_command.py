@@ -9,6 +9,11 @@ import pytest
 from taubench_gl.apps.cli import main
 
 
+@pytest.fixture
+def run(stored_run):
+    return stored_run
+
+
 def report(*arguments: object) -> int:
     with pytest.raises(SystemExit) as done:
         main(["report", *map(str, arguments)])

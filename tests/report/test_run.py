@@ -10,11 +10,17 @@ import sys
 import numpy as np
 import pytest
 
+from taubench_gl.checksums import KEY
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import LOCK_FILE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, RunWriter, load_run, read_frames
 from taubench_gl.run_schema import FRAME_COLUMNS
+
+
+@pytest.fixture
+def run(stored_run):
+    return stored_run
 
 
 def test_saved_run_is_loaded_equal(run, tmp_path):
@@ -61,7 +67,8 @@ def test_summary_is_written_completely_or_not_at_all(tmp_path):
             writer.write_summary({"x": {1}})
         assert sorted(os.listdir(tmp_path)) == [LOCK_FILE, FRAMES_FILE]
         writer.write_summary({"array": np.arange(2), "n": np.int64(3)})
-    assert json.loads((tmp_path / SUMMARY_FILE).read_text()) == {"array": [0, 1], "n": 3}
+    written = json.loads((tmp_path / SUMMARY_FILE).read_text())
+    assert written.pop(KEY) and written == {"array": [0, 1], "n": 3}
     assert sorted(os.listdir(tmp_path)) == [FRAMES_FILE, SUMMARY_FILE]
 
 
@@ -171,6 +178,7 @@ def test_load_run_names_a_value_of_another_type(run, tmp_path, keys, value):
     block = summary
     for key in outer:
         block = block.setdefault(key, {})
+    del summary[KEY]  # as somebody who changes a summary on purpose
     block[last] = value
     (tmp_path / SUMMARY_FILE).write_text(json.dumps(summary))
     with pytest.raises(OutputError) as caught:
@@ -178,7 +186,11 @@ def test_load_run_names_a_value_of_another_type(run, tmp_path, keys, value):
     assert caught.value.what.startswith(f"{keys} ")
     block[last] = None
     (tmp_path / SUMMARY_FILE).write_text(json.dumps(summary))
-    assert load_run(tmp_path).frames == run.frames, "null is valid"
+    if keys in ("discard.normal", "discard.normal.mean_percent", "camera.yaw.p95"):
+        with pytest.raises(OutputError, match="the rest of the run gives"):
+            load_run(tmp_path)
+    else:
+        assert load_run(tmp_path).frames == run.frames, "null is valid"
 
 
 def test_load_run_without_a_run(tmp_path):
