@@ -67,6 +67,7 @@ def test_keys_of_a_summary_with_wrong_values(stored, tmp_path, every):
     folder = tmp_path / "run"
     shutil.copytree(stored, folder)
     summary = json.loads((stored / "summary.json").read_text())
+    del summary["stored"]  # with its checksum no change would reach the readers
     keys = list(places(summary))
     assert len(keys) > 250
     refused = 0
