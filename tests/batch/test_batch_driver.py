@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -19,9 +20,9 @@ from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.passes.masks import MASK_WORDS
 from taubench_gl.metrics.counts import Counts, counts_of
-from taubench_gl.run_schema import EXACT_COLUMNS
+from taubench_gl.run_schema import CAMERA_COLUMNS, EXACT_COLUMNS
 
-PIXELS = 40
+PIXELS = 40  # 8x5
 FRAMES = 20
 
 
@@ -30,7 +31,7 @@ def record(position: int) -> PairRecord:
     mask_histogram[0], mask_histogram[int(Reason.OUTSIDE)] = PIXELS - position, position
     histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.uint32)
     histograms[1, 30 + position] = 5
-    camera = dict.fromkeys(("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg"), 0.1 * position)
+    camera = dict.fromkeys(CAMERA_COLUMNS, 0.0) | {"translation_m": 1.0}
     row = {"frame": position + 1, "time_s": (position + 1) / 24, **counts_of(mask_histogram), **camera, "gimbal": False}
     row |= {"direct": None, "lit": None, "shadowed": None}
     return PairRecord(position, row, Counts(mask_histogram, histograms))
@@ -103,7 +104,7 @@ class Recorder(Listener):
 def spec(tmp_path):
     for name in ("a.glb", "b.glb"):
         (tmp_path / name).write_text(name)
-    return spec_of(tmp_path, 'scenes = ["a.glb", "b.glb"]')
+    return spec_of(tmp_path, 'scenes = ["a.glb", "b.glb"]\nsize = "8x5"')
 
 
 @pytest.fixture
@@ -126,6 +127,14 @@ def test_partitions_preserve_every_count():
         assert theirs.position == ours.position and theirs.row == dict.fromkeys(EXACT_COLUMNS) | ours.row
         np.testing.assert_array_equal(theirs.counts.mask_histogram, ours.counts.mask_histogram)
         np.testing.assert_array_equal(theirs.counts.histograms, ours.counts.histograms)
+    table = require_pyarrow().parquet.read_table(io.BytesIO(data))
+    for name in ("frame", "pixels", "translation_m"):  # a number changed by another program, with whole metadata
+        place, values = table.column_names.index(name), table[name].to_pylist()
+        wrong = require_pyarrow().array([values[0] + 1, *values[1:]], type=table.schema.field(name).type)
+        sink = io.BytesIO()
+        require_pyarrow().parquet.write_table(table.set_column(place, table.schema.field(name), wrong), sink)
+        with pytest.raises(ValueError, match="written"):
+            decode(sink.getvalue())
     for broken in (data[:-10], data[: len(data) // 2], b"", b"PAR1"):
         with pytest.raises(ValueError, match="partition"):
             decode(broken)
