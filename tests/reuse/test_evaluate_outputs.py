@@ -11,6 +11,7 @@ from reuse_scenes import SIZE, passing_box
 from reuse_tools import evaluate
 
 import taubench_gl.reuse
+from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, side_by_side
@@ -39,7 +40,7 @@ def test_output_folder_is_complete(written):
     out, done, files, _ = written
     assert {f.name for f in files} == {f.name for f in out.iterdir()} and not list(out.glob(".*"))
     stored = json.loads((out / "reuse.json").read_text())
-    assert stored == done.summary and stored["schema"] == "taubench-gl/reuse/3"
+    assert stored.pop(KEY) and stored == done.summary and stored["schema"] == "taubench-gl/reuse/3"
     assert set(stored["measures"]) == set(MEASURES) and set(stored["classes"]) == set(CLASSES)
     assert stored["provenance"]["clock"] == stored["clock"] and stored["methods"]["nosuch"]["failed"]
     with open(out / "frames.csv", newline="") as file:
@@ -60,7 +61,8 @@ def test_numbers_are_written_before_images(written, tmp_path, monkeypatch, error
     with pytest.raises(type(error)), ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
         folder.on_frame(written[3][0])
         folder.finish(written[1])
-    assert json.loads((tmp_path / "run" / "reuse.json").read_text()) == written[1].summary
+    stored = json.loads((tmp_path / "run" / "reuse.json").read_text())
+    assert stored.pop(KEY) and stored == written[1].summary
     assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
 
 
