@@ -31,6 +31,7 @@ SPARSE = 3 << 30
 DEEP = "@deep@"
 """Stands for brackets nested a hundred thousand times, which no writer of JSON or TOML writes."""
 
+MOST_PLACES = 100_000  # of a document that is changed again
 LONG = "y" * 100_000
 NUMBERS: list[Any] = [
     -1, 0, 1, 3, 255, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**53 + 1, 2**63, 2**64, 10**30, -0.0, 0.5, 1e-45,
@@ -47,7 +48,8 @@ SHAPES: list[Any] = [None, True, False, [], {}, [[]], [0], {"x": {}}, [1e38] * 3
 class Case:
     """``command``: arguments of taubench-gl, or ``@name`` of ``hostile_server.CALLS`` and a file.
 
-    ``named``: the file that the command names; what it links to may be read.  ``draws``: the command opens OpenGL.
+    ``named``: the file that the command names; what it links to may be read.  Folders of results may hold links to
+    files elsewhere, which may be read too.  ``draws``: the command opens OpenGL.
     """
 
     number: int
@@ -61,9 +63,9 @@ class Case:
 
 
 def places(value: Any) -> list[tuple[Any, Any]]:
-    """(owner, key) of everything in nested objects and lists."""
+    """(owner, key) of everything in nested objects and lists, up to ``MOST_PLACES``."""
     out, level = [], [value]
-    while level:
+    while level and len(out) < MOST_PLACES:
         one = level.pop()
         items = one.items() if isinstance(one, dict) else enumerate(one) if isinstance(one, list) else ()
         for key, item in items:
@@ -75,7 +77,7 @@ def places(value: Any) -> list[tuple[Any, Any]]:
 def change(document: Any, rng: random.Random) -> None:
     """One change of a JSON or TOML document, in place."""
     found = places(document)
-    if not found:
+    if not 0 < len(found) < MOST_PLACES:
         return
     # Lists of numbers have most places: half of the changes are elsewhere.
     structure = [place for place in found if not (isinstance(place[0], list) and len(place[0]) > 2)]
@@ -92,8 +94,8 @@ def change(document: Any, rng: random.Random) -> None:
     elif kind < 0.78:
         owner[key] = copy.deepcopy(rng.choice(SHAPES))
     elif kind < 0.84 and isinstance(value, list) and value:
-        owner[key] = value * rng.choice((2, 300, 20_000 // len(value) + 1))
-    elif kind < 0.88:
+        owner[key] = value * min(rng.choice((2, 300, 20_000)), MOST_PLACES // len(places(value)))
+    elif kind < 0.88 and len(places(value)) < MOST_PLACES // 20:
         owner[key] = {f"key {i}": value if i < 10 else i for i in range(rng.choice((20, 50_000)))}
     elif kind < 0.91 and isinstance(owner, dict):
         owner[rng.choice(TEXTS)] = owner.pop(key)
@@ -214,9 +216,9 @@ def png(width: int, height: int) -> bytes:
 
 def scene_command(path: Path, out: Path, rng: random.Random) -> tuple[list[str], bool]:
     kind = rng.random()
-    if kind < 0.5:
+    if kind < 0.8:
         return ["@scene", str(path)], False
-    if kind < 0.7:
+    if kind < 0.9:
         return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))], True
     size = ["--size", "24x16", "--frames", "0:3", "--shadow-size", "32", "--indirect", "none"]
     return ["evaluate", str(path), "--out", str(out), *size], True
@@ -412,7 +414,7 @@ def stored_run(folder: Path, rng: random.Random, seeds: Path) -> Case:
     commands = (["compare", str(run)], ["compare", str(run), other], ["report", str(run), "--out", out + ".html"],
                 ["reference", "compare", str(run), other, "--out", out])  # fmt: skip
     command = rng.choice(commands)
-    return Case(0, "run", command, run)
+    return Case(0, "run", command, folder / "foreign" / "secret")
 
 
 def stored_batch(folder: Path, rng: random.Random, seeds: Path) -> Case:
@@ -427,7 +429,7 @@ def stored_batch(folder: Path, rng: random.Random, seeds: Path) -> Case:
     if rng.random() < 0.2:
         path.unlink()
         path.symlink_to(folder / "foreign" / "secret")
-    return Case(0, "batch", ["batch", rng.choice(("status", "report")), str(out)], out)
+    return Case(0, "batch", ["batch", rng.choice(("status", "report")), str(out)], folder / "foreign" / "secret")
 
 
 def spec_document(folder: Path) -> dict[str, Any]:
@@ -435,7 +437,8 @@ def spec_document(folder: Path) -> dict[str, Any]:
     return {
         "name": "spec", "scenes": [demo, {"path": demo, "frames": "0:4", "thresholds": {"normal": 0.05}}],
         "frames": "0:9", "size": ["48x27", "64x36"], "fps": [24, 60], "columns": ["frustum", "position"],
-        "light_unit": "candela", "exposure": 1.0, "environment": "none", "reprojection": ["camera", "motion"], "thresholds": {"color": [0.1, 0.2]},
+        "light_unit": "candela", "exposure": 1.0, "environment": "none", "reprojection": ["camera", "motion"],
+        "thresholds": {"color": [0.1, 0.2]},
     }  # fmt: skip
 
 
@@ -446,7 +449,20 @@ def suite_document(folder: Path) -> dict[str, Any]:
 
 
 def preset_document(folder: Path) -> dict[str, Any]:
-    return tomllib.loads((PACKAGE / "levels" / "balanced.toml").read_text())
+    settings = {
+        "light": "auto",
+        "spp": 16,
+        "indirect": "probes",
+        "probes": 768,
+        "shadow_size": 1024,
+        "light_error": 0.001,
+    }
+    measured = {"scene": "demo", "wrong_percent": {"color": 0.7}}
+    return {
+        "schema": "taubench-gl/preset/1",
+        "settings": settings | {"thresholds": {"color": 0.1}},
+        "measured": measured,
+    }
 
 
 def registry_document(folder: Path) -> dict[str, Any]:

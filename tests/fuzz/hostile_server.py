@@ -71,7 +71,11 @@ def audit(folder: Path, named: str, report: int) -> None:
     devices = ("/dev/null", "/dev/dri", "/dev/tty", "/dev/shm")
 
     def within(path: str, roots: tuple[str, ...]) -> bool:
-        return any(path == root or path.startswith((root + "/", root + ".")) for root in roots)
+        return any(
+            path == root
+            or path.startswith((root + "/", root + ".", f"{os.path.dirname(root)}/.{os.path.basename(root)}."))
+            for root in roots
+        )
 
     def text(path: Any) -> str | None:
         if isinstance(path, int) or path is None:

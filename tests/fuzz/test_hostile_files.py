@@ -1,7 +1,7 @@
 """Hostile files of every kind: each ends with a result or one line, and touches nothing that is not its own.
 
 Every case runs in a process of its own with limits (``hostile_server``).  TAUBENCH_FUZZ_SEED and TAUBENCH_FUZZ_CASES
-choose another series of the long test; TAUBENCH_FUZZ_KEEP names a folder for the cases that fail.
+choose another series of the long test.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from typing import Any
 import pytest
 from hostile_cases import Case, make_case, make_seeds
 
+from taubench_gl.errors import MOST_CHARACTERS
+
 SERVER = Path(__file__).with_name("hostile_server.py")
 MOST_BYTES = 2 << 30
 REASON = re.compile(r"memory|GiB|MiB", re.IGNORECASE)
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 LONG_CASES = int(os.environ.get("TAUBENCH_FUZZ_CASES", "1000"))
 SEED = int(os.environ.get("TAUBENCH_FUZZ_SEED", "1"))
-KEEP = os.environ.get("TAUBENCH_FUZZ_KEEP")
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def state(folder: Path) -> dict[str, tuple]:
     for root, folders, files in os.walk(folder):
         if Path(root) == folder:
             folders[:] = [name for name in folders if name not in ("out", "own")]
-            files = [name for name in files if not name.startswith("out.")]
+            files = [name for name in files if not name.startswith(("out.", ".out."))]
         for name in (*folders, *files):
             path = os.path.join(root, name)
             about = os.lstat(path)
@@ -83,7 +84,7 @@ def faults(case: Case, before: dict, after: dict, ended: dict[str, Any]) -> list
         errors = [line for line in lines if "error:" in line[:40]]
         if len(errors) != 1 or not lines[-1].startswith("taubench-gl: error: "):
             out.append(f"{len(errors)} lines of errors")
-        elif len(lines[-1]) > 2000:
+        elif len(lines[-1]) > 4 * MOST_CHARACTERS:
             out.append(f"a line of {len(lines[-1])} characters")
     out += [f"warning: {line}" for line in lines if re.search(r"\.py:\d+: \w*Warning", line)]
     if ended["bytes"] > MOST_BYTES and not REASON.search(ended["errors"]):
@@ -109,21 +110,22 @@ def run_series(server: Any, folder: Path, seeds: Path, seed: int, numbers: range
         ended = json.loads(server.stdout.readline())
         wrong = faults(case, before, state(own), ended)
         ends[case.kind, {0: "read", 2: "refused"}.get(ended["code"], "fault")] += 1
+        print(
+            number,
+            case.kind,
+            case.command[:2],
+            ended["code"],
+            f"{ended['seconds']:.2f} s",
+            ended["bytes"] >> 20,
+            flush=True,
+        )
         if wrong:
             what = f"case {number} ({' '.join(case.command)[:200]!r}): {'; '.join(wrong)}"
             found.append(f"{what}\n{ended['errors'][-1500:]}")
             print(found[-1], flush=True)
-            if KEEP:
-                shutil.copytree(own, Path(KEEP) / own.name, symlinks=True, ignore=ignored, dirs_exist_ok=True)
         shutil.rmtree(own)
     assert not found, f"{len(found)} of {len(numbers)} cases:\n" + "\n".join(found)
     return ends
-
-
-def ignored(folder: str, names: list[str]) -> list[str]:
-    """What cannot be copied: pipes and files of gigabytes."""
-    about = {name: os.lstat(os.path.join(folder, name)) for name in names}
-    return [name for name, one in about.items() if stat.S_ISFIFO(one.st_mode) or one.st_size > 1 << 28]
 
 
 def test_hostile_files(server, seeds, tmp_path):
