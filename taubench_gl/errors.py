@@ -7,13 +7,17 @@ turns an error into exit code 2 and one printed line.
 from __future__ import annotations
 
 
+MOST_CHARACTERS = 2000
+"""Limit on each part of a printed error; values and names in files may have megabytes."""
+
+
 class TaubenchError(Exception):
     """Base class.  ``what`` is wrong, ``where`` and ``hint`` may be None; ``str(error)`` is one printable line."""
 
     def __init__(self, what: str, *, where: str | None = None, hint: str | None = None):
         self.what, self.where, self.hint = what, where, hint
-        line = what if where is None else f"{where}: {what}"
-        super().__init__(_one_line(line if hint is None else f"{line} ({hint})"))
+        line = _shortened(what) if where is None else f"{_shortened(where)}: {_shortened(what)}"
+        super().__init__(_one_line(line if hint is None else f"{line} ({_shortened(hint)})"))
 
 
 class SceneError(TaubenchError):
@@ -49,6 +53,11 @@ class MethodError(TaubenchError):
 
 class OutputError(TaubenchError):
     """A result cannot be written, or a stored run cannot be read."""
+
+
+def _shortened(text: str) -> str:
+    more = len(text) - MOST_CHARACTERS
+    return text if more <= 0 else f"{text[:MOST_CHARACTERS]} ... and {more:,} more characters"
 
 
 def _one_line(text: str) -> str:

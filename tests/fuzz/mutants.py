@@ -7,7 +7,9 @@ import copy
 import json
 import random
 import struct
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -102,7 +104,7 @@ def gltf_seed() -> tuple[dict, bytes]:
 def write_gltf_mutants(folder: Path, count: int, seed: int) -> None:
     """``count`` mutants of the scene, and the undamaged scene as 000000.gltf."""
     document, blob = gltf_seed()
-    _write(folder / "000000.gltf", document, blob)
+    write_gltf(folder / "000000.gltf", document, blob)
     rng = random.Random(seed)
     for number in range(1, count + 1):
         mutant, data = copy.deepcopy(document), bytearray(blob)
@@ -118,15 +120,21 @@ def write_gltf_mutants(folder: Path, count: int, seed: int) -> None:
             else:
                 del data[rng.randrange(len(data)) :]
                 data = data or bytearray(1)
-        _write(folder / f"{number:06d}.{rng.choice(('gltf', 'glb'))}", mutant, bytes(data))
+        write_gltf(folder / f"{number:06d}.{rng.choice(('gltf', 'glb'))}", mutant, bytes(data))
 
 
-def _write(path: Path, document: dict, blob: bytes) -> None:
+def write_gltf(
+    path: Path, document: dict, blob: bytes, buffer: dict | None = None, text_of: Callable[[Any], str] = json.dumps
+) -> None:
+    """A .gltf or .glb file.  ``buffer``: more keys of the buffer, such as the URI of a file."""
+    entry = {"byteLength": len(blob)}
     if path.suffix == ".gltf":
-        uri = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
-        path.write_text(json.dumps(document | {"buffers": [{"byteLength": len(blob), "uri": uri}]}))
+        entry["uri"] = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
+        path.write_text(
+            text_of(document | {"buffers": [entry | (buffer or {})]}), encoding="utf-8", errors="surrogatepass"
+        )
         return
-    text = json.dumps(document | {"buffers": [{"byteLength": len(blob)}]}).encode()
+    text = text_of(document | {"buffers": [entry | (buffer or {})]}).encode("utf-8", "surrogatepass")
     text += b" " * (-len(text) % 4)
     blob += bytes(-len(blob) % 4)
     body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(blob), 0x004E4942) + blob

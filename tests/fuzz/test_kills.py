@@ -1,4 +1,5 @@
-"""A hundred kills (SIGKILL) at random moments, 20 each of evaluate, export, batch, cost and reference rendering.
+"""Kills (SIGKILL) at random moments of every command that writes a folder: evaluate, export, batch, cost, reuse,
+benchmark and reference rendering.
 
 After each kill: no child is left, and a run with a summary.json is whole.  After all kills of a command, the same one
 gives the results of an undisturbed run.  Prints the number of kills and of runs that ended before their kill.
@@ -6,10 +7,13 @@ gives the results of an undisturbed run.  Prints the number of kills and of runs
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import json
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -21,12 +25,13 @@ import numpy as np
 import psutil
 import pytest
 
+from taubench_gl.folder_lock import lock_holder
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import SUMMARY_FILE, load_run
 
 ROOT = PACKAGE.parent
 DEMO = ROOT / "assets" / "demo.glb"
-KILLS = int(os.environ.get("TAUBENCH_KILLS", "20"))
+KILLS = int(os.environ.get("TAUBENCH_KILLS", "5"))
 """Kills of each command."""
 COMMON = ("--size", "64x36", "--light-unit", "candela", "--exposure", "1", "--environment", "none")
 GEOMETRY = (*COMMON, "--columns", "frustum,position,normal")
@@ -81,12 +86,31 @@ def of_reference(out: Path) -> Any:
     return frames, (out / "camera.json").read_bytes()
 
 
+def of_reuse(out: Path) -> Any:
+    """Images and the rows of frames, but for their times."""
+    images = {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.glob("results/**/*.exr"))}
+    with open(out / "frames.csv", newline="") as file:
+        rows = [{key: cell for key, cell in row.items() if key != "time_ms"} for row in csv.DictReader(file)]
+    assert len(images) == 18 and len(rows) == 6 and (out / "reuse.json").is_file()
+    return images, rows
+
+
+def of_benchmark(out: Path) -> Any:
+    summary = json.loads((out / "benchmark.json").read_text())
+    return json.dumps({name: value for name, value in summary.items() if name not in ("times", "provenance")})
+
+
 def commands(folder: Path) -> dict[str, tuple[list[str], Callable[[Path], Any]]]:
     """name -> command, whose ``OUT`` is the output folder, and the function that reads its results."""
     spec = folder / "spec.toml"
     spec.write_text(
         f'scenes = ["{DEMO}"]\nframes = "0:9"\nsize = "48x27"\ncolumns = ["frustum", "position"]\n'
         'light_unit = "candela"\nexposure = 1\nenvironment = "none"\nreprojection = ["camera", "motion"]\n'
+    )
+    suite = folder / "suite.toml"
+    suite.write_text(
+        'schema = "suite/1"\nname = "tiny"\nsize = "48x27"\nframes = 3\nmetrics = ["psnr"]\n'
+        '[[cases]]\nscene = "demo"\ntrack = "noisy"\ninput = "noisy"\nseeds = 3\nreference_samples = 1\n'
     )
     sys.path.insert(0, str(ROOT / "tests" / "pathtraced"))
     from cycles_scenes import LAMP, fake_blender, plane
@@ -101,6 +125,11 @@ def commands(folder: Path) -> dict[str, tuple[list[str], Callable[[Path], Any]]]
         "batch": ([*program, "batch", "run", str(spec), "--out", "OUT", "--workers", "1", "--chunk", "2"], of_batch),
         "cost": ([*program, "cost", str(DEMO), "--frames", "0:3", "--out", "OUT", "--parameters", "storage",
                   "--repeats", "1", *GEOMETRY], of_cost),
+        "reuse": ([*program, "reuse", "evaluate", str(DEMO), "--methods", "accumulate", "--metrics", "psnr", "--video",
+                   "none", "--save", "results", "--frames", "0:6", "--input", "noisy", "--indirect", "none", *COMMON,
+                   "--out", "OUT"], of_reuse),
+        "benchmark": ([*program, "benchmark", "none", "accumulate", "--suite", str(suite), "--workers", "1", "--out",
+                       "OUT"], of_benchmark),
         "reference": ([sys.executable, "-c", REFERENCE, str(scene), "OUT", fake_blender(folder)], of_reference),
     }  # fmt: skip
 
@@ -128,7 +157,7 @@ def kill(process: subprocess.Popen[bytes]) -> bool:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["evaluate", "export", "batch", "cost", "reference"])
+@pytest.mark.parametrize("name", ["evaluate", "export", "batch", "cost", "reuse", "benchmark", "reference"])
 def test_kills_at_random_moments(tmp_path, name):
     command, results = commands(tmp_path)[name]
     began = time.perf_counter()
@@ -151,3 +180,30 @@ def test_kills_at_random_moments(tmp_path, name):
     assert start(command, out).wait() == 0
     assert results(out) == expected
     print(f"{name}: {kills} kills, {ended} runs ended before, results equal")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["evaluate", "export", "batch", "cost", "reuse", "benchmark", "reference"])
+def test_two_writers_of_one_folder(tmp_path, name):
+    """The first holds the folder and stands still: the second ends with one line.  Then the first ends undisturbed."""
+    command, results = commands(tmp_path)[name]
+    out = tmp_path / "out"
+    first = start(command, out)
+    while lock_holder(out) is None:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            pytest.fail(f"it ended first: {first.wait(timeout=0.02)}")
+    first.send_signal(signal.SIGSTOP)
+    before = names_in(out)
+    words = [str(out) if word == "OUT" else word for word in command]
+    second = subprocess.run(words, capture_output=True, text=True, timeout=600)
+    assert names_in(out) == before
+    first.send_signal(signal.SIGCONT)
+    lines = second.stderr.strip().splitlines()
+    assert second.returncode != 0 and f"process {first.pid} " in lines[-1]
+    assert name == "reference" or (second.returncode == 2 and sum("error" in line for line in lines) == 1)
+    assert first.wait() == 0
+    results(out)
+
+
+def names_in(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}

@@ -66,18 +66,19 @@ def write_text_mutants(folder: Path, kind: str, count: int, seed: int) -> None:
     (folder / "part.aff").write_text(PART) if kind == "aff" else (folder / "a.mtl").write_text(MTL)
     (folder / f"000000.{kind}").write_text(text)
     for number in range(1, count + 1):
-        data = _damaged(text, rng)
+        data = damaged_text(text, rng)
         if kind == "obj" and number % 3 == 0:
             frames = folder / f"{number:06d}.seq"
             frames.mkdir()
             for name, content in (("a0.obj", text.encode()), ("a1.obj", data), ("a2.obj", text.encode())):
                 (frames / name).write_bytes(content)
-            (frames / "a.mtl").write_bytes(_damaged(MTL, rng))
+            (frames / "a.mtl").write_bytes(damaged_text(MTL, rng))
         else:
             (folder / f"{number:06d}.{kind}").write_bytes(data)
 
 
-def _damaged(text: str, rng: random.Random) -> bytes:
+def damaged_text(text: str, rng: random.Random) -> bytes:
+    """A few words, numbers, lines and bytes of a text changed."""
     lines = [line.split(" ") for line in text.split("\n")]
     for _ in range(rng.choice((1, 1, 2, 4))):
         line = rng.choice(lines)
