@@ -6,7 +6,6 @@ turns an error into exit code 2 and one printed line.
 
 from __future__ import annotations
 
-
 MOST_CHARACTERS = 2000
 """Limit on each part of a printed error; values and names in files may have megabytes."""
 
