@@ -16,7 +16,6 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.report.plots import plot_thresholds
 from taubench_gl.report.run_page import ReportRun, report_data
 from taubench_gl.report.tables import paper_tables
-from taubench_gl.run import load_run
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings
@@ -56,19 +55,6 @@ def test_masks_compare_scene_units_and_the_summary_reports_meters(runs):
     np.testing.assert_array_equal(edges[1], edges[0] / SCALE)
     assert edges[0][0] == 2.0**-20
     assert curves[1] == curves[0]
-
-
-def test_run_of_an_earlier_release_is_loaded_in_meters(runs, tmp_path: Path):
-    """Earlier releases stored the position threshold and curve edges in scene units."""
-    scaled = runs[1]
-    old = copy.deepcopy(scaled)
-    old.summary["settings"]["thresholds"]["position"] *= SCALE
-    curve = old.summary["curves"]["position"]
-    curve["edges"] = [edge * SCALE for edge in curve["edges"]]
-    for number, run in enumerate((scaled, old)):
-        found = load_run(run.save(tmp_path / str(number))).summary
-        assert found["settings"]["thresholds"] == scaled.summary["settings"]["thresholds"]
-        assert found["curves"] == scaled.summary["curves"]
 
 
 def test_tables_plots_and_report_page_show_meters(runs, tmp_path: Path):
