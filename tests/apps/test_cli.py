@@ -210,18 +210,22 @@ def test_inspect_text(taubench, tmp_path):
         assert text in out
 
 
-def test_inspect_does_not_load_opengl(tmp_path):
+def test_inspect_without_opengl_prints_no_exposure(tmp_path):
     path = box(tmp_path / "hall.gltf")
     code = f"""
 import sys
+from taubench_gl.errors import GraphicsError
+from taubench_gl.evaluation import exposure
+def none(*_): raise GraphicsError("no OpenGL")
+exposure.open_gpu = none
 from taubench_gl.apps.cli import main
-try:
-    main(["inspect", {str(path)!r}])
-finally:
-    assert "moderngl" not in sys.modules
+main(["inspect", {str(path)!r}, "--json"])
 """
     done = fresh("-c", code)
     assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert facts["exposure"]["value"] is None and facts["exposure"]["reason"]
+    assert facts["frames"] == 13
 
 
 def test_inspect_of_a_missing_file(taubench, tmp_path):
