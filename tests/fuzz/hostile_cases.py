@@ -32,6 +32,7 @@ DEEP = "@deep@"
 """Stands for brackets nested a hundred thousand times, which no writer of JSON or TOML writes."""
 
 MOST_PLACES = 100_000  # of a document that is changed again
+MOST_BYTES = 4_000_000  # of values that are repeated
 LONG = "y" * 100_000
 NUMBERS: list[Any] = [
     -1, 0, 1, 3, 255, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**53 + 1, 2**63, 2**64, 10**30, -0.0, 0.5, 1e-45,
@@ -94,8 +95,8 @@ def change(document: Any, rng: random.Random) -> None:
     elif kind < 0.78:
         owner[key] = copy.deepcopy(rng.choice(SHAPES))
     elif kind < 0.84 and isinstance(value, list) and value:
-        owner[key] = value * min(rng.choice((2, 300, 20_000)), MOST_PLACES // len(places(value)))
-    elif kind < 0.88 and len(places(value)) < MOST_PLACES // 20:
+        owner[key] = value * min(rng.choice((2, 300, 20_000)), MOST_BYTES // len(json_text(value)))
+    elif kind < 0.88 and len(json_text(value)) < MOST_BYTES // 20:
         owner[key] = {f"key {i}": value if i < 10 else i for i in range(rng.choice((20, 50_000)))}
     elif kind < 0.91 and isinstance(owner, dict):
         owner[rng.choice(TEXTS)] = owner.pop(key)
@@ -239,7 +240,7 @@ def amplify(document: dict, rng: random.Random) -> None:
         document["extensionsUsed"] = ["EXT_mesh_gpu_instancing"]
     elif kind == 2:
         mesh = rng.choice(document["meshes"])
-        mesh["primitives"] = mesh["primitives"] * min(count, 30_000)
+        mesh["primitives"] = mesh["primitives"] * min(count, 3000)  # each is a draw
     elif kind == 3:
         start, more = len(nodes), min(count, 30_000)
         nodes += [{"mesh": 0, "children": [start + i + 1] if rng.random() < 0.999 else []} for i in range(more)]
