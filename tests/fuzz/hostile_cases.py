@@ -95,9 +95,10 @@ def change(document: Any, rng: random.Random) -> None:
     elif kind < 0.78:
         owner[key] = copy.deepcopy(rng.choice(SHAPES))
     elif kind < 0.84 and isinstance(value, list) and value:
-        owner[key] = value * min(rng.choice((2, 300, 20_000)), MOST_BYTES // len(json_text(value)))
+        times = min(rng.choice((2, 300, 20_000)), MOST_BYTES // len(json_text(value)))
+        owner[key] = [copy.deepcopy(one) for _ in range(times) for one in value]  # each may be changed
     elif kind < 0.88 and len(json_text(value)) < MOST_BYTES // 20:
-        owner[key] = {f"key {i}": value if i < 10 else i for i in range(rng.choice((20, 50_000)))}
+        owner[key] = {f"key {i}": copy.deepcopy(value) if i < 10 else i for i in range(rng.choice((20, 50_000)))}
     elif kind < 0.91 and isinstance(owner, dict):
         owner[rng.choice(TEXTS)] = owner.pop(key)
     elif kind < 0.94:
@@ -267,6 +268,7 @@ def gltf(folder: Path, rng: random.Random, seeds: Path) -> Case:
     (folder / "in" / "huge.png").write_bytes(png(16384, 16384))
     if rng.random() < 0.35:
         amplify(document, rng)
+        document = json.loads(json.dumps(document))  # nothing shared: each may be changed
     if rng.random() < 0.8:
         document = changed(document, rng)
     path = folder / "in" / rng.choice(("scene.gltf", "scene.glb"))

@@ -110,15 +110,6 @@ def run_series(server: Any, folder: Path, seeds: Path, seed: int, numbers: range
         ended = json.loads(server.stdout.readline())
         wrong = faults(case, before, state(own), ended)
         ends[case.kind, {0: "read", 2: "refused"}.get(ended["code"], "fault")] += 1
-        print(
-            number,
-            case.kind,
-            case.command[:2],
-            ended["code"],
-            f"{ended['seconds']:.2f} s",
-            ended["bytes"] >> 20,
-            flush=True,
-        )
         if wrong:
             what = f"case {number} ({' '.join(case.command)[:200]!r}): {'; '.join(wrong)}"
             found.append(f"{what}\n{ended['errors'][-1500:]}")
