@@ -187,13 +187,13 @@ def _one_line(path: str | Path, fault: Fault, what: str, hint: str | None) -> It
 
 
 def read_csv(
-    path: str | Path, fault: Fault = OutputError, *, whole_lines: bool = False
+    path: str | Path, fault: Fault = OutputError, *, whole_lines: bool = False, links: bool = True
 ) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each row of a CSV file.  Raises ``fault``.
+    """Line number and cells of each row of a CSV file.  ``links``: as for ``opened``.  Raises ``fault``.
 
     ``whole_lines``: leave out a last line without its line break, which an interrupted writer has left.
     """
-    text = read_text(path, fault, max_bytes=8 * MAX_BYTES)
+    text = read_text(path, fault, max_bytes=8 * MAX_BYTES, links=links)
     if whole_lines:
         text = text[: text.rfind("\n") + 1]
     reader = csv.reader(text.splitlines())

@@ -275,7 +275,7 @@ def read_frames(path: Path) -> list[dict[str, Any]]:
         raise OutputError("is missing", where=str(path), hint="the run's folder is not complete")
     columns: list[str] = []
     rows = []
-    for number, cells in read_csv(path, whole_lines=True):
+    for number, cells in read_csv(path, whole_lines=True, links=False):
         if number == 1:
             columns = cells
             continue

@@ -231,3 +231,12 @@ def test_runs_whose_rates_count_sky_are_refused(run, tmp_path, command):
     )  # fmt: skip
     assert result.returncode == 2 and result.stdout == "" and "Traceback" not in result.stderr
     assert len(result.stderr.splitlines()) <= 2 and not (tmp_path / "page.html").exists()
+
+
+def test_rows_behind_a_link_are_not_read(tmp_path):
+    """Others may have put the link there; its target would be quoted in an error."""
+    (tmp_path / "secret").write_text("frame,pixels\n")
+    (tmp_path / FRAMES_FILE).symlink_to(tmp_path / "secret")
+    with pytest.raises(OutputError) as caught:
+        read_frames(tmp_path / FRAMES_FILE)
+    assert caught.value.where == str(tmp_path / FRAMES_FILE)
