@@ -34,7 +34,7 @@ ENOUGH = 10
 
 ABOUT = """# Cost studies: measurements
 
-Written by `DOCS=1 tools/cost_study`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
+Written by `tools/record cost`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
 were chosen with results on the demo: it is no independent test. Fewer than three rounds separate no configurations by
 time."""
 

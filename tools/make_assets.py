@@ -1,14 +1,8 @@
-#!/usr/bin/env python3
-"""Write assets/demo.glb: a courtyard with moving objects of every kind, lights, and a walking camera.
-
-usage: tools/make_assets.py [FOLDER]        (default: assets)
-"""
+"""assets/demo.glb (``tools/record assets``): a courtyard with moving objects of every kind, lights, walking camera."""
 
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -266,18 +260,3 @@ def demo() -> Writer:
     w.animation("lights", *add_lights(w))
     w.animation("walk", *add_camera(w))
     return w
-
-
-def main() -> int:
-    if set(sys.argv[1:]) & {"-h", "--help"}:
-        print(__doc__)
-        return 0
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[1] / "assets"
-    path = folder / "demo.glb"
-    demo().save(path)
-    print(f"{path}: {path.stat().st_size} bytes")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

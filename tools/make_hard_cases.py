@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Writes docs/hard-cases.md from the registered cases and from the guards of their tests: tools/make_hard_cases.py"""
+"""docs/hard-cases.md (``tools/record hard-cases``), from the registered cases and the guards of their tests."""
 
 from __future__ import annotations
 
@@ -50,7 +49,7 @@ taubench-gl selftest --json > selftest.json
 A case passes if its error is at most its tolerance.  A tolerance of 0 means equal to the last bit or pixel.  Where a
 simpler formula fails the case, the case also evaluates that formula and prints its result.
 
-This page is generated from the cases by `tools/make_hard_cases.py`.
+This page is generated from the cases by `tools/record hard-cases`.
 """
 
 GUARDS_HEAD = """
@@ -86,7 +85,3 @@ def page() -> str:
 def _cell(text: str) -> str:
     """Bars would end the cell; asterisks would set it in italics."""
     return text.replace("|", "\\|").replace("*", "\\*")
-
-
-if __name__ == "__main__":
-    PATH.write_text(page(), encoding="utf-8")

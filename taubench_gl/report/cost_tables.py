@@ -230,7 +230,7 @@ def _arithmetic() -> Table:
         for r in found["rows"]
     )
     notes = (
-        f"recorded {found['date']} on {found['renderer']}, {found['driver']} (tools/make_numerics.py)",
+        f"recorded {found['date']} on {found['renderer']}, {found['driver']} (tools/record numerics)",
         "errors are in the unit of their case: pixels, relative errors or percentage points",
     )
     heads = ("error without it", "with it", "allowed", "hard case")

@@ -1,4 +1,4 @@
-"""What the renderer's arithmetic avoids: a table recorded by tools/make_numerics.py, which no study measures again."""
+"""What the renderer's arithmetic avoids: a table recorded by tools/record numerics, which no study measures again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/hard-cases.md is generated from the cases and is up to date."""
+"""docs/hard-cases.md is generated from the cases."""
 
 from __future__ import annotations
 
@@ -6,14 +6,10 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-from make_hard_cases import PATH, TITLES, page
+from make_hard_cases import TITLES
 
 from taubench_gl.selftest import cases
 from taubench_gl.selftest.case import GROUPS
-
-
-def test_page_is_up_to_date():
-    assert PATH.read_text(encoding="utf-8") == page(), "run: tools/make_hard_cases.py"
 
 
 def test_every_group_has_cases_and_a_title():

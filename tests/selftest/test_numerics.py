@@ -20,7 +20,7 @@ GUARD = {g.name: g for g in GUARDS}
 
 def test_every_row_is_of_a_guard_and_a_case():
     case, found = {c.name: c for c in cases()}, recorded()
-    assert [r["guard"] for r in found["rows"]] == list(NUMERIC), "run: tools/make_numerics.py"
+    assert [r["guard"] for r in found["rows"]] == list(NUMERIC), "run: tools/record numerics"
     assert found["driver"] and found["renderer"] and found["date"]
     for r in found["rows"]:
         assert r["case"] in GUARD[r["guard"]].detected_by and r["rule"] == GUARD[r["guard"]].what

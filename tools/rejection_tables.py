@@ -1,23 +1,14 @@
-#!/usr/bin/env python3
-"""Measures the tables of docs/reject.md and writes them there: tools/record_rejection FOLDER --data DATA [STEP...]
-
-FOLDER keeps scenes and results; what is there is not measured again.  DATA has the files of other people
-(godot/room, sponza, playcanvas/house).  STEP: a table, exact, scores or images, which is written to the page, or one
-scene of it, such as exact/demo, which is only measured.  Default: all tables.
-"""
+"""The tables of docs/reject.md, measured by commands of the package: ``TABLES``, for tools/record."""
 
 from __future__ import annotations
 
-import argparse
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "reject.md"
+from recorders import DATA, ROOT, taubench
+
 SIZE, SMALL = "640x360", "128x72"
 TESTS = (
     "position", "normal", "normal_dot", "relative_depth", "svgf", "plane_distance", "object_id", "velocity",
@@ -46,28 +37,27 @@ IMAGES = {
 """Scenes whose images are compared, and their frames."""
 
 
-class Recorder:
-    """Runs what is missing."""
+class Results:
+    """Results in a folder; those that are missing are measured."""
 
-    def __init__(self, out: Path, data: Path):
-        self.out, self._data = out, data
-        out.mkdir(parents=True, exist_ok=True)
+    def __init__(self, out: Path):
+        self._out = out
 
     def scene(self, name: str) -> Path:
         """The file of a scene, made if it is derived from another."""
-        data, made = self._data, self.out / f"{name}.glb"
+        made = self._out / f"{name}.glb"
         given = {
             "demo": ROOT / "assets" / "demo.glb",
-            "sponza": data / "sponza" / "Sponza.gltf",
-            "house": data / "playcanvas" / "house" / "house.glb",
+            "sponza": DATA / "sponza" / "Sponza.gltf",
+            "house": DATA / "playcanvas" / "house" / "house.glb",
         }
         if name in given:
             return given[name]
         if not made.exists():
             if name == "room":
-                self._run("stress", data / "godot" / "room" / "room.glb", *WALK, "--out", made)
+                taubench("stress", DATA / "godot" / "room" / "room.glb", *WALK, "--out", made)
             else:
-                self._run("scenes", "make", f"eternal-valley-{name}", made)
+                taubench("scenes", "make", f"eternal-valley-{name}", made)
         return made
 
     def exact(self, name: str) -> dict[str, Any]:
@@ -80,24 +70,19 @@ class Recorder:
         return self._result(name, "scores", "reject.json", "reject evaluate", *frames, "--size", SIZE, *tests)
 
     def images(self, name: str) -> dict[str, Any]:
-        folder = self.out / "methods"
+        folder = self._out / "methods"
         if not folder.exists():
-            self._run("reject", "method", "--tests", ",".join(METHODS), "--out", folder)
+            taubench("reject", "method", "--tests", ",".join(METHODS), "--out", folder)
         methods = ",".join(["accumulate", *(str(folder / f"reject_{test}") for test in METHODS)])
         options = ("--size", SMALL, "--input", "noisy", "--reference", "max", "--reference-samples", "4")
         more = ("--video", "none", "--methods", methods)
         return self._result(name, "images", "reuse.json", "reuse evaluate", *IMAGES[name], *options, *more)
 
     def _result(self, name: str, step: str, file: str, command: str, *options: str) -> dict[str, Any]:
-        folder = self.out / f"{name}-{step}"
+        folder = self._out / f"{name}-{step}"
         if not (folder / file).exists():
-            self._run(*command.split(), self.scene(name), *options, "--out", folder)
+            taubench(*command.split(), self.scene(name), *options, "--out", folder)
         return json.loads((folder / file).read_text())
-
-    def _run(self, *arguments: object) -> None:
-        print("taubench-gl", *arguments, flush=True)
-        command = [sys.executable, "-m", "taubench_gl", *map(str, arguments)]
-        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -108,8 +93,8 @@ def number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def exact_table(recorder: Recorder) -> str:
-    found = {name: recorder.exact(name) for name in SCENES}
+def exact_table(results: Results) -> str:
+    found = {name: results.exact(name) for name in SCENES}
 
     def row(title: str, of: Callable[[dict[str, Any]], float | None], digits: int = 2) -> list[str]:
         return [title, *(number(of(one), digits) for one in found.values())]
@@ -126,8 +111,8 @@ def exact_table(recorder: Recorder) -> str:
     return table([title for title, _ in SCENES.values()], rows)
 
 
-def scores_table(recorder: Recorder) -> str:
-    found = [recorder.scores(name) for name in SCENES]
+def scores_table(results: Results) -> str:
+    found = [results.scores(name) for name in SCENES]
     counts = [(s["positive"]["visibility"], s["pixels"]["surface"]) for s in found]
     rows = [["positive pixels (share of the scored)", *(f"{p} ({100 * p / of:.2f} %)" for p, of in counts)]]
     for test in TESTS:
@@ -141,8 +126,8 @@ def scores_table(recorder: Recorder) -> str:
     return table([title for title, _ in SCENES.values()], rows)
 
 
-def images_table(recorder: Recorder) -> str:
-    found = {name: recorder.images(name)["methods"] for name in IMAGES}
+def images_table(results: Results) -> str:
+    found = {name: results.images(name)["methods"] for name in IMAGES}
 
     def of(methods: dict[str, Any], test: str) -> dict[str, Any]:
         return next(one for label, one in methods.items() if Path(label).name in (test, f"reject_{test}"))
@@ -160,40 +145,4 @@ def images_table(recorder: Recorder) -> str:
     return table([SCENES[name][0] for name in IMAGES], rows)
 
 
-TABLES = {
-    "exact": (Recorder.exact, exact_table, SCENES),
-    "scores": (Recorder.scores, scores_table, SCENES),
-    "images": (Recorder.images, images_table, IMAGES),
-}
-
-
-def write_table(name: str, made: str) -> None:
-    """Replace the table that follows the mark ``<!-- tools/record_rejection: NAME -->`` in the page."""
-    before, mark, rest = PAGE.read_text().partition(f"<!-- tools/record_rejection: {name} -->\n\n")
-    if not mark:
-        raise SystemExit(f"{PAGE.name} has no mark for the table {name}")
-    after = rest.partition("\n\n")[2]
-    PAGE.write_text(f"{before}{mark}{made}\n{after}")
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("out", type=Path, metavar="FOLDER")
-    parser.add_argument("--data", type=Path, required=True)
-    parser.add_argument("steps", nargs="*", metavar="STEP", help="TABLE or TABLE/SCENE")
-    options = parser.parse_intermixed_args()
-    recorder = Recorder(options.out.resolve(), options.data.resolve())
-    for step in options.steps or TABLES:
-        kind, slash, scene = step.partition("/")
-        if kind not in TABLES or (slash and scene not in TABLES[kind][2]):
-            parser.error(f"there is no step {step}")
-        measure, make, _ = TABLES[kind]
-        if slash:
-            measure(recorder, scene)
-        else:
-            write_table(kind, make(recorder))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+TABLES: dict[str, Callable[[Results], str]] = {"exact": exact_table, "scores": scores_table, "images": images_table}

@@ -1,0 +1,211 @@
+"""How the records of tools/records.py are made; each function writes its files of the checkout.
+
+Results of commands go to a folder that belongs to the present dependencies, so what is there is not measured again.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = Path(os.environ.get("TAUBENCH_DATA") or ROOT.parent / "shared" / "data")
+DEMO = ROOT / "assets" / "demo.glb"
+DOCS = ROOT / "docs"
+
+README_PARTS = (
+    (r"\A.*?\n\n", "the headline"),
+    (r"^Table 4: .*?^ +Eternal Valley VR .*?\n", "Table 4 up to the second row of the paper"),
+    (r"^at half and twice the exposure: .*?\.\n", "the sensitivity to the exposure"),
+)
+"""Patterns of what the README shows of the output of tools/demo."""
+
+
+def taubench(*arguments: object, before: tuple[str, ...] = (), fine: tuple[int, ...] = (0,)) -> str:
+    """Run a command of the package, print it, return what it prints.  Exit codes not in ``fine`` end the program."""
+    print("taubench-gl", *arguments, flush=True)
+    command = [*before, sys.executable, "-m", "taubench_gl", *map(str, arguments)]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    if done.returncode not in fine:
+        sys.exit(f"tools/record: this command failed with exit code {done.returncode}")
+    return done.stdout
+
+
+def program(name: str, *options: object) -> Callable[[Path], None]:
+    """A recorder that runs a program of tools/, which writes the files itself."""
+
+    def run(work: Path) -> None:
+        path = ROOT / "tools" / name
+        script = path.read_text(encoding="utf-8").startswith("#!/usr/bin/env bash")
+        if subprocess.run([*(() if script else (sys.executable,)), path, *map(str, options)], cwd=ROOT).returncode:
+            sys.exit(f"tools/record: tools/{name} failed")
+
+    return run
+
+
+def write_marked(page: Path, name: str, text: str) -> None:
+    """Replace what is between ``<!-- record: NAME -->`` and the next ``<!-- end -->`` in a page."""
+    mark = f"<!-- record: {name} -->\n"
+    before, found, rest = page.read_text(encoding="utf-8").partition(mark)
+    _, end, after = rest.partition("<!-- end -->\n")
+    if not (found and end):
+        sys.exit(f"tools/record: {page.name} has no marks for {name}")
+    page.write_text(f"{before}{mark}\n{text.strip()}\n\n{end}{after}", encoding="utf-8")
+
+
+def keep_image(image_file: Path, name: str) -> None:
+    """Save to docs/images without a palette, so that mask colors match their legends."""
+    from PIL import Image
+
+    image = Image.open(image_file).convert("RGB")
+    if name.endswith(".jpg"):  # noise compresses badly as PNG
+        image.save(DOCS / "images" / name, quality=88, subsampling=0)
+    else:
+        image.save(DOCS / "images" / name, optimize=True)
+
+
+def command_pages() -> dict[Path, str]:
+    from taubench_gl.apps import doc
+
+    return doc.pages()
+
+
+def hard_cases() -> dict[Path, str]:
+    from make_hard_cases import PATH, page
+
+    return {PATH: page()}
+
+
+def assets(work: Path) -> None:
+    from make_assets import demo
+
+    demo().save(DEMO)
+
+
+def readme(work: Path) -> None:
+    """As tools/demo."""
+    printed = taubench("evaluate", DEMO, "--size", "640x360", "--save", "masks", "--out", work / "demo")
+    write_marked(ROOT / "README.md", "demo", f"```text\n{readme_sample(printed)}```")
+    keep_image(work / "demo" / "mask.png", "mask.png")
+
+
+def readme_sample(printed: str) -> str:
+    """The parts of the output of tools/demo that the README shows."""
+    parts = []
+    for pattern, what in README_PARTS:
+        found = re.search(pattern, printed, re.DOTALL | re.MULTILINE)
+        if not found:
+            sys.exit(f"tools/record: the output of tools/demo lacks {what}")
+        parts.append(found.group().strip("\n"))
+    return "\n\n".join(parts) + "\n"
+
+
+def report_image(work: Path) -> None:
+    from playwright.sync_api import sync_playwright
+
+    taubench("evaluate", DEMO, "--size", "640x360", "--frames", "0:25", "--out", work / "run", "--report")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1180, "height": 1010})
+        page.goto((work / "run" / "report.html").as_uri())
+        page.wait_for_function("document.images.length === 0 || [...document.images].every((i) => i.complete)")
+        page.wait_for_load_state("networkidle")
+        page.screenshot(path=work / "report.png")
+        browser.close()
+    keep_image(work / "report.png", "report.png")
+
+
+def viewer_image(work: Path) -> None:
+    steps, image_file = work / "steps.txt", work / "viewer.png"
+    steps.write_text(f"frame 22\nset probe 545,190\nset probe_pinned on\nscreenshot {image_file} window\nquit\n")
+    screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
+    options = ("--size", "640x360", "--lighting", "--indirect", "none", "--window", "1280x720")
+    taubench("view", DEMO, *options, "--script", steps, before=screen)
+    keep_image(image_file, "viewer.png")
+
+
+def reuse_image(work: Path) -> None:
+    methods = "none,accumulate,taa_variance,svgf,ideal-masks"
+    options = ("--input", "noisy+jittered", "--size", "320x180", "--frames", "0:12", "--indirect", "none")
+    taubench("reuse", "evaluate", DEMO, "--methods", methods, *options, "--video", "none", "--out", work / "reuse")
+    keep_image(work / "reuse" / "side_by_side.png", "reuse.jpg")
+
+
+def reject_image(work: Path) -> None:
+    taubench("demo", "ground", "--out", work)
+    keep_image(next(work.glob("*-ground.png")), "reject.png")
+
+
+def rejection(work: Path) -> None:
+    from rejection_tables import TABLES, Results
+
+    results = Results(work)
+    for name, make in TABLES.items():
+        write_marked(DOCS / "reject.md", name, make(results))
+
+
+def cost(work: Path) -> None:
+    """An hour: the studies themselves continue what an earlier call began."""
+    program("cost_study", work)(work)
+    program("cost_pages.py", work, DOCS)(work)
+
+
+DIGITS = 6
+LEFT_OUT = ("bound", "classes", "reuse", "reasons")
+"""Blocks of single cases that the record of the benchmark does not hold."""
+BENCHMARK = """# Benchmark: the quick suite with all built-in methods
+
+`taubench-gl benchmark --out DIR`, recorded by `tools/record benchmark`; [benchmark.md](benchmark.md) defines every
+number. The file `benchmark-quick.json` beside this page is the result, with six digits and without the differences of
+all pairs and the blocks `bound`, `classes`, `reuse` of single cases; `taubench-gl benchmark compare` takes it.
+
+{about} The units took {seconds:.0f} s of worker time together, on two workers.
+
+"""
+
+
+def benchmark(work: Path) -> None:
+    from taubench_gl.benchmark.output import load_benchmark
+    from taubench_gl.report.benchmark import benchmark_tables
+    from taubench_gl.report.render import to_markdown
+
+    taubench("benchmark", "--out", work, fine=(0, 2))  # 2: a method failed, which is part of the result
+    summary = load_benchmark(work)
+    made = summary["provenance"]
+    about = f"taubench-gl {made['version']} on {made['renderer']}, {made['driver']}."
+    # A case of equal hash is measured once.
+    seconds = {case["sha256"]: summary["times"]["seconds"][name] for name, case in summary["cases"].items()}
+    text = BENCHMARK.format(about=about, seconds=sum(seconds.values())) + to_markdown(benchmark_tables(summary))
+    (DOCS / "benchmark-quick.md").write_text(text, encoding="utf-8")
+    record = json.dumps(rounded(shortened(summary)), separators=(",", ":"))
+    (DOCS / "benchmark-quick.json").write_text(record + "\n", encoding="utf-8")
+
+
+def rounded(value: Any) -> Any:
+    """Numbers with ``DIGITS`` significant digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, dict):
+        return {key: rounded(one) for key, one in value.items()}
+    return [rounded(one) for one in value] if isinstance(value, list) else value
+
+
+def shortened(summary: dict[str, Any]) -> dict[str, Any]:
+    """The result without what neither the page nor ``benchmark compare`` reads: less than half of it."""
+    out = copy.deepcopy(summary)
+    for of_track in out["rankings"].values():
+        for ranking in of_track.values():
+            ranking.pop("differences", None)
+    for method in out["methods"].values():
+        for cell in method["cases"].values():
+            for name in LEFT_OUT:
+                cell.pop(name, None)
+    return out
