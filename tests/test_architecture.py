@@ -314,3 +314,15 @@ def test_the_patterns_match_paths_and_hosts():
     assert MACHINE.search("open('" + "/".join(["", "home", "me", "x.glb"]) + "')")
     assert not MACHINE.search("shared/root/x") and not MACHINE.search("homework / root")
     assert REGISTRY.search("https://" + "pypi" + ".org/simple")
+
+
+@pytest.mark.parametrize("made", ["RasterSource", "PairEvaluator"])
+def test_one_module_opens_sources_and_evaluators(made):
+    """All others ask an owner, which also frees them."""
+    makes = [
+        str(path.relative_to(PACKAGE))
+        for path, text in sources().items()
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", getattr(node.func, "attr", "")) == made
+    ]
+    assert makes == ["evaluation/owner.py"]

@@ -52,16 +52,15 @@ def shares(gpu: Gpu, options: Options) -> Result:
     notes = [f"{options.size_text}; finish() after every pass; share of the sum of the medians"]
     with tempfile.TemporaryDirectory() as name:
         for label, scene, camera, columns, fps in _cases(Path(name), options):
-            timer = PassTimer(gpu)
             given = {} if columns is None else {"columns": columns}
             count = 2 + (2 if options.quick else 4) * options.repeats
             settings = Settings(
                 width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given, **FIXED_LIGHTING
             )
-            with Session(open_scene(scene, settings, camera), timer=timer) as session:
+            with Session(open_scene(scene, settings, camera), every=1) as session:
                 for _ in session.pairs():
                     pass
-            samples = {what: list(ms[1:]) for what, ms in timer.samples_ms().items() if len(ms) > 1}
+            samples = {what: list(ms[1:]) for what, ms in session.timer.samples_ms().items() if len(ms) > 1}
             whole = sum(float(np.median(ms)) for ms in samples.values())
             for what, ms in samples.items():
                 r = row(f"{label}: {what}", ms)

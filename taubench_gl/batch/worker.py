@@ -135,7 +135,7 @@ class Worker:
         """Close the session of the scene."""
         loaded, self._loaded = self._loaded, None
         if loaded is not None and loaded.session is not None:
-            loaded.session.close()
+            loaded.session.release()
 
 
 def warm_up() -> None:

@@ -15,7 +15,7 @@ from taubench_gl.benchmark.unit import BenchmarkUnit, applicable
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import resolve_lighting
-from taubench_gl.gpu.context import open_gpu
+from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.path_traced import PREFIX, reference_samples
@@ -130,11 +130,6 @@ def _tracing(case: Case) -> float:
     settings = case.settings
     camera = camera_of_run(scene, settings.sequence)
     settings = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera).settings
-    gpu = open_gpu(settings.device.backend, settings.device.device)
-    with gpu:
-        references = References.open(gpu, scene, camera, settings, samples, poser=Poser(scene), exact=True)
-        try:
-            return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0
-        finally:
-            references.release()
-            gpu.collect()
+    with opened_gpu(settings) as owner:
+        references = References.open(owner, scene, camera, settings, samples, poser=Poser(scene), exact=True)
+        return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0

@@ -16,10 +16,9 @@ from taubench_gl.animation import CameraTrack
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURE_BIT, FEATURES, FRUSTUM
 from taubench_gl.effects.decide import decide
-from taubench_gl.evaluation import PairEvaluator
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import RADIANCE_FEATURES, pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
@@ -100,24 +99,16 @@ def rendered_masks(
     ``without``: effects left out.  ``check`` is called before each frame and may raise.
     """
     settings, words = at_pixel_centers(settings), []
-    with subject.gpu:
-        context = GpuContext(subject.gpu)
-        source = RasterSource(
-            subject.gpu, subject.scene, subject.camera, settings, SourceOptions(without=tuple(without))
-        )
-        evaluator = PairEvaluator(context, source, settings, images=True)
-        try:
-            for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
-                evaluator.restart()
-                check()
-                evaluator.step(frame - 1, False)
-                check()
-                evaluator.step(frame)
-                words.append(evaluator.mask()[at[:, 1], at[:, 0]])
-        finally:
-            for item in (evaluator, context, source):
-                item.release()
-            subject.gpu.collect()
+    with subject.gpu, GpuOwner(subject.gpu) as owner:
+        source = owner.open_source(subject.scene, subject.camera, settings, SourceOptions(without=tuple(without)))
+        evaluator = owner.open_evaluator(source, settings, images=True)
+        for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
+            evaluator.restart()
+            check()
+            evaluator.step(frame - 1, False)
+            check()
+            evaluator.step(frame)
+            words.append(evaluator.mask()[at[:, 1], at[:, 0]])
     return np.concatenate(words)
 
 
@@ -141,27 +132,23 @@ class PairChannels:
         self._settings, self._pairs = settings, []
         every = decide(subject.scene, settings)
         settings = settings if light else settings.replace(light="raster", indirect="none")
-        with subject.gpu:
+        with subject.gpu, GpuOwner(subject.gpu) as owner:
             extra = ("emission",) if every["emission"].enabled else ()
-            source = RasterSource(subject.gpu, subject.scene, subject.camera, settings, SourceOptions(extra=extra))
+            source = owner.open_source(subject.scene, subject.camera, settings, SourceOptions(extra=extra))
             self._mode = source.reprojection
             self._columns = tuple(c for c in RADIANCE_FEATURES if c in settings.metrics.columns)
             names = ["position", "normal", *extra]
             names += source.radiance if light else [c for c in ("color",) if c in source.radiance]
-            try:
-                for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
-                    views, found = [], []
-                    for k in (frame - 1, frame):
-                        check()
-                        views.append(source.advance(k))
-                        here = [*names, *(["prev_position"] if self._mode == "motion" else [])]
-                        here += ["ids"] if source.cuts else []
-                        found.append({n: source.read(n) for n in here})
-                    moved = reprojection(views[1], views[0], *source.size)
-                    self._pairs.append(_Pair(frame, at, moved, tuple(found)))
-            finally:
-                source.release()
-                subject.gpu.collect()
+            for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
+                views, found = [], []
+                for k in (frame - 1, frame):
+                    check()
+                    views.append(source.advance(k))
+                    here = [*names, *(["prev_position"] if self._mode == "motion" else [])]
+                    here += ["ids"] if source.cuts else []
+                    found.append({n: source.read(n) for n in here})
+                moved = reprojection(views[1], views[0], *source.size)
+                self._pairs.append(_Pair(frame, at, moved, tuple(found)))
 
     def looked_up(self) -> dict[int, Array]:
         """Frame -> its pixels whose light the masks depend on, (n, 2): the sample, and its history."""

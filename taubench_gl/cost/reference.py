@@ -10,7 +10,8 @@ import numpy as np
 
 from taubench_gl.cost.pixels import Light, PairChannels, Subject, at_pixel_centers
 from taubench_gl.data_files import stored_arrays
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.references import PART
 from taubench_gl.pathtraced.series import Render
@@ -42,16 +43,17 @@ def reference_light(settings: Settings) -> Settings:
     return at_pixel_centers(settings).replace(**light, spp=PART, storage="float")
 
 
-class TracedPixels:
+class TracedPixels(GpuOwner):
     """Path-traced light of the pixels that masks depend on, in parts with seeds of their own."""
 
     def __init__(self, subject: Subject, pairs: PairChannels, settings: Settings, seeds: Sequence[int | None] = HALVES):
         """``settings``: path-traced, at pixel centers.  ``seeds``: of the parts; None: that of the settings."""
-        self._subject, self._lists = subject, pairs.looked_up()
+        super().__init__(subject.gpu)
+        self._lists = pairs.looked_up()
         self._size = settings.sequence.width, settings.sequence.height
         with subject.gpu:
             options = SourceOptions(pixel_list=True)
-            self._source = RasterSource(subject.gpu, subject.scene, subject.camera, settings, options)
+            self._source = self.open_source(subject.scene, subject.camera, settings, options)
         self._sums = {seed: {f: np.zeros((len(at), 6)) for f, at in self._lists.items()} for seed in seeds}
         self._counts = dict.fromkeys(seeds, 0)
 
@@ -68,7 +70,7 @@ class TracedPixels:
 
     def _trace(self, seed: int | None, count: int, check: Callable[[], None]) -> None:
         added = {}
-        with self._subject.gpu:
+        with self.gpu:
             for frame, at in self._lists.items():
                 check()
                 self._source.draw(frame)
@@ -112,22 +114,14 @@ class TracedPixels:
             self._sums = {s: {f: stored[f"{s}_{f}"] for f in of} for s, of in self._sums.items()}
             self._counts = dict(zip(self._sums, stored["counts"].tolist(), strict=True))
 
-    def release(self) -> None:
-        with self._subject.gpu:
-            self._source.release()
-            self._subject.gpu.collect()
-
 
 def traced_masks(
     subject: Subject, pairs: PairChannels, settings: Settings, check: Callable[[], None] = lambda: None
 ) -> Array:
     """Mask words of path-traced ``settings`` with their own samples per pixel and pattern: (n,) uint32."""
-    traced = TracedPixels(subject, pairs, at_pixel_centers(settings), seeds=(None,))
-    try:
+    with TracedPixels(subject, pairs, at_pixel_centers(settings), seeds=(None,)) as traced:
         traced.trace(settings.lighting.path_samples, check)
         return pairs.masks(traced.light())
-    finally:
-        traced.release()
 
 
 def render_light(render: Render, settings: Settings, frames: Sequence[int]) -> Light:

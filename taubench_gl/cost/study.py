@@ -368,8 +368,7 @@ class Measurements:
             return
         started = time.monotonic() - known["seconds"]
         self._report("reference: channels of the sampled pairs")
-        traced = TracedPixels(subject, self._pairs, reference_light(subject.baseline))
-        try:
+        with TracedPixels(subject, self._pairs, reference_light(subject.baseline)) as traced:
             traced.load(self._out)
             count, seconds, ahead, series = 1, 0.0, 0.0, []  # count: samples of a half
             while count <= wanted and seconds + ahead <= share:
@@ -380,8 +379,6 @@ class Measurements:
                 count = min(2 * count, wanted) if count < wanted else math.inf
             found = series[-1] | {"seconds": seconds, "next_seconds": ahead, "before": series[-2:-1]}
             self._records.add("reference", found | {"words": self._words_of(traced.light())})
-        finally:
-            traced.release()
 
     def _trace_up_to(self, count: int, traced: TracedPixels) -> float:
         """Until each half has ``count`` samples, saved every MOST.  Seconds that ``count`` samples take."""

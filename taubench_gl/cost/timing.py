@@ -16,11 +16,11 @@ import psutil
 
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.cost.configurations import Configuration
-from taubench_gl.evaluation import PairEvaluator, frame_range, frame_schedule
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.evaluation import frame_range, frame_schedule
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import available_bytes
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
 
 TIMED, WARM = 4, 2
@@ -60,7 +60,7 @@ class Deadline:
             raise OutOfTime
 
 
-class OpenConfiguration:
+class OpenConfiguration(GpuOwner):
     """One configuration, ready to draw.  Every ``visit`` evaluates the same frames."""
 
     def __init__(
@@ -74,7 +74,8 @@ class OpenConfiguration:
     ):
         """``check`` is called between frames and may raise."""
         settings = configuration.settings
-        self._gpu, self._now, self._check = gpu, now, check
+        super().__init__(gpu)
+        self._now, self._check = now, check
         frames = frame_range(scene, camera, settings)
         schedule = frame_schedule(frames, settings)
         start = max(0, (len(schedule) - TIMED - WARM) // 2)
@@ -85,10 +86,9 @@ class OpenConfiguration:
         self._warm, self._timed = window[:warm], window[warm:]
         self._every = all(evaluated for _, evaluated in window)
         self._drawn_share = len(schedule) / len(frames)
-        self._context = GpuContext(gpu)
         options = SourceOptions(without=configuration.without)
-        self._source = RasterSource(gpu, scene, camera, settings, options, poser=Poser(scene))
-        self._evaluator = PairEvaluator(self._context, self._source, settings)
+        self._source = self.open_source(scene, camera, settings, options, poser=Poser(scene))
+        self._evaluator = self.open_evaluator(self._source, settings)
         self._compiled = False
         if configuration.traced:  # a frame always takes long
             self._shorten()
@@ -131,12 +131,6 @@ class OpenConfiguration:
             self._check()
             self._evaluator.step(frame, evaluate)
         return 1e3 * (self._now() - start)
-
-    def release(self) -> None:
-        self._evaluator.release()
-        self._context.release()
-        self._source.release()
-        self._gpu.collect()
 
 
 class OtherWork:

@@ -10,9 +10,9 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.effects.lighting import without_auto
 from taubench_gl.evaluation.lighting import first_middle_last
+from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.frame.materials import BLEND_CUTOFF
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import open_gpu
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.notes import listed
 from taubench_gl.settings import Settings
@@ -113,16 +113,13 @@ def _surfaces(
         textures="finest",  # alpha as the test of the cutoff reads it
     )
     materials, alpha = [], []
-    with open_gpu(settings.device.backend, settings.device.device) as gpu:
-        source = RasterSource(gpu, scene, camera, small, SourceOptions(extra=("ids", "base_color")), poser=poser)
-        try:
-            of_draw = np.array([-2, *(draw.material for draw in source.renderer.draws)])
-            for frame in frames:
-                source.advance(frame)
-                draws = source.read("ids")[..., 0].astype(np.int64).ravel()
-                materials.append(of_draw[draws])
-                alpha.append(np.where(draws > 0, source.read("base_color")[..., 3].ravel(), 1.0))
-            gpu.check("shares of materials")
-        finally:
-            source.release()
+    with opened_gpu(settings) as owner:
+        source = owner.open_source(scene, camera, small, SourceOptions(extra=("ids", "base_color")), poser=poser)
+        of_draw = np.array([-2, *(draw.material for draw in source.renderer.draws)])
+        for frame in frames:
+            source.advance(frame)
+            draws = source.read("ids")[..., 0].astype(np.int64).ravel()
+            materials.append(of_draw[draws])
+            alpha.append(np.where(draws > 0, source.read("base_color")[..., 3].ravel(), 1.0))
+        owner.gpu.check("shares of materials")
     return Surfaces(np.concatenate(materials), np.concatenate(alpha))

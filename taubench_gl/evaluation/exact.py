@@ -12,12 +12,12 @@ from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.conventions import CHANGED_LIGHT, FEATURE_BIT, FEATURES, FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.brightness import checked_frames
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.evaluation.previous_shading import LIGHT, PointLight, PreviousShading, needed
 from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
 from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.run_schema import EXACT_COLUMNS
@@ -60,7 +60,7 @@ class ExactReasons:
 
     def __init__(
         self,
-        gpu: Gpu,
+        owner: GpuOwner,
         scene: Scene,
         camera: CameraTrack,
         settings: Settings,
@@ -69,10 +69,13 @@ class ExactReasons:
         *,
         without: tuple[str, ...] = (),
     ):
-        """``radiance``: those of direct, indirect and color that the source has; ``without``: as in SourceOptions."""
+        """``owner``: frees what this draws with; ``radiance``: those of direct, indirect and color that the source has.
+
+        ``without``: as in SourceOptions.
+        """
         self._thresholds = {name: settings.metrics.threshold(name) for name in LIGHT}
         lit = {*LIGHT, "color"} & set(radiance)
-        self._shading = PreviousShading(gpu, scene, camera, settings, poser, without) if lit else None
+        self._shading = PreviousShading(owner, scene, camera, settings, poser, without) if lit else None
 
     @property
     def lit(self) -> bool:
@@ -87,10 +90,6 @@ class ExactReasons:
         light = self._shading.of(source, frame, noise=noise)
         seen = (bits & (Visibility.VISIBLE | Visibility.SKY)) == Visibility.VISIBLE
         return Reasons(bits | light_reasons(light.total, light.by_direction, self._thresholds, seen), light)
-
-    def release(self) -> None:
-        if self._shading is not None:
-            self._shading.release()
 
 
 def misregistered(mask: Array, reasons: Reasons, column: str, settings: Settings, reprojection: str) -> Array:
@@ -134,7 +133,7 @@ class ExactColumns:
     @classmethod
     def of_source(
         cls,
-        gpu: Gpu,
+        owner: GpuOwner,
         scene: Scene,
         camera: CameraTrack,
         settings: Settings,
@@ -143,7 +142,7 @@ class ExactColumns:
         frames: range,
     ) -> ExactColumns:
         """For the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
-        reasons = ExactReasons(gpu, scene, camera, settings, poser, source.radiance)
+        reasons = ExactReasons(owner, scene, camera, settings, poser, source.radiance)
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 
@@ -174,9 +173,6 @@ class ExactColumns:
         limits = {name: self._settings.metrics.threshold(name) for name in LIGHT}
         above = [np.linalg.norm(v, axis=-1) > limits[name] for name, v in found.light.noise.items()]
         return np.logical_or.reduce(above) & ((found.bits & Visibility.VISIBLE) != 0)
-
-    def release(self) -> None:
-        self._reasons.release()
 
 
 def changed_light(bits: Array) -> Array:

@@ -21,10 +21,9 @@ from taubench_gl.data_files import hashed, read_json
 from taubench_gl.effects.lighting import environment_of, own_light
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import OutputError
+from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.evaluation.schedule import duration_of
 from taubench_gl.frame.environment import image_of
-from taubench_gl.frame.sources import RasterSource
-from taubench_gl.gpu.context import open_gpu
 from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_radiance
 from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import PACKAGE, SHADERS, cache_folder
@@ -114,18 +113,15 @@ def _metered(scene: Scene, metering: Settings, camera: CameraTrack, times: np.nd
     """The exposure of direct light at ``times``; None if there is none."""
     if len(times) > 1:
         metering = metering.replace(fps=1.0 / times[1])
-    with open_gpu(metering.device.backend, metering.device.device) as gpu:
-        source = RasterSource(gpu, scene, camera, metering, poser=Poser(scene))
-        try:
-            if "direct" in source.unmeasured:
-                return None
-            radiance = []
-            for frame in range(len(times)):
-                source.advance(frame)
-                radiance.append(surface_radiance(source.read("direct"), source.read("position")))
-            gpu.check("metering")
-        finally:
-            source.release()
+    with opened_gpu(metering) as owner:
+        source = owner.open_source(scene, camera, metering, poser=Poser(scene))
+        if "direct" in source.unmeasured:
+            return None
+        radiance = []
+        for frame in range(len(times)):
+            source.advance(frame)
+            radiance.append(surface_radiance(source.read("direct"), source.read("position")))
+        owner.gpu.check("metering")
     exposure = metered_exposure(np.concatenate(radiance))
     return None if exposure is None else min(max(rounded(exposure), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
 

@@ -17,10 +17,10 @@ from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
+from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.evaluation.schedule import LEAST_PAIRS, LIGHT_COLUMNS, SAMPLE_BUDGET, frame_range
 from taubench_gl.frame.environment import image_of
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import open_gpu
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.report.labels import GIVEN
 from taubench_gl.scene.environment import EnvironmentImage
 from taubench_gl.scene.model import Scene
@@ -159,16 +159,13 @@ def _samples(
         width=width, height=height, spp=NOISE_SPP, pattern="fixed", columns=("direct", "indirect"),
         samples_per_pixel=1, storage="float", pairs="all",
     )  # fmt: skip
-    with open_gpu(settings.device.backend, settings.device.device) as gpu:
-        source = RasterSource(gpu, scene, camera, metering, SourceOptions(extra=("path_info",)), poser=poser)
-        try:
-            worst = []
-            for frame in first_middle_last(frames):
-                source.advance(frame)
-                worst.append(noise_of_a_sample(source.current, metering))
-            gpu.check("metering")
-        finally:
-            source.release()
+    with opened_gpu(settings) as owner:
+        source = owner.open_source(scene, camera, metering, SourceOptions(extra=("path_info",)), poser=poser)
+        worst = []
+        for frame in first_middle_last(frames):
+            source.advance(frame)
+            worst.append(noise_of_a_sample(source.current, metering))
+        owner.gpu.check("metering")
     ratios = np.concatenate([w.ravel() for w in worst])
     # Of a frame, so that the run can have its least number of pairs.
     most = max(SAMPLE_BUDGET // (2 * LEAST_PAIRS * sides[0] * sides[1]), SAMPLE_COUNTS[0])

@@ -10,8 +10,8 @@ import numpy as np
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, LOBES
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.settings import Settings
@@ -68,7 +68,7 @@ class LobeColumns:
 
     def __init__(
         self,
-        context: GpuContext,
+        owner: GpuOwner,
         source: Any,
         settings: Settings,
         missing: Mapping[str, Mapping[str, str]],
@@ -81,7 +81,8 @@ class LobeColumns:
         self._lobes: dict[str, tuple[PairEvaluator | None, SequenceStats]] = {}
         for lobe, reasons in missing.items():
             measured = tuple(b for b in BOUNCES if b not in reasons)
-            evaluator = PairEvaluator(context, source, settings, radiance=measured) if measured else None
+            how = {"radiance": measured, "timed": False}
+            evaluator = owner.open_evaluator(source, settings, **how) if measured else None
             self._lobes[lobe] = evaluator, SequenceStats(measured, dict(reasons))
 
     def blocks(self, session: Session) -> dict[str, Any]:
@@ -102,8 +103,3 @@ class LobeColumns:
             counts = evaluator.compare(step, current=current, previous=previous)
             stats.add(counts)
             pair.evaluated.lobes[lobe] = counts.mask_histogram
-
-    def release(self) -> None:
-        for evaluator, _ in self._lobes.values():
-            if evaluator is not None:
-                evaluator.release()

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.gpu.context import Gpu
 from taubench_gl.math3d import normalize
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -52,17 +52,17 @@ class PreviousShading:
 
     def __init__(
         self,
-        gpu: Gpu,
+        owner: GpuOwner,
         scene: Scene,
         camera: CameraTrack,
         settings: Settings,
         poser: Poser,
         without: tuple[str, ...] = (),
     ):
-        """``without``: as in SourceOptions."""
+        """``owner``: frees the source of the previous frame; ``without``: as in SourceOptions."""
         self._exposure = settings.lighting.exposure_factor
         options = SourceOptions(extra=SURFACE, without=without, given_directions=True)
-        self._source = RasterSource(gpu, scene, camera, settings, options, poser=poser)
+        self._source = owner.open_source(scene, camera, settings, options, poser=poser)
         self.radiance = tuple(name for name in LIGHT if name in self._source.radiance)
         self._copied = tuple(n for n in (*SURFACE, "emission") if n in self._source.channels)
         self._glossy = self._source.effects["glossy"].enabled
@@ -144,9 +144,6 @@ class PreviousShading:
             u, _, v = np.linalg.svd(then[row] @ np.linalg.inv(now[row]))
             table[row + 1] = u @ v
         return table.astype(np.float32)[current.read("ids")[..., 0]]
-
-    def release(self) -> None:
-        self._source.release()
 
 
 def _to_camera(position: Array, view: View) -> Array:

@@ -12,14 +12,13 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range, with_pairs
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.evaluation.summary import scene_facts
 from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -45,19 +44,18 @@ class SceneInput:
     def settings(self) -> Settings:
         return self.lighting.settings
 
-    def open_source(self, gpu: Gpu, timer: PassTimer, wants: Wants) -> RasterSource:
+    def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> RasterSource:
         extra = (*wants.channels, *scene_channels(wants.lobes), *exact_channels() * self.settings.metrics.exact)
         options = SourceOptions(extra=tuple(dict.fromkeys(extra)))
-        return RasterSource(gpu, self.scene, self.camera, self.settings, options, timer=timer, poser=self.poser)
+        return owner.open_source(self.scene, self.camera, self.settings, options, timer=timer, poser=self.poser)
 
     def adders(self, session: Session) -> Iterator[ColumnAdder]:
         source, settings = session.source, self.settings
         if session.wants.lobes:
             missing = missing_of_scene(session.wants.lobes, source.unmeasured)
-            untimed = GpuContext(session.gpu, session.context.shaders)
-            yield LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
+            yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if settings.metrics.exact:
-            parts = session.gpu, self.scene, self.camera, settings, self.poser, source
+            parts = session, self.scene, self.camera, settings, self.poser, source
             yield ExactColumns.of_source(*parts, self.frames)
 
     def facts(self, session: Session) -> dict[str, Any]:

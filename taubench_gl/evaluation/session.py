@@ -21,13 +21,13 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
-from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair, PairEvaluator
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
 from taubench_gl.evaluation.scale import describe_scale, median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run
 from taubench_gl.frame.sources import Source
-from taubench_gl.gpu.context import Gpu, open_gpu
-from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.metrics.sequence_stats import SequenceStats
@@ -62,8 +62,6 @@ class ColumnAdder(Protocol):
     def blocks(self, session: Session) -> dict[str, Any]:
         """Blocks of summary.json over ``session.rows``."""
 
-    def release(self) -> None: ...
-
 
 class Input(Protocol):
     """What a session evaluates: scene or files, camera and frames, with resolved settings."""
@@ -77,7 +75,8 @@ class Input(Protocol):
     @property
     def frames(self) -> range: ...
 
-    def open_source(self, gpu: Gpu, timer: PassTimer, wants: Wants) -> Source: ...
+    def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> Source:
+        """Owned by ``owner``."""
 
     def adders(self, session: Session) -> Iterator[ColumnAdder]:
         """Those that the settings and ``session.wants`` call for."""
@@ -92,45 +91,28 @@ class Input(Protocol):
         """Add what only this kind of input has."""
 
 
-class Session:
+class Session(GpuOwner):
     """Context, source, mask pass and column adders of ``given``, and what its pairs add up to.
 
     ``rows``, ``views``, ``stats``, ``brightness`` and ``depths`` are those of the last ``pairs``.  The GPU context is
     current while a pair is drawn, not while the caller has it.
     """
 
-    def __init__(self, given: Input, wants: Wants = Wants(), *, timer: PassTimer | None = None):
-        """``timer``: of the passes; None: of one in TIMED_EVERY frames.  Raises TaubenchError."""
+    def __init__(self, given: Input, wants: Wants = Wants(), *, every: int = TIMED_EVERY):
+        """``every``: the passes of one in so many frames are timed.  Raises TaubenchError."""
         self.given, self.wants, self.settings = given, wants, given.settings
-        self.gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
-        self.timer = PassTimer(self.gpu, first=TIMED_FIRST, every=TIMED_EVERY) if timer is None else timer
-        with self.gpu, contextlib.ExitStack() as owned:
-            owned.callback(self.gpu.collect)
-            self.context = GpuContext(self.gpu, timer=self.timer)
-            owned.callback(self.context.release)
-            self.source = given.open_source(self.gpu, self.timer, wants)
-            owned.callback(self.source.release)
-            self.adders: list[ColumnAdder] = []
-            for adder in given.adders(self):
-                self.adders.append(adder)
-                owned.callback(adder.release)
+        gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
+        self.timer = PassTimer(gpu, first=TIMED_FIRST, every=every)
+        super().__init__(gpu, self.timer)
+        with gpu, contextlib.ExitStack() as opened:
+            opened.callback(self.release)
+            self.source = given.open_source(self, self.timer, wants)
+            self.adders = list(given.adders(self))
             self._images = wants.images or bool(self.adders)
             how = {"images": self._images, "distances": wants.distances}
-            self.evaluator = PairEvaluator(self.context, self.source, self.settings, **how)
-            owned.callback(self.evaluator.release)
-            self._owned = owned.pop_all()
+            self.evaluator = self.open_evaluator(self.source, self.settings, **how)
+            opened.pop_all()
         self._begin()
-
-    def __enter__(self) -> Session:
-        return self
-
-    def __exit__(self, *exc: Any) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free everything on the GPU."""
-        with self.gpu:
-            self._owned.close()
 
     def _begin(self) -> None:
         self.rows: list[dict[str, Any]] = []

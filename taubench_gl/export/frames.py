@@ -19,13 +19,13 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels, require_exact
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
 from taubench_gl.export.training import NO_TRAINING, TrainingLight, TrainingOptions
 from taubench_gl.frame.read_back import ChannelReader, Image
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -63,7 +63,7 @@ class _Submitted:
     reasons: Array | None = None  # (h, w) exact reasons
 
 
-class FrameSource:
+class FrameSource(GpuOwner):
     """Renders any frame of a scene for export.
 
     ``names``: the requested channels that the scene has; ``unmeasured``: the other requested channels and the reason.
@@ -82,9 +82,10 @@ class FrameSource:
         training: TrainingOptions = NO_TRAINING,
     ):
         """``jitter``: one of JITTERS; ``buffered``: as in ``ChannelReader``."""
-        self._gpu, self._camera = gpu, camera
+        super().__init__(gpu)
+        self._camera = camera
         self._count = frame_total(scene, camera, settings)
-        self._reader = ChannelReader(gpu, buffered=buffered)
+        self._reader = self.own(ChannelReader(gpu, buffered=buffered))
         self._poser = Poser(scene)
         self._jitter = halton_jitter if jitter == "halton" else None
         columns = settings.metrics.columns if "mask" in names else ("frustum",)
@@ -103,29 +104,26 @@ class FrameSource:
         light = {"direct", "indirect", "color"}
         extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
         extra = tuple(dict.fromkeys([*extra, *(exact_channels() if exact else ())]))
-        self.source = RasterSource(
-            gpu, scene, camera, settings, SourceOptions(extra=extra, jitter=self._jitter), poser=self._poser
-        )
+        options = SourceOptions(extra=extra, jitter=self._jitter)
+        self.source = self.open_source(scene, camera, settings, options, poser=self._poser)
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self.training: TrainingLight | None = None
         if training.wanted:
-            self.training = TrainingLight(gpu, scene, camera, settings, training, self._poser)
-        self._context = GpuContext(gpu)
-        self._masks = PairEvaluator(self._context, self.source, settings, images=True)
+            self.training = TrainingLight(self, scene, camera, settings, training, self._poser)
+        self._masks = self.open_evaluator(self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
             nearest = settings.replace(sampling="nearest")
-            self._motion = PairEvaluator(
-                self._context, self.source, nearest, images=True, reprojection="motion", radiance=()
-            )
+            how = {"images": True, "reprojection": "motion", "radiance": ()}
+            self._motion = self.open_evaluator(self.source, nearest, **how)
         self._exact: ExactReasons | None = None
         if exact:
             radiance = {"direct", "indirect"} & set(self.source.radiance)
-            self._exact = ExactReasons(gpu, scene, camera, settings, self._poser, radiance)
+            self._exact = ExactReasons(self, scene, camera, settings, self._poser, radiance)
         self._ahead: History | None = None
         if set(FORWARD) & set(self.names):
-            self._ahead = History(gpu, self.source.size, self.source.channels, settings.device.storage)
+            self._ahead = self.own(History(gpu, self.source.size, self.source.channels, settings.device.storage))
         self._drawn: int | None = None
         self._views: list[View] = []
 
@@ -224,13 +222,6 @@ class FrameSource:
         )
         submitted.moved["motion_forward"] = self._start_motion()
         submitted.images["mask_forward"] = self._reader.start(self._motion.mask_texture, "mask")
-
-    def release(self) -> None:
-        parts = (self._reader, self._masks, self._motion, self._exact, self._context, self._ahead, self.source)
-        for part in (self.training, *parts):
-            if part is not None:
-                part.release()
-        self._gpu.collect()
 
 
 def intrinsics(view: View, width: int, height: int) -> Array:

@@ -17,6 +17,7 @@ from taubench_gl.animation import View, camera_of_run
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
+from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.export.channels import PRECISIONS, RADIANCE, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
 from taubench_gl.export.frames import JITTERS, FrameSource
@@ -24,7 +25,6 @@ from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.export.training import NO_TRAINING, TrainingOptions
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
-from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
@@ -141,32 +141,28 @@ def _export(
     columns = settings.metrics.columns if lit else ("frustum",)
     lighting = resolve_lighting(loaded, settings.replace(columns=columns), camera, frames=frames).settings
     settings = lighting.replace(columns=settings.metrics.columns)
-    gpu = open_gpu(settings.device.backend, settings.device.device)
-    with gpu:
-        source = FrameSource(gpu, loaded, camera, settings, names, jitter=options.jitter, training=options.training)
-        try:
-            exported = (*source.names, *options.training.names)
-            if not exported:
-                why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
-                raise SettingsError(f"the scene has none of these channels: {why}")
-            sequence = settings.sequence
-            size = (sequence.width, sequence.height)
-            spec = ExportSpec(loaded.name, size, sequence.fps, frames, exported, options.precision)
-            writer = FORMATS[options.format](out, spec)
-            description = manifest(spec, settings, options, loaded.sha256, source.unmeasured)
-            whole = _write_manifest(out, description, overwrite)
-            writer.prepare()
-            held = [frame for frame in whole if frame in frames or writer.done(frame)]
-            _write_cameras(out, {frame: source.view(frame) for frame in held}, spec)
-            missing = [frame for frame in frames if not writer.done(frame)]
-            if source.training is not None and missing:
-                source.training.announce(missing, announce)
-            done = _write_all(source, writer, missing, loaded.name, progress)
-            gpu.check("an export")
-            if source.training is not None and (note := source.training.noise_note()):
-                announce(note)
-        finally:
-            source.release()
+    how = {"jitter": options.jitter, "training": options.training}
+    with opened_gpu(settings) as owner, FrameSource(owner.gpu, loaded, camera, settings, names, **how) as source:
+        exported = (*source.names, *options.training.names)
+        if not exported:
+            why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
+            raise SettingsError(f"the scene has none of these channels: {why}")
+        sequence = settings.sequence
+        size = (sequence.width, sequence.height)
+        spec = ExportSpec(loaded.name, size, sequence.fps, frames, exported, options.precision)
+        writer = FORMATS[options.format](out, spec)
+        description = manifest(spec, settings, options, loaded.sha256, source.unmeasured)
+        whole = _write_manifest(out, description, overwrite)
+        writer.prepare()
+        held = [frame for frame in whole if frame in frames or writer.done(frame)]
+        _write_cameras(out, {frame: source.view(frame) for frame in held}, spec)
+        missing = [frame for frame in frames if not writer.done(frame)]
+        if source.training is not None and missing:
+            source.training.announce(missing, announce)
+        done = _write_all(source, writer, missing, loaded.name, progress)
+        owner.gpu.check("an export")
+        if source.training is not None and (note := source.training.noise_note()):
+            announce(note)
     return ExportResult(out, done, len(frames) - len(missing), exported, source.unmeasured)
 
 

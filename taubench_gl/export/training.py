@@ -10,9 +10,9 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import PATH_INFO, clean_name, noisy_name
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import Gpu
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.pathtraced.reference_store import LOBES
 from taubench_gl.pathtraced.references import References, reference_settings
 from taubench_gl.scene.model import Scene
@@ -68,22 +68,23 @@ class TrainingLight:
 
     def __init__(
         self,
-        gpu: Gpu,
+        owner: GpuOwner,
         scene: Scene,
         camera: CameraTrack,
         settings: Settings,
         options: TrainingOptions,
         poser: Poser | None = None,
     ):
-        """``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
+        """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
         self._options, self._references, self._noisy = options, None, None
         if not traced_sources(scene, reference_settings(settings)):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
         if options.reference_spp:
-            self._references = References.open(gpu, scene, camera, settings, options.reference_spp, poser=poser)
+            self._references = References.open(owner, scene, camera, settings, options.reference_spp, poser=poser)
         if options.noisy_spp:
             noisy = reference_settings(settings).replace(spp=options.noisy_spp)
-            self._noisy = RasterSource(gpu, scene, camera, noisy, SourceOptions(extra=(*LOBES, PATH_INFO)), poser=poser)
+            wanted = SourceOptions(extra=(*LOBES, PATH_INFO))
+            self._noisy = owner.open_source(scene, camera, noisy, wanted, poser=poser)
 
     def announce(self, frames: Iterable[int], announce: Callable[[str], None]) -> None:
         """Report how long the references of ``frames`` take, if any are to be traced."""
@@ -118,8 +119,3 @@ class TrainingLight:
         if noise is None:
             return None
         return f"standard error of the clean light at {self._options.reference_spp} samples, worst frame: {noise.text}"
-
-    def release(self) -> None:
-        for part in (self._references, self._noisy):
-            if part is not None:
-                part.release()

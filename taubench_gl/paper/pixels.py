@@ -108,12 +108,9 @@ class PixelRun:
         sample = PixelSample(tuple(frames), tuple(random_pixels(f, self._count, self._size) for f in frames))
         subject = Subject(gpu, self._given.scene, self._given.camera, sample)
         channels = PairChannels(subject, settings)
-        traced = TracedPixels(subject, channels, settings, seeds=(None,))
-        try:
+        with TracedPixels(subject, channels, settings, seeds=(None,)) as traced:
             traced.trace(settings.lighting.path_samples)
             found = list(channels.comparisons(traced.light()))
-        finally:
-            traced.release()
         seconds, made = (time.perf_counter() - started) / len(frames), provenance(gpu, WALL_CLOCK)
         for frame, (words, distances) in zip(frames, found, strict=True):
             pair = _Pair(self._identity, pack(words), _bins(words, distances), seconds, made)

@@ -14,11 +14,10 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Observers, PairEvaluator
+from taubench_gl.evaluation import Observers
 from taubench_gl.evaluation.lobes import LobeColumns, require_lobes
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
@@ -76,13 +75,13 @@ class PathTracedInput:
         """Frame numbers to evaluate.  Raises PathTracedError on gaps."""
         return self.sequence.select(self.settings.sequence.frames)
 
-    def open_source(self, gpu: Gpu, timer: PassTimer, wants: Wants) -> PathTracedSource:
-        return PathTracedSource(gpu, self.sequence, self.camera, self.settings, lobes=wants.lobes)
+    def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> PathTracedSource:
+        return owner.own(PathTracedSource(owner.gpu, self.sequence, self.camera, self.settings, lobes=wants.lobes))
 
     def adders(self, session: Session) -> Iterator[ColumnAdder]:
         if session.wants.lobes:
-            untimed, missing = GpuContext(session.gpu, session.context.shaders), _missing_lobes(session.source)
-            yield LobeColumns(untimed, session.source, self.settings, missing, lambda lobe, bounce: f"{lobe}_{bounce}")
+            missing = _missing_lobes(session.source)
+            yield LobeColumns(session, session.source, self.settings, missing, lambda lobe, bounce: f"{lobe}_{bounce}")
 
     def facts(self, session: Session) -> dict[str, Any]:
         """As ``evaluation.scene_facts``, for files."""
@@ -111,8 +110,8 @@ class PathTracedInput:
         if self.options.second_seed is not None:
             how = {"mapping": self.options.mapping, "layer": self.options.layer}
             second = PathTracedSequence.open(self.options.second_seed, **how)
-            untimed = GpuContext(session.gpu, session.context.shaders)
-            floor = summary["noise_floor"] = noise_floor(untimed, self, second)
+            with GpuOwner(session.gpu) as owner:
+                floor = summary["noise_floor"] = noise_floor(owner, self, second)
             summary["notes"].append(_floor_note(floor))
 
 
@@ -194,7 +193,7 @@ def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
     return notes
 
 
-def noise_floor(context: GpuContext, given: PathTracedInput, second: PathTracedSequence) -> dict[str, Any]:
+def noise_floor(owner: GpuOwner, given: PathTracedInput, second: PathTracedSequence) -> dict[str, Any]:
     """Column of NOISY_COLUMNS -> ``discard`` entry of two renders of one frame that differ only in their seed.
 
     Camera and surfaces do not move in such a pair, so every discarded pixel is noise; about as many of a real pair's
@@ -204,19 +203,15 @@ def noise_floor(context: GpuContext, given: PathTracedInput, second: PathTracedS
     second.require(first.size, given.frames, of="the first render")
     # Motion reprojection needs two moments; both images show the same one.
     settings = given.settings.replace(reprojection="camera", sampling="nearest")
-    sources = [PathTracedSource(context.gpu, sequence, given.camera, settings) for sequence in (first, second)]
+    opened = (PathTracedSource(owner.gpu, sequence, given.camera, settings) for sequence in (first, second))
+    sources = [owner.own(source) for source in opened]
     unmeasured = {c: why for source in sources for c, why in source.unmeasured.items() if c in NOISY_COLUMNS}
     measured = tuple(c for c in NOISY_COLUMNS if c not in unmeasured)
     stats = SequenceStats(measured, unmeasured)
-    evaluator = PairEvaluator(context, sources[0], settings, radiance=measured)
-    try:
-        for frame in given.frames:
-            view, _ = (source.advance(frame) for source in sources)
-            stats.add(evaluator.compare(reprojection(view, view, *first.size), previous=sources[1].current))
-    finally:
-        evaluator.release()
-        for source in sources:
-            source.release()
+    evaluator = owner.open_evaluator(sources[0], settings, radiance=measured)
+    for frame in given.frames:
+        view, _ = (source.advance(frame) for source in sources)
+        stats.add(evaluator.compare(reprojection(view, view, *first.size), previous=sources[1].current))
     discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
     return {column: discard[column] for column in NOISY_COLUMNS}
 

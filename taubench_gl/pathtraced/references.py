@@ -13,8 +13,8 @@ from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import file_hashes
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import Gpu
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.pathtraced.reference_store import LOBES, Accumulated, Noise, StoredReference, identity
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -48,18 +48,18 @@ class Tracer(Protocol):
     def trace(self, frame: int, half: int, first: int, count: int) -> dict[str, Array]:
         """Means of samples ``first`` .. ``first + count - 1``: radiance (h, w, 3) by lobe."""
 
-    def release(self) -> None: ...
-
 
 class SceneTracer:
     """Traces samples of a scene's frames, at pixel centers."""
 
-    def __init__(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser | None = None):
-        """``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
+    def __init__(
+        self, owner: GpuOwner, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser | None = None
+    ):
+        """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
         settings = reference_settings(settings)
         if not traced_sources(scene, settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
-        self._source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=LOBES), poser=poser)
+        self._source = owner.open_source(scene, camera, settings, SourceOptions(extra=LOBES), poser=poser)
         self.size, self._fps = self._source.size, settings.sequence.fps
         self._drawn: int | None = None
 
@@ -74,9 +74,6 @@ class SceneTracer:
         source.trace(PATTERN_FRAMES[half], first, count)
         black = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
         return {name: source.read(name)[..., :3] if name in source.channels else black for name in LOBES}
-
-    def release(self) -> None:
-        self._source.release()
 
 
 def reference_settings(settings: Settings) -> Settings:
@@ -146,7 +143,7 @@ class References:
     @classmethod
     def open(
         cls,
-        gpu: Gpu,
+        owner: GpuOwner,
         scene: Scene,
         camera: CameraTrack,
         settings: Settings,
@@ -155,11 +152,13 @@ class References:
         poser: Poser | None = None,
         exact: bool = False,
     ) -> References:
-        """Of a scene with resolved ``settings``.  ``exact``: frames have ``samples`` and are stored apart, so that no
-        other evaluation adds samples to them.  Raises SettingsError."""
+        """Of a scene with resolved ``settings``; ``owner`` frees what they draw with.  Raises SettingsError.
+
+        ``exact``: frames have ``samples`` and are stored apart, so that no other evaluation adds samples to them.
+        """
         about = identity(reference_settings(settings), file_hashes(scene, settings))
         store = StoredReference(about | ({"samples": samples} if exact else {}), scene.name)
-        return cls(SceneTracer(gpu, scene, camera, settings, poser), store, samples)
+        return cls(SceneTracer(owner, scene, camera, settings, poser), store, samples)
 
     def estimate(self, frames: Iterable[int]) -> Estimate:
         """Time to complete ``frames``, by tracing parts of the first one that needs it, which count."""
@@ -242,9 +241,6 @@ class References:
     def _save(self, frame: int, sums: Accumulated) -> None:
         self._held = frame, sums
         self._store.save(frame, self._tracer.view(frame), self.size, sums)
-
-    def release(self) -> None:
-        self._tracer.release()
 
 
 def duration_text(seconds: float) -> str:

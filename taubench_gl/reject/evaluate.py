@@ -10,17 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import Poser
 from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import PairEvaluator, open_scene
+from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels, require_exact
 from taubench_gl.evaluation.scene import SceneInput
+from taubench_gl.evaluation.session import Session, Wants
 from taubench_gl.frame.materials import tests_alpha
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import open_gpu
-from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.classifier import Confusion, Curve
 from taubench_gl.metrics.exact_rates import CHANGES
 from taubench_gl.provenance import provenance
@@ -132,59 +128,37 @@ def evaluate_tests(
     given = open_scene(scene, settings)
     if len(given.frames) < 3:
         raise SettingsError("fewer than three frames", hint="give --frames A:B with B - A of at least 3")
-    with open_gpu(settings.device.backend, settings.device.device) as gpu:
-        run = _Run(gpu, given, loaded, color)
-        try:
-            return run.evaluate(progress)
-        finally:
-            run.release()
-            gpu.collect()
+    wants = Wants(images=True, channels=tuple(dict.fromkeys((*exact_channels(), *CHANNELS))))
+    with Session(given, wants, every=1) as session, session.gpu:
+        return _Run(session, given, loaded).evaluate(progress)
 
 
 class _Run:
-    """One evaluation: sources, tests, truth."""
+    """One evaluation: tests and truth of the pairs of a session."""
 
-    def __init__(self, gpu: Any, given: SceneInput, tests: tuple[RejectionTest, ...], color: bool):
-        self._gpu, self._given, self._tests = gpu, given, tests
-        poser, settings = Poser(given.scene), given.settings
-        self._parts: list[Any] = []
-        try:
-            self._timer = PassTimer(gpu)
-            self._context = self._own(GpuContext(gpu, timer=self._timer))
-            extra = tuple(dict.fromkeys((*exact_channels(), *CHANNELS)))
-            self._source = self._own(
-                RasterSource(gpu, given.scene, given.camera, settings, SourceOptions(extra=extra), poser=poser)
-            )
-            self._pairs = self._own(PairEvaluator(self._context, self._source, settings, images=True))
-            single = {t.name: t for test in tests for t in test.single}
-            self._differences = self._own(Differences(self._context, self._source, tuple(single.values())))
-            self._single = tuple(single)
-            radiance = {"direct", "indirect"} & set(self._source.radiance)
-            self._reasons = self._own(ExactReasons(gpu, given.scene, given.camera, settings, poser, radiance))
-        except BaseException:
-            self.release()
-            raise
+    def __init__(self, session: Session, given: SceneInput, tests: tuple[RejectionTest, ...]):
+        self._session, self._source, self._pairs = session, session.source, session.evaluator
+        self._given, self._tests = given, tests
+        single = {t.name: t for test in tests for t in test.single}
+        self._differences = session.own(Differences(session.context, self._source, tuple(single.values())))
+        self._single = tuple(single)
+        radiance = {"direct", "indirect"} & set(self._source.radiance)
+        parts = given.scene, given.camera, given.settings, given.poser
+        self._reasons = ExactReasons(session, *parts, radiance)
         truths = TRUTHS if self._reasons.lit else TRUTHS[:1]
         self._scores = {test.name: Scores.of(test, truths) for test in tests}
         self._apart = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)
         self._changed = dict.fromkeys(CHANGES, 0)
 
-    def _own(self, part: Any) -> Any:
-        self._parts.append(part)
-        return part
-
     def evaluate(self, progress: Callable[[Progress], None] | None) -> Rejection:
-        frames, name = self._given.frames, self._given.scene.name
-        total = len(frames) - 2
-        for number, frame in enumerate(frames):
-            _, finished = self._pairs.step(frame, number > 0)
-            if number > 1:
-                self._score(frame)
-                if progress is not None:
-                    progress(Progress(name, number - 1, total, finished[0].seconds))
+        total = len(self._given.frames) - 2
+        for number, pair in enumerate(self._session.pairs(checked=())):
             if number > 0:
-                self._differences.keep_motion(self._pairs.motion_texture)
-        self._gpu.check("the rejection tests")
+                self._score(pair.frame)
+                if progress is not None:
+                    progress(Progress(self._given.scene.name, number, total, pair.evaluated.seconds))
+            self._differences.keep_motion(self._pairs.motion_texture)
+        self._session.gpu.check("the rejection tests")
         return Rejection(self._summary(total), self._scores)
 
     def _score(self, frame: int) -> None:
@@ -236,7 +210,8 @@ class _Run:
 
     def _summary(self, pairs: int) -> dict[str, Any]:
         given, described = self._given, self._source.describe()
-        medians = self._timer.median_ms()
+        timer = self._session.timer
+        medians = timer.median_ms()
         total = max(sum(self._apart.values()), 1)
         tests = {}
         for test in self._tests:
@@ -257,12 +232,7 @@ class _Run:
             "changed_shading": dict(self._changed) if self._reasons.lit else None,
             "strata": {name: {"unit": unit, "limits": list(limits)} for name, (unit, limits) in STRATA.items()},
             "tests": tests,
-            "clock": self._timer.clock,
+            "clock": timer.clock,
             "notes": described["notes"],
-            "provenance": provenance(self._gpu, self._timer.clock),
+            "provenance": provenance(self._session.gpu, timer.clock),
         }  # fmt: skip
-
-    def release(self) -> None:
-        for part in reversed(self._parts):
-            part.release()
-        self._parts = []

@@ -21,8 +21,8 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.evaluation import frame_range, resolve_lighting
+from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
@@ -220,21 +220,16 @@ def evaluate_methods(
         # Images need their exposure whatever the columns.
         resolved = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera)
         settings, reasons = resolved.settings.replace(columns=settings.metrics.columns), resolved.reasons
-    gpu = open_gpu(settings.device.backend, settings.device.device)
-    with gpu:
-        inputs = InputRequest(gpu, scene, camera, settings, options.kind, Poser(scene))
-        run = _Evaluator(inputs, specs, options, announce)
-        try:
-            run.run(progress, on_frame)
-            gpu.check("reuse evaluation")
-            rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
-            counted = run.frames[options.warmup :]
-            statistics = {"statistics": compare_methods(rows, counted, options.cuts) if options.statistics else None}
-            further = {"lighting": reasons, "provenance": provenance(gpu, PassTimer.clock)}
-            summary = run.summary() | statistics | further
-        finally:
-            run.release()
-            gpu.collect()
+    with opened_gpu(settings) as owner:
+        inputs = InputRequest(owner.gpu, scene, camera, settings, options.kind, Poser(scene))
+        run = _Evaluator(owner, inputs, specs, options, announce)
+        run.run(progress, on_frame)
+        owner.gpu.check("reuse evaluation")
+        rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
+        counted = run.frames[options.warmup :]
+        statistics = {"statistics": compare_methods(rows, counted, options.cuts) if options.statistics else None}
+        further = {"lighting": reasons, "provenance": provenance(owner.gpu, PassTimer.clock)}
+        summary = run.summary() | statistics | further
     return Evaluation(summary, rows)
 
 
@@ -259,14 +254,17 @@ class _Evaluator:
 
     def __init__(
         self,
+        owner: GpuOwner,
         inputs: InputRequest,
         specs: Sequence[MethodSpec],
         request: EvaluationRequest,
         announce: Callable[[str], None] | None = None,
     ):
+        """``owner``: frees everything."""
+        self._owner, self._sequence = owner, owner.own(GpuOwner(inputs.gpu))  # of one seed
         self._gpu, self._scene, self._settings = inputs.gpu, inputs.scene, inputs.settings
         self._input_request, self._request = inputs, request
-        self._reference = self._inputs = self._reference_texture = None
+        self._reference_texture = None
         self._images: dict[int, Array] = {}
         self._shading: list[float] = []
         self.runners: dict[str, MethodRunner | RecordedRunner] = {}
@@ -280,27 +278,24 @@ class _Evaluator:
         self._require(len(self._loaded) > 0)
         self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
         traced = reference_samples(request.reference)
-        try:
-            if traced is not None:
-                self._reference = PathTracedReference(inputs, traced, request.exact_samples)
-            self._open_inputs(self.seeds[0])
-            self._check_frames()
-            if isinstance(self._reference, PathTracedReference):
-                fitted = request.reference == FITTED
-                estimate = self._reference.prepare(self.frames, request.reference_time if fitted else None)
-                if announce is not None and (fitted or estimate.seconds is not None):
-                    announce(estimate.text)
-            elif request.reference == "max":
-                self._reference = SupersampledReference(inputs, request.reference_samples)
-            else:
-                self._reference = FileReference(
-                    request.reference, self._inputs.output_size, self.frames, self._settings, request.mapping
-                )
-            self._open_runners()
-            self._require(len(self.runners) > 0)
-        except BaseException:
-            self.release()
-            raise
+        self._reference = None
+        if traced is not None:
+            self._reference = owner.own(PathTracedReference(inputs, traced, request.exact_samples))
+        self._open_inputs(self.seeds[0])
+        self._check_frames()
+        if isinstance(self._reference, PathTracedReference):
+            fitted = request.reference == FITTED
+            estimate = self._reference.prepare(self.frames, request.reference_time if fitted else None)
+            if announce is not None and (fitted or estimate.seconds is not None):
+                announce(estimate.text)
+        elif request.reference == "max":
+            self._reference = owner.own(SupersampledReference(inputs, request.reference_samples))
+        else:
+            self._reference = FileReference(
+                request.reference, self._inputs.output_size, self.frames, self._settings, request.mapping
+            )
+        self._open_runners()
+        self._require(len(self.runners) > 0)
         self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
         for record in self.records.values():
             record.exact_mask = self._mask_source == "exact"
@@ -338,19 +333,19 @@ class _Evaluator:
         wanted = {name for _, method in self._loaded if isinstance(method, Method) for name in method.reads}
         reads = (wanted | set(_EVALUATION_READS)) - {REFERENCE_INPUT}
         if inputs.kind.files is not None:
-            self._inputs = FileInputs(
-                inputs, reads, cuts=request.cuts, exact=request.reference, mapping=request.mapping
-            )
+            files = FileInputs(inputs, reads, cuts=request.cuts, exact=request.reference, mapping=request.mapping)
+            self._inputs = self._sequence.own(files)
             self.frames = self._inputs.frames(self._settings.sequence.frames)
         else:
             self.frames = frame_range(inputs.scene, inputs.camera, self._settings)
             exact = self._reference if inputs.kind.path_samples else True
-            self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=exact)
+            self._inputs = self._sequence.own(RasterInputs(inputs, reads, cuts=request.cuts, exact=exact))
         same = self._inputs.size == self._inputs.output_size  # else methods that read the reference fail with its name
         if REFERENCE_INPUT in wanted and self._reference_texture is None and same:
-            self._reference_texture = self._gpu.ctx.texture(self._inputs.size, 4, dtype="f4")
+            self._reference_texture = self._owner.own(self._gpu.ctx.texture(self._inputs.size, 4, dtype="f4"))
 
     def _open_runners(self) -> None:
+        self._sequence.own(self)
         for spec, method in self._loaded:
             if self.records[spec.label].failed is not None:
                 continue
@@ -388,7 +383,7 @@ class _Evaluator:
         """All frames with every seed.  The inputs and runners of the first seed are open already."""
         for repetition, seed in enumerate(self.seeds):
             if repetition:
-                self._release_sequence()
+                self._sequence.release()
                 self._open_inputs(seed)
                 self._open_runners()
             self._run_sequence(repetition, progress, on_frame)
@@ -525,20 +520,11 @@ class _Evaluator:
             "methods": methods,
         }  # fmt: skip
 
-    def _release_sequence(self) -> None:
-        """Inputs and runners of one seed."""
+    def release(self) -> None:
+        """Free the runners of a seed."""
         for runner in self.runners.values():
             runner.release()
         self.runners = {}
-        if self._inputs is not None:
-            self._inputs.release()
-            self._inputs = None
-
-    def release(self) -> None:
-        self._release_sequence()
-        for part in (self._reference, self._reference_texture):
-            if part is not None:
-                part.release()
 
 
 def _nearest(image: Array, size: tuple[int, int]) -> Array:

@@ -10,9 +10,8 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, View
 from taubench_gl.animation.pairs import reprojection
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
 from taubench_gl.pathtraced.passes import PathTracedFrame
@@ -43,7 +42,7 @@ UPLOADED = ("direct", *LIGHT_INPUTS, *ALBEDOS)
 """Inputs besides radiance that are computed here from the passes of the files."""
 
 
-class FileInputs:
+class FileInputs(GpuOwner):
     """Inputs from path-traced files ``exr:DIR``, whose noise is that of a real renderer.
 
     Geometry comes from the passes of the files.  Surfaces are followed by their pass of previous positions, else by
@@ -68,6 +67,7 @@ class FileInputs:
 
         Raises PathTracedError.
         """
+        super().__init__(request.gpu)
         gpu, scene, camera, kind = request.gpu, request.scene, request.camera, request.kind
         sequence = PathTracedSequence.open(kind.files, mapping=mapping)
         width, height = self.size = self.output_size = sequence.size
@@ -81,20 +81,20 @@ class FileInputs:
         track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
         lobes = tuple(name for names in LOBES.values() for name in names) if self._splits_light else ()
         options = {"follow": self._previous_positions}
-        self.source = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, **options)
-        self._rasterized = None if scene is None else self._missing_channels(gpu, scene, camera, settings)
-        self._context = GpuContext(gpu)
-        self._masks = MaskInputs(self._context, self.source, settings, ())
+        source = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, **options)
+        self.source = self.own(source)
+        self._rasterized = None if scene is None else self._missing_channels(scene, camera, settings)
+        self._masks = MaskInputs(self, self.source, settings, ())
         uploaded = ("radiance", *(n for n in UPLOADED if n in self.reads and n not in self.missing))
         if self._albedo_from == "file":
             uploaded += ("base_color",)
-        self._uploaded = {name: input_texture(gpu, name, self.size) for name in uploaded}
+        self._uploaded = {name: self.own(input_texture(gpu, name, self.size)) for name in uploaded}
         self.exact = self._exact_masks = None
         if exact is not None:
             files = PathTracedSequence.open(exact, mapping=mapping)
             files.require(self.size, of="the input")
-            self.exact = PathTracedSource(gpu, files, track, settings, **options)
-            self._exact_masks = MaskInputs(self._context, self.exact, settings, self.exact.radiance)
+            self.exact = self.own(PathTracedSource(gpu, files, track, settings, **options))
+            self._exact_masks = MaskInputs(self, self.exact, settings, self.exact.radiance)
             self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
         self._index, self._previous = 0, None
 
@@ -122,7 +122,7 @@ class FileInputs:
         others = ("hit_distance", "sample_count", "variance", "reactive", "transparency", "reshaded", "reshaded_before")
         return out | dict.fromkeys(others, "files do not have it")
 
-    def _missing_channels(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:
+    def _missing_channels(self, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:
         """A source of the channels that are read and missing in the files; None if there are none."""
         read = {HISTORY_INPUTS.get(name, name) for name in self.reads} & set(CHANNEL_INPUTS)
         missing = read - set(self.source.channels) - ({"base_color"} if self._albedo_from == "file" else set())
@@ -131,7 +131,7 @@ class FileInputs:
         if not missing:
             return None
         geometry = settings.replace(columns=("frustum",), textures="finest")
-        return RasterSource(gpu, scene, camera, geometry, SourceOptions(extra=tuple(sorted(missing))))
+        return self.open_source(scene, camera, geometry, SourceOptions(extra=tuple(sorted(missing))))
 
     def frames(self, requested: tuple[int | None, int | None]) -> range:
         """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
@@ -254,13 +254,6 @@ class FileInputs:
             "motion_pass": name_of(self.motion_from) if self.motion_from in ("prev_position", "motion") else None,
             "base_color_from": {"file": name_of("diffuse_color"), "scene": "rasterized"}.get(self._albedo_from or ""),
         }  # fmt: skip
-
-    def release(self) -> None:
-        parts = (self._masks, self._exact_masks, self.source, self.exact, self._rasterized, *self._uploaded.values())
-        for part in parts:
-            if part is not None:
-                part.release()
-        self._context.release()
 
 
 def _motion_source(sequence: PathTracedSequence, scene: Scene | None, settings: Settings) -> str:

@@ -21,7 +21,7 @@ from taubench_gl.conventions import COLUMNS, Reason
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
@@ -89,7 +89,7 @@ def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
     return out
 
 
-class RasterInputs:
+class RasterInputs(GpuOwner):
     """Inputs rasterized from a scene.  Call ``advance`` for every frame in order."""
 
     def __init__(
@@ -110,7 +110,8 @@ class RasterInputs:
         gpu, kind, settings = request.gpu, request.kind, request.settings
         if kind.rate != "full" and min(settings.sequence.width, settings.sequence.height) < 2:
             raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
-        self.gpu, self.kind, self.settings = gpu, kind, light_settings(settings, kind)
+        super().__init__(gpu)
+        self.kind, self.settings = kind, light_settings(settings, kind)
         self.reads, self._cuts = frozenset(reads), frozenset(cuts)
         self.output_size = (settings.sequence.width, settings.sequence.height)
         self.size = kind.input_size(self.output_size)
@@ -130,41 +131,32 @@ class RasterInputs:
         extra += CHANNELS_READ if reshades else ()
         shading = None if kind.exact else kind.shading()
         poser = request.poser or Poser(request.scene)
-        self.source = RasterSource(
-            gpu,
-            request.scene,
-            request.camera,
-            self.settings,
-            SourceOptions(jitter=self._jitter, shading=shading, extra=extra),
-            timer=self.timer,
-            poser=poser,
-        )
+        scene, camera = request.scene, request.camera
+        options = SourceOptions(extra, jitter=self._jitter, shading=shading)
+        self.source = self.open_source(scene, camera, self.settings, options, timer=self.timer, poser=poser)
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact: Source | None = None if isinstance(exact, bool) else exact
-        self._owns_exact = False
         if needs_exact and self.exact is None:
             if kind.path_samples:
                 raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
-            self._owns_exact = not kind.exact
             self.exact = self.source
             if not kind.exact:
                 unshared = SourceOptions(shading=Shading(gather_each=kind.noisy))
-                self.exact = RasterSource(gpu, request.scene, request.camera, exact_settings, unshared, poser=poser)
-        self._context = GpuContext(gpu)
+                self.exact = self.open_source(scene, camera, exact_settings, unshared, poser=poser)
         self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
         derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
-        self._compose = ComposePass(
-            self._context, self.size, self.settings, light_channels(self.source), rate=kind.rate,
+        self._compose = self.own(ComposePass(
+            self.context, self.size, self.settings, light_channels(self.source), rate=kind.rate,
             derived=derived, available=self.source.channels, samples=kind.samples,
-        )  # fmt: skip
-        self._derived = DerivedInputs(self._context, self.size, derived, self.source.renderer.scene)
+        ))  # fmt: skip
+        self._derived = self.own(DerivedInputs(self.context, self.size, derived, self.source.renderer.scene))
         self._masks = self._exact_masks = self.reshade = None
         if reshades and self.source.light is not None and self.source.light.written:
-            self.reshade = Reshade(self._context, self.source, self.settings)
+            self.reshade = self.own(Reshade(self.context, self.source, self.settings))
         if {"mask", "motion"} & self.reads or self.reshade is not None:
-            self._masks = MaskInputs(self._context, self.source, self.settings, ())
+            self._masks = MaskInputs(self, self.source, self.settings, ())
         if needs_exact:
-            self._exact_masks = MaskInputs(self._context, self.exact, exact_settings, self.exact.radiance)
+            self._exact_masks = MaskInputs(self, self.exact, exact_settings, self.exact.radiance)
         self._index, self._previous = 0, None
 
     def advance(self, frame: int) -> FrameInputs:
@@ -250,14 +242,6 @@ class RasterInputs:
             "notes": source["notes"],
         }
 
-    def release(self) -> None:
-        for part in (self._compose, self._derived, self.reshade, self._masks, self._exact_masks, self.source):
-            if part is not None:
-                part.release()
-        if self._owns_exact:
-            self.exact.release()
-        self._context.release()
-
 
 class ComposePass:
     """``radiance`` = (direct + indirect + emission, or the sky) times exposure; unshaded pixels are filled."""
@@ -331,16 +315,16 @@ class ComposePass:
 class MaskInputs:
     """``mask`` and ``motion`` of the current frame of a source, without jitter."""
 
-    def __init__(self, context: GpuContext, source: Source, settings: Settings, radiance: tuple[str, ...]):
-        """``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
-        self._hazards = context.gpu.hazards
-        self._evaluator = PairEvaluator(context, source, settings, images=True, radiance=radiance)
+    def __init__(self, owner: GpuOwner, source: Source, settings: Settings, radiance: tuple[str, ...]):
+        """``owner``: frees them; ``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
+        self._hazards = owner.gpu.hazards
+        self._evaluator = owner.open_evaluator(source, settings, images=True, radiance=radiance)
         declaration = ComputePass("reuse invalid motion", ("reuse/invalid_motion.comp.glsl",))
         declaration.glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in (Reason.BEHIND, Reason.INVALID)))
         declaration.glsl(f"const float FAR_AWAY_PX = {FAR_AWAY_PX};")
         declaration.texture("mask", "usampler2D").image("motion", "rg32f", access=WRITE)
-        declaration.dispatch(self.mask.size, Tuning(context.gpu.software).shading_group)
-        self._fill = context.compute(declaration)
+        declaration.dispatch(self.mask.size, Tuning(owner.gpu.software).shading_group)
+        self._fill = owner.own(owner.context.compute(declaration))
         for texture in (self.mask, self.motion):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
@@ -361,10 +345,6 @@ class MaskInputs:
         self._evaluator.submit(pair, declared=declared)
         self._fill.run(None, {"mask": self.mask, "motion": self.motion}, size=self.mask.size)
         self._hazards.publish()
-
-    def release(self) -> None:
-        self._fill.release()
-        self._evaluator.release()
 
 
 def declared_reason(previous: View | None, frame: int, cuts: Collection[int]) -> int:

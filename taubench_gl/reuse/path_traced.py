@@ -14,8 +14,9 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.environment import maps_of
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.environment import lookup
@@ -45,7 +46,7 @@ def reference_samples(text: str) -> int | None:
     return int(number)
 
 
-class PathTracedReference:
+class PathTracedReference(GpuOwner):
     """Frames of a scene at pixel centers: geometry from the rasterizer, light from stored references.
 
     A ``Source`` with direct, indirect and color, and a reference with ``image``.
@@ -55,32 +56,24 @@ class PathTracedReference:
 
     def __init__(self, request: InputRequest, samples: int, exact: bool = False):
         """``exact``: as for ``References.open``.  Raises SettingsError."""
+        super().__init__(request.gpu)
         gpu, settings = request.gpu, request.settings
+        how = {"poser": request.poser, "exact": exact}
+        self.references = References.open(self, request.scene, request.camera, settings, samples, **how)
         self._settings, self._environment = settings, environment_of(settings)
         geometry = settings.replace(columns=("frustum", "position", "normal"), samples_per_pixel=1)
         every = settings.replace(columns=COLUMNS, light="path-traced", indirect="auto")
         self._emits = decide(request.scene, every)["emission"].enabled
-        self._source = RasterSource(
-            gpu,
-            request.scene,
-            request.camera,
-            geometry,
-            SourceOptions(extra=("ids", *(("emission",) * self._emits))),
-            poser=request.poser,
-        )
+        options = SourceOptions(extra=("ids", *(("emission",) * self._emits)))
+        self._source = self.open_source(request.scene, request.camera, geometry, options, poser=request.poser)
         self.size, self.reprojection = self._source.size, self._source.reprojection
         self.radiance = ("direct", "indirect", "color")
         self.unmeasured: Mapping[str, str] = {}
-        self._textures = [{name: radiance_texture(gpu, self.size) for name in self.radiance} for _ in range(2)]
+        self._textures = [
+            {name: self.own(radiance_texture(gpu, self.size)) for name in self.radiance} for _ in range(2)
+        ]
         self._frame: int | None = None
         self._image = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
-        try:
-            self.references = References.open(
-                gpu, request.scene, request.camera, settings, samples, poser=request.poser, exact=exact
-            )
-        except BaseException:
-            self.release()
-            raise
 
     def prepare(self, frames: range, seconds: float | None) -> Estimate:
         """The time that ``frames`` will take; with ``seconds``, first choose the samples that fit it."""
@@ -139,11 +132,3 @@ class PathTracedReference:
             "noise_typical_percent": None if noise is None else noise.typical_percent,
             "noise": None if noise is None else noise.text,
         }  # fmt: skip
-
-    def release(self) -> None:
-        for textures in self._textures:
-            for texture in textures.values():
-                texture.release()
-        if hasattr(self, "references"):
-            self.references.release()
-        self._source.release()

@@ -8,9 +8,9 @@ import numpy as np
 
 from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.inputs import ComposePass, InputRequest, light_channels, light_settings
@@ -20,27 +20,21 @@ Array = np.ndarray
 MAX_SAMPLES = 256
 
 
-class SupersampledReference:
+class SupersampledReference(GpuOwner):
     """Exact light at ``samples`` positions per pixel, the cell centers of a grid; mean of linear radiance."""
 
     def __init__(self, request: InputRequest, samples: int = 16):
         """Raises SettingsError for a number of samples outside 1..MAX_SAMPLES."""
         if not 1 <= samples <= MAX_SAMPLES:
             raise SettingsError(f"reference samples is {samples}", hint=f"give 1 to {MAX_SAMPLES}")
+        super().__init__(request.gpu)
         self._offsets = grid_offsets(samples)
         self._offset = self._offsets[0]
         settings = light_settings(request.settings, request.kind)
-        self._source = RasterSource(
-            request.gpu,
-            request.scene,
-            request.camera,
-            settings,
-            SourceOptions(shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset),
-            poser=request.poser,
-        )
-        self._context = GpuContext(request.gpu)
+        options = SourceOptions(shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset)
+        self._source = self.open_source(request.scene, request.camera, settings, options, poser=request.poser)
         channels = light_channels(self._source)
-        self._compose = ComposePass(self._context, self._source.size, settings, channels, accumulate=True)
+        self._compose = self.own(ComposePass(self.context, self._source.size, settings, channels, accumulate=True))
 
     def image(self, frame: int) -> Array:
         """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
@@ -53,11 +47,6 @@ class SupersampledReference:
 
     def describe(self) -> dict[str, Any]:
         return {"kind": "max", "samples": len(self._offsets), "path": None}
-
-    def release(self) -> None:
-        self._compose.release()
-        self._context.release()
-        self._source.release()
 
 
 class FileReference:

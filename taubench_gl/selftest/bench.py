@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +12,11 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation import pairs as pairing
-from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
+from taubench_gl.evaluation import ChannelPair, evaluate_scene
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Run
@@ -77,13 +77,12 @@ class Shot:
         return self["direct"][..., :3]
 
 
-class Bench:
-    """A GL context, an image size and a shader cache, shared by all cases."""
+class Bench(GpuOwner):
+    """A GL context, an image size and shaders, shared by all cases."""
 
     def __init__(self, gpu: Gpu, size: Size = (96, 64), device: int | None = None):
-        self.gpu, self.size, self.device = gpu, size, device
-        self.shaders = ShaderCache(gpu.ctx)
-        self.context = GpuContext(gpu, self.shaders)
+        super().__init__(gpu)
+        self.size, self.device = size, device
 
     def pair(
         self,
@@ -106,7 +105,7 @@ class Bench:
         cuts = bool(scene.replacements)
         names |= {"ids"} if cuts else set()
         camera = camera or choose_camera(scene)
-        renderer = Renderer(GpuContext(self.gpu, self.shaders), scene, camera, size, names)
+        renderer = Renderer(self.context, scene, camera, size, names)
         before, now = times
         try:
             renderer.draw(before, before)
@@ -136,9 +135,7 @@ class Bench:
         """Channels (h, w, n) of one frame by name, and its view."""
         size, camera = size or self.size, camera or choose_camera(scene)
         names = {"position", "normal", *extra}
-        renderer = Renderer(
-            GpuContext(self.gpu, self.shaders), scene, camera, size, names, RasterOptions(culling=culling)
-        )
+        renderer = Renderer(self.context, scene, camera, size, names, RasterOptions(culling=culling))
         try:
             renderer.draw(time, time)
             return {n: renderer.read(n) for n in renderer.channels}, renderer.frame.view
@@ -153,36 +150,32 @@ class Bench:
         ``extra``: further channels to render; ``settings``: fields of Settings.
         """
         chosen = self._settings({"columns": ("direct",), "fps": 1.0} | settings)
-        source = RasterSource(self.gpu, scene, choose_camera(scene), chosen, SourceOptions(extra=tuple(extra)))
-        try:
+        with self._opened(scene, chosen, extra) as source:
             out = []
             for frame in frames:
                 view = source.advance(frame)
                 out.append(Shot({n: source.read(n).astype(np.float64) for n in source.channels}, view))
             return out
-        finally:
-            source.release()
 
     def lit(self, scene: Scene, time: float = 0.0, **settings: Any) -> dict[str, Array]:
         """``direct`` and ``color`` of one frame, shaded by the light stage.  ``settings``: fields of Settings."""
         chosen = self._settings({"columns": ("direct", "color"), "fps": 1.0} | settings)
-        source = RasterSource(self.gpu, scene, choose_camera(scene), chosen)
-        try:
+        with self._opened(scene, chosen) as source:
             source.advance(time)
             return {n: source.read(n) for n in ("direct", "color")}
-        finally:
-            source.release()
 
     def traced(self, scene: Scene, *, extra: Sequence[str] = (), **settings: Any) -> dict[str, Array]:
         """Path-traced ``direct``, ``indirect`` and ``extra`` of the first frame.  ``settings``: fields of Settings."""
         own = {"columns": ("direct", "indirect"), "fps": 1.0, "light": "path-traced", "indirect": "auto"}
         chosen = self._settings(own | settings)
-        source = RasterSource(self.gpu, scene, choose_camera(scene), chosen, SourceOptions(extra=tuple(extra)))
-        try:
+        with self._opened(scene, chosen, extra) as source:
             source.advance(0)
             return {n: source.read(n) for n in ("direct", "indirect", *extra)}
-        finally:
-            source.release()
+
+    @contextlib.contextmanager
+    def _opened(self, scene: Scene, settings: Settings, extra: Sequence[str] = ()) -> Iterator[RasterSource]:
+        with GpuOwner(self.gpu) as owner:
+            yield owner.open_source(scene, choose_camera(scene), settings, SourceOptions(extra=tuple(extra)))
 
     def evaluate(self, scene: Scene, **settings: Any) -> Run:
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""
@@ -231,13 +224,13 @@ class Bench:
         texture = self.gpu.ctx.texture(size, 4, dtype="f1")
         framebuffer = self.gpu.ctx.framebuffer([texture])
         channels = {"position": texture, "normal": texture}
-        evaluator = PairEvaluator(self.context, ChannelPair(size, channels, channels), Settings(**FIXED_LIGHTING))
-        try:
+        with GpuOwner(self.gpu, shaders=self.context.shaders) as owner:
+            owner.own(texture)
+            owner.own(framebuffer)
+            sky = ChannelPair(size, channels, channels)
+            evaluator = owner.open_evaluator(sky, Settings(**FIXED_LIGHTING))
             framebuffer.clear()
             return counts_of(evaluator.compare(still_pair(size)).mask_histogram)
-        finally:
-            for item in (evaluator, framebuffer, texture):
-                item.release()
 
     def wall(self, size: Size) -> dict[str, Array]:
         """Position (h, w, 4) and normal (h, w, 3) of a wall 1 m in front of the camera of ``still_pair``."""
@@ -247,20 +240,14 @@ class Bench:
         normal[..., 2] = 1.0
         return {"position": position, "normal": normal}
 
-    def release(self) -> None:
-        self.shaders.release()
-        self.gpu.collect()
-
     def _compare(
         self, channels: ChannelPair, settings: Settings, pair: Reprojection, declared: int = 0
     ) -> tuple[Array, Array, Mapping[str, int], Counts]:
         """The first four fields of ``PairImages``."""
-        evaluator = PairEvaluator(self.context, channels, settings, images=True)
-        try:
+        with GpuOwner(self.gpu, shaders=self.context.shaders) as owner:
+            evaluator = owner.open_evaluator(channels, settings, images=True)
             counts = evaluator.compare(pair, declared=declared)
             return evaluator.mask(), evaluator.motion(), counts_of(counts.mask_histogram), counts
-        finally:
-            evaluator.release()
 
     def _texture(self, values: Array, dtype: str):
         height, width = values.shape[:2]

@@ -19,8 +19,8 @@ from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import exact_channels, require_exact
 from taubench_gl.evaluation.explain import Explanation
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
@@ -72,7 +72,8 @@ class ViewerEngine:
     unmeasured: Mapping[str, str] = field(default_factory=dict)  # column of the pair -> why it is not measured
     arrow_scale: float = 1.0  # of the arrows drawn last
 
-    _context: GpuContext | None = None
+    _owner: GpuOwner | None = None
+    _planned: GpuOwner | None = None  # owns the evaluator of what is planned
     _evaluator: PairEvaluator | None = None
     _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
     _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
@@ -94,8 +95,9 @@ class ViewerEngine:
     _frozen: dict[str, Shot | None] = field(default_factory=lambda: {"current": None, "previous": None})
 
     def __post_init__(self) -> None:
-        self._context = GpuContext(self.gpu, timer=self.timer)
-        self._lights = Lights(self._context, self.timer)
+        self._owner = GpuOwner(self.gpu, self.timer)
+        self._planned = GpuOwner(self.gpu, self.timer, self._owner.context.shaders)
+        self._lights = Lights(self._owner.context, self.timer)
         self._exact = ExactMasks(self.gpu)
         self._display = Display(self.gpu, self.feed.size)
         self._magnifier = Magnifier(self.gpu)
@@ -193,10 +195,9 @@ class ViewerEngine:
             self._lights.reset()
             self._exact.release()
             self._drawn_feed = self.feed
-            if self._evaluator is not None:
-                self._evaluator.release()
-            self._active = self._evaluator = PairEvaluator(
-                self._context, self.feed.source, self.feed.settings, images=True
+            self._planned.release()
+            self._active = self._evaluator = self._planned.open_evaluator(
+                self.feed.source, self.feed.settings, images=True
             )
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
@@ -598,8 +599,8 @@ class ViewerEngine:
         drawing = (
             self._lights,
             self._exact,
-            self._evaluator,
-            self._context,
+            self._planned,
+            self._owner,
             self._display,
             *self._beside,
             self._magnifier,

@@ -8,6 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import Visibility
 from taubench_gl.evaluation.exact import ExactReasons
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.viewer.feeds import SceneFeed
@@ -25,6 +26,7 @@ class ExactMasks:
     def __init__(self, gpu: Gpu):
         self._gpu = gpu
         self._reasons: dict[int, tuple[RasterSource, ExactReasons]] = {}  # by id of the source
+        self._owner = GpuOwner(gpu)  # of what the reasons are found with
         self.texture: moderngl.Texture | None = None
         self.percent: dict[str, float | None] = {}
         self.bits: Array | None = None  # (h, w) uint32 of Visibility, row 0 at the top
@@ -38,7 +40,7 @@ class ExactMasks:
         source = feed.source
         if id(source) not in self._reasons:  # with coarse light, geometry has a source of its own
             found = ExactReasons(
-                self._gpu, feed.scene, feed.camera, feed.settings, feed.poser, source.radiance, without=tuple(off)
+                self._owner, feed.scene, feed.camera, feed.settings, feed.poser, source.radiance, without=tuple(off)
             )
             self._reasons[id(source)] = source, found
         reasons = self._reasons[id(source)][1]
@@ -59,8 +61,7 @@ class ExactMasks:
 
     def release(self) -> None:
         """Also before another source is shown."""
-        for _, reasons in self._reasons.values():
-            reasons.release()
+        self._owner.release()
         self._drop_texture()
         self._reasons, self.percent, self.bits = {}, {}, None
 

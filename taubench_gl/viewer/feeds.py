@@ -19,6 +19,7 @@ from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.spec import bound_times
@@ -118,6 +119,7 @@ class SceneFeed:
         poser: Poser | None = None,
     ):
         self._gpu, self.scene, self._timer = gpu, scene, timer
+        self._owner = GpuOwner(gpu)  # of ``source``
         # One sample at the pixel center: the masks belong to the displayed image.
         self.settings = settings.replace(samples_per_pixel=1)
         self.camera = camera or camera_of_run(scene, settings.sequence)
@@ -174,17 +176,11 @@ class SceneFeed:
             return False
         settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)
         every = decide(self.scene, settings)
-        source = RasterSource(
-            self._gpu,
-            self.scene,
-            self.camera,
-            settings,
-            SourceOptions(extra=tuple(n for n in CHANNELS if n in self._extra | extra), without=tuple(off)),
-            timer=self._timer,
-            poser=self._poser,
-        )
-        if self.source is not None:  # only now: if the new source fails, the old one stays
-            self.source.release()
+        wanted = tuple(n for n in CHANNELS if n in self._extra | extra)
+        options, owner = SourceOptions(extra=wanted, without=tuple(off)), GpuOwner(self._gpu)
+        source = owner.open_source(self.scene, self.camera, settings, options, timer=self._timer, poser=self._poser)
+        self._owner.release()  # only now: if the new source fails, the old one stays
+        self._owner = owner
         self.source, self._off, self._held = source, off, [None, None]
         self.settings, self.live, self._all, self._extra = settings, live, every, self._extra | extra
         self.size = source.size
@@ -214,9 +210,8 @@ class SceneFeed:
         return True
 
     def release(self) -> None:
-        if self.source is not None:
-            self.source.release()
-            self.source = None
+        self._owner.release()
+        self.source = None
 
 
 class PathTracedFeed:

@@ -10,10 +10,10 @@ import moderngl
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, Settings
 from taubench_gl.viewer.feeds import SceneFeed, Shot
@@ -57,13 +57,14 @@ UNLIT = frozenset({"direct", "indirect", "color"})
 """Effects without which only geometry is drawn."""
 
 
-class CoarseLight:
+class CoarseLight(GpuOwner):
     """Light and light masks of pairs at a fraction of the size of a feed."""
 
     def __init__(self, gpu: Gpu, feed: SceneFeed, coarse: Coarse, timer: Any):
+        super().__init__(gpu, timer)
         self.coarse = coarse
-        self._feed = feed.beside(coarse.settings(feed.settings))
-        self._context = GpuContext(gpu, timer=timer)
+        self._feed = self.own(feed.beside(coarse.settings(feed.settings)))
+        self._compared = self.own(GpuOwner(gpu, timer, self.context.shaders))  # owns the evaluator of a plan
         self._evaluator: PairEvaluator | None = None
 
     @property
@@ -77,9 +78,8 @@ class CoarseLight:
     def draw(self, shots: tuple[Shot, Shot], off: frozenset[str]) -> None:
         """Draw a pair."""
         if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
-            if self._evaluator is not None:
-                self._evaluator.release()
-            self._evaluator = PairEvaluator(self._context, self.source, self._feed.settings, images=True)
+            self._compared.release()
+            self._evaluator = self._compared.open_evaluator(self.source, self._feed.settings, images=True)
         self._feed.show(*shots)
 
     def submit(self, shots: tuple[Shot, Shot], declared: int, thresholds: Mapping[str, float]) -> None:
@@ -91,26 +91,20 @@ class CoarseLight:
         """Counts of the pair compared last, of fewer pixels."""
         return self._evaluator.read()
 
-    def release(self) -> None:
-        for part in (self._evaluator, self._context, self._feed):
-            if part is not None:
-                part.release()
 
-
-class Refiner:
+class Refiner(GpuOwner):
     """Path-traced light of one frame, the mean of as many samples as were traced so far."""
 
     def __init__(self, gpu: Gpu, feed: SceneFeed, off: frozenset[str], timer: Any):
-        self._gpu = gpu
+        super().__init__(gpu)
         settings = feed.settings.replace(light="path-traced", indirect=AUTO, spp=1, pattern="independent")
-        self._feed = feed.beside(settings)
+        self._feed = self.own(feed.beside(settings))
         self._feed.plan(frozenset(), off, self._feed.live)
         size = self._feed.size
-        self._shaders = ShaderCache(gpu.ctx)
-        self._program = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/average.frag.glsl")
-        self._triangle = gpu.ctx.vertex_array(self._program, [])
-        self._means = [[gpu.ctx.texture(size, 4, dtype="f4") for _ in range(2)] for _ in range(2)]
-        self._targets = [gpu.ctx.framebuffer(textures) for textures in self._means]
+        self._program = self.context.shaders.render("viewer/fullscreen.vert.glsl", "viewer/average.frag.glsl")
+        self._triangle = self.own(gpu.ctx.vertex_array(self._program, []))
+        self._means = [[self.own(gpu.ctx.texture(size, 4, dtype="f4")) for _ in range(2)] for _ in range(2)]
+        self._targets = [self.own(gpu.ctx.framebuffer(textures)) for textures in self._means]
         self._shot: Shot | None = None
         self.samples = 0
 
@@ -127,20 +121,20 @@ class Refiner:
         source.trace(shot.frame, self.samples, 1)
         self.samples += 1
         light = [source.current[name] for name in ("direct", "indirect")]
-        self._gpu.finish()  # Mesa 22's llvmpipe may read a texture before its last draw has finished
+        self.gpu.finish()  # Mesa 22's llvmpipe may read a texture before its last draw has finished
         self._average(light, self._means[0], self._targets[1], 1.0 / self.samples)
         self._means.reverse()
         self._targets.reverse()
-        target = self._gpu.ctx.framebuffer(light)
+        target = self.gpu.ctx.framebuffer(light)
         self._average(self._means[0], self._means[0], target, 0.0)
-        self._gpu.unbind_framebuffer()
+        self.gpu.unbind_framebuffer()
         target.release()
         source.recolor()
 
     def _average(self, samples: list, means: list, target: moderngl.Framebuffer, weight: float) -> None:
         """``target`` = mean + weight (sample - mean), for direct and indirect light."""
         target.use()
-        ctx, program = self._gpu.ctx, self._program
+        ctx, program = self.gpu.ctx, self._program
         ctx.viewport = (0, 0, *self._feed.size)
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
         names = ("sample_direct", "sample_indirect", "mean_direct", "mean_indirect")
@@ -149,20 +143,19 @@ class Refiner:
             program[name] = unit
         program["weight"] = weight
         self._triangle.render(moderngl.TRIANGLES, vertices=3)
-        self._gpu.finish()
+        self.gpu.finish()
 
     def release(self) -> None:
-        self._gpu.unbind_framebuffer()
-        textures = (texture for pair in self._means for texture in pair)
-        for item in (self._triangle, *self._targets, *textures, self._shaders, self._feed):
-            item.release()
+        self.gpu.unbind_framebuffer()
+        super().release()
 
 
 class Lights:
     """Chooses the quality of light for what a feed shows, and holds what the others need."""
 
     def __init__(self, context: GpuContext, timer: Any):
-        self._context, self._gpu, self._timer = context, context.gpu, timer
+        self._gpu, self._timer = context.gpu, timer
+        self._compared = GpuOwner(context.gpu, timer, context.shaders)  # owns the evaluator
         self._geometry: SceneFeed | None = None  # the feed without light
         self._evaluator: PairEvaluator | None = None  # of its pairs
         self._coarse: CoarseLight | None = None
@@ -191,10 +184,9 @@ class Lights:
         if self._geometry is None:
             self._geometry = feed.beside(feed.settings)
         if self._geometry.plan(extra - UNLIT, state.switched_off | UNLIT, self._geometry.live):
-            if self._evaluator is not None:
-                self._evaluator.release()
+            self._compared.release()
             source, settings = self._geometry.source, self._geometry.settings
-            self._evaluator = PairEvaluator(self._context, source, settings, images=True)
+            self._evaluator = self._compared.open_evaluator(source, settings, images=True)
         return self._geometry
 
     @property
@@ -268,7 +260,7 @@ class Lights:
 
     def reset(self) -> None:
         """The feed has another source."""
-        for part in (self._evaluator, self._geometry, self._coarse, self._refiner):
+        for part in (self._compared, self._geometry, self._coarse, self._refiner):
             if part is not None:
                 part.release()
         self._evaluator = self._geometry = self._coarse = self._refiner = self.active = self._key = None

@@ -57,9 +57,6 @@ class Dice:
         mean = 1.0 + drawn.mean(axis=0) * np.array(list(SIGMA.values()))[:, None, None]
         return {n: np.repeat(mean[i, ..., None], 3, axis=-1).astype(np.float32) for i, n in enumerate(LOBES)}
 
-    def release(self):
-        pass
-
 
 def store(tmp_path, **changes):
     about = identity(Settings(environment="none", exposure=1.0), {"sha256": "0" * 64}) | changes

@@ -10,6 +10,7 @@ from reuse_scenes import glowing, lit_room, settings, still
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.pathtraced.reference_store import LOBES
 from taubench_gl.pathtraced.references import References
@@ -40,12 +41,10 @@ def source_of(gpu, scene, made, extra=()):
 def test_a_reference_is_the_mean_of_its_samples(gpu):
     """32 samples in two halves and four parts, against frames of the same halves in one part."""
     scene, made = still(), chosen()
-    references = References.open(gpu, scene, choose_camera(scene), made, 32)
-    try:
+    with GpuOwner(gpu) as owner:
+        references = References.open(owner, scene, choose_camera(scene), made, 32)
         found = references.frame(3)
         again = references.frame(5)
-    finally:
-        references.release()
     assert found.samples == 32 and found.noise.rms > 0
     for lobe in LOBES:  # the scene is still and so is the pattern
         np.testing.assert_array_equal(found.lobes[lobe], again.lobes[lobe])
@@ -71,13 +70,10 @@ def test_a_reference_is_the_mean_of_its_samples(gpu):
 
 def test_the_noise_that_a_reference_states_is_its_error(gpu):
     scene, made = still(), chosen()
-    references = [References.open(gpu, scene, choose_camera(scene), made, samples) for samples in (16, 512)]
-    try:
+    with GpuOwner(gpu) as owner:
+        references = [References.open(owner, scene, choose_camera(scene), made, samples) for samples in (16, 512)]
         few, many = (r.frame(0) for r in references)
-    finally:
-        for r in references:
-            r.release()
-        gpu.collect()
+    gpu.collect()
     luminance = np.array([0.2126, 0.7152, 0.0722])
     error = (few.direct + few.indirect - many.direct - many.indirect) @ luminance
     assert np.sqrt(np.mean(error**2)) == pytest.approx(few.noise.rms, rel=0.5)
@@ -145,7 +141,7 @@ def test_a_dark_scene_has_no_reference(gpu):
     dark = scene.__class__(**{n: getattr(scene, n) for n in scene.__dataclass_fields__} | {"lights": ()})
     dark.nodes.light[:] = -1
     with pytest.raises(SettingsError):
-        References.open(gpu, dark, choose_camera(dark), chosen(), 4)
+        References.open(GpuOwner(gpu), dark, choose_camera(dark), chosen(), 4)
 
 
 @pytest.mark.parametrize("environment", ["none", (0.2, 0.3, 0.4), "image"])

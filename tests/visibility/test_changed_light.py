@@ -11,7 +11,8 @@ from taubench_gl.animation import Poser
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.point_light import light_reasons
@@ -30,21 +31,17 @@ class Pair:
         own = {"width": SIZE[0], "height": SIZE[1], "fps": 4.0, "columns": ("frustum", "direct"), "shadow_lights": 0}
         given = open_scene(scene, Settings(**(own | {"reprojection": "motion"} | more)))
         poser = Poser(given.scene)
-        source = RasterSource(
-            gpu, given.scene, given.camera, given.settings, SourceOptions(extra=exact_channels()), poser=poser
-        )
-        exact = ExactReasons(gpu, given.scene, given.camera, given.settings, poser, source.radiance)
-        try:
+        with gpu, GpuOwner(gpu) as owner:
+            options = SourceOptions(extra=exact_channels())
+            source = owner.open_source(given.scene, given.camera, given.settings, options, poser=poser)
+            exact = ExactReasons(owner, given.scene, given.camera, given.settings, poser, source.radiance)
             source.advance(frame - 1)
             source.advance(frame)
             found = exact.of(source, frame, noise=noise)
             self.bits, self.light = found.bits, found.light
             self.channels = {name: source.read(name) for name in source.channels}
             self.views = source.renderer.frame.view, source.renderer.frame.before[1]
-        finally:
-            exact.release()
-            source.release()
-            gpu.collect()
+        gpu.collect()
 
     def count(self, bit) -> int:
         return int(np.count_nonzero(self.bits & bit))

@@ -24,8 +24,9 @@ from taubench_gl.demos.demo import (
 )
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import turn_x, turn_y
@@ -55,15 +56,13 @@ def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: in
     """Direct radiance of frames, (h, w, 3) each.  ``samples``: random light samples per pixel; 0: all lamps."""
     shading = Shading(light_samples=samples, indirect_samples=samples)
     settings = stage.settings(columns=("direct",))
-    source = RasterSource(stage.gpu, what, choose_camera(what), settings, SourceOptions(shading=shading))
-    try:
+    with GpuOwner(stage.gpu) as owner:
+        source = owner.open_source(what, choose_camera(what), settings, SourceOptions(shading=shading))
         found = []
         for frame in frames:
             source.advance(frame)
             found.append(source.read("direct")[..., :3].astype(np.float64))
         return found
-    finally:
-        source.release()
 
 
 def expected_one_sample(per_lamp: Array, threshold: float = DEFAULT_THRESHOLD) -> float:

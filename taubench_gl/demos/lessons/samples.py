@@ -14,7 +14,7 @@ from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter
 from taubench_gl.demos.lessons.cost import scaled_to
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import quad, turn_x, turn_y
@@ -45,15 +45,13 @@ def scene() -> Scene:
 def light(stage: Stage, samples: int, frames: int) -> Array:
     """Direct light of ``frames`` frames with independent numbers.  (frames, h, w, 3)."""
     settings = stage.settings(columns=("direct",), spp=samples, width=SIZE[0], height=SIZE[1], **PATHS)
-    source = RasterSource(stage.gpu, scene(), choose_camera(scene()), settings)
-    try:
+    with GpuOwner(stage.gpu) as owner:
+        source = owner.open_source(scene(), choose_camera(scene()), settings)
         found = []
         for frame in range(frames):
             source.advance(frame)
             found.append(source.read("direct")[..., :3].astype(np.float64))
         return np.stack(found)
-    finally:
-        source.release()
 
 
 def means(frames: Array, count: int) -> Array:

@@ -411,6 +411,7 @@ class IndirectPass:
             self._owned = [self._framebuffer, self._drawer]
             self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
             self._vpls = context.compute(passes.vpls())
+            self._owned.append(self._vpls)
         self._patches = PatchLight(context, spec, passes, self.tables, draws) if passes.patch_count else None
         self.grid = ProbeGrid(context, spec, passes, self.tables, draws) if passes.probes else None
         self._shade: list[CompiledCompute] = []
@@ -489,8 +490,9 @@ class IndirectPass:
         return np.frombuffer(self.tables["vpls"].read(), dtype=VPL.dtype)[: self._passes.count]
 
     def release(self) -> None:
-        for item in (*self._owned, *self.tables.values(), *([self.grid] * (self.grid is not None))):
-            item.release()
+        for item in (*self._owned, *self._shade, *self.tables.values(), self._patches, self.grid):
+            if item is not None:
+                item.release()
 
 
 class PatchLight:
@@ -510,6 +512,7 @@ class PatchLight:
         tables["patch_lights"] = ctx.buffer(reserve=LIGHT.dtype.itemsize * max(len(self._rows), 1), dynamic=True)
         self._compiled = context.compute(passes.patches())
         self._lit = 0  # lights that are on
+        self.release = self._compiled.release
 
     def place_lights(self, frame: FrameContext) -> bytes:
         """Upload the lights that are on, in scene space; bytes that are equal while their light is."""
@@ -617,7 +620,8 @@ class ProbeGrid:
         return np.unpackbits(words, axis=1, bitorder="little")[:, : self._passes.count].astype(bool)
 
     def release(self) -> None:
-        for item in (self._drawer, self._depth, self._target, self._anchor, self._constants):
+        compiled = (*self._bricks, self._visibility, self._bounce, *self._receive)
+        for item in (*compiled, self._drawer, self._depth, self._target, self._anchor, self._constants):
             item.release()
 
 

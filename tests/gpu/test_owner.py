@@ -1,0 +1,87 @@
+"""An owner frees all that it opened, and everything that draws opens its sources with one."""
+
+import pytest
+
+from taubench_gl.evaluation.exposure import meter
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.scene import evaluate_scene, open_scene
+from taubench_gl.evaluation.session import Session, Wants
+from taubench_gl.export.run import ExportOptions, export_scene
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.reject.evaluate import evaluate_tests
+from taubench_gl.reuse.evaluate import evaluate_methods
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+from tests.gpu.test_context import DEMO, alive
+
+SMALL = {"width": 32, "height": 18, "frames": (0, 3), "spp": 1}
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return load_scene(DEMO)
+
+
+def _pairs(demo, out):
+    wants = Wants(images=True, lobes=("diffuse",))
+    with Session(open_scene(demo, Settings(exact=True, **SMALL)), wants) as session:
+        for pair in session.pairs():
+            assert pair.mask.any() or pair.row["pixels"]
+
+
+def _left_early(demo, out):
+    with Session(open_scene(demo, Settings(**SMALL)), Wants(images=True)) as session:
+        next(iter(session.pairs()))
+
+
+ACTS = {
+    "evaluate": lambda demo, out: evaluate_scene(demo, Settings(**SMALL)),
+    "exact pairs": _pairs,
+    "left early": _left_early,
+    "metering": lambda demo, out: meter(demo, open_scene(demo, Settings(**SMALL)).settings),
+    "export": lambda demo, out: export_scene(
+        DEMO, out, Settings(**SMALL), ExportOptions(format="npz", channels=("mask", "motion_forward"))
+    ),
+    "reject": lambda demo, out: evaluate_tests(DEMO, ("plane_distance",), Settings(**SMALL)),
+    "reuse": lambda demo, out: evaluate_methods(
+        demo, ("none", "accumulate"), Settings(reprojection="motion", **SMALL), metrics=("psnr",), reference_samples=1
+    ),
+}
+
+
+@pytest.mark.parametrize("act", ACTS.values(), ids=ACTS.keys())
+def test_no_object_stays(demo, tmp_path, act):
+    with open_gpu() as gpu:
+        gpu.collect()
+        act(demo, tmp_path / "first")  # the program used last is deleted, yet lives until another is used
+        before = alive(gpu)
+        assert sum(before.values()) <= 2, before
+        act(demo, tmp_path / "out")
+        assert alive(gpu) == before
+
+
+def test_a_part_that_fails_to_open_frees_the_others(demo):
+    given = open_scene(demo, Settings(**SMALL))
+    with open_gpu() as gpu:
+        before = alive(gpu)
+        with pytest.raises(ZeroDivisionError), GpuOwner(gpu) as owner:
+            owner.open_source(demo, given.camera, given.settings)
+            assert alive(gpu) != before
+            _ = 1 / 0
+        assert alive(gpu) == before
+
+
+def test_parts_are_freed_once_and_the_last_first(gpu):
+    class Part:
+        def __init__(self, name):
+            self.name = name
+
+        def release(self):
+            freed.append(self.name)
+
+    freed, owner = [], GpuOwner(gpu)
+    for name in "abc":
+        owner.own(Part(name))
+    owner.release()
+    owner.release()
+    assert freed == ["c", "b", "a"]
