@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.features import COLUMNS, FEATURES
 from taubench_gl.glossary import CAMERA, CENSUS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.paper.fit import UNIT, Fitted
@@ -116,7 +116,7 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
     notes: list[str] = []
     fps = float(paper_numbers()["settings"]["render_fps"])
     for result in results:
-        paper = [paper_row(result.scene.row)["discard"][name] for name in COLUMNS]
+        paper = [paper_row(result.scene.row)["discard"].get(name) for name in COLUMNS]
         for light, why in result.failed.items():
             if light != CAMERA_JOB:
                 rows.append(_missing(f"{result.scene.label}, {light}", len(COLUMNS), why))
