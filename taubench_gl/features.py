@@ -42,11 +42,6 @@ class Feature:
     most: float | None = None  # largest distance there is
     threshold: float = DEFAULT_THRESHOLD
 
-    @property
-    def bits(self) -> Reason:
-        """``bit`` with its details."""
-        return Reason(sum((self.bit, *self.details)))
-
 
 TABLE: tuple[Feature, ...] = (
     Feature(
@@ -88,33 +83,19 @@ TABLE: tuple[Feature, ...] = (
 )  # fmt: skip
 """In the order of Table 4.  Frustum is a class of its own, without distance and threshold."""
 
-BY_BIT = tuple(sorted(TABLE, key=lambda feature: feature.bit))
-"""In the order of the bits, that of files and legends."""
-
-FEATURE = {feature.name: feature for feature in TABLE}
+BY_BIT = tuple(sorted(TABLE, key=lambda feature: feature.bit))  # the order of files and legends
+FEATURE = {f.name: f for f in TABLE}
 FEATURES = tuple(FEATURE)
-FEATURE_BIT = {feature.name: feature.bit for feature in TABLE}
+FEATURE_BIT = {f.name: f.bit for f in TABLE}
+COLUMNS = ("frustum", *FEATURES)  # Table 4's
+COLUMN_BITS = {"frustum": FRUSTUM, **FEATURE_BIT}  # column -> bits of the pixels that it discards
+UNITS = {f.name: f.symbol for f in TABLE if f.symbol}
 
-COLUMNS = ("frustum", *FEATURES)
-"""Table 4's columns."""
-
-COLUMN_BITS = {"frustum": FRUSTUM, **FEATURE_BIT}
-"""Column -> the bits of the pixels that it discards."""
-
-GEOMETRY = tuple(feature.name for feature in BY_BIT if feature.distance is Distance.SURFACE)
-"""Features that every source has."""
-
-VALUES = tuple(feature.name for feature in BY_BIT if feature.distance is not Distance.SURFACE)
-"""Features that are compared only where a source has them."""
-
-LIGHT_FEATURES = tuple(feature.name for feature in BY_BIT if feature.light)
-"""Those that need light."""
-
+GEOMETRY = tuple(f.name for f in BY_BIT if f.distance is Distance.SURFACE)  # every source has them
+VALUES = tuple(f.name for f in BY_BIT if f.distance is not Distance.SURFACE)  # compared where a source has them
+LIGHT_FEATURES = tuple(f.name for f in BY_BIT if f.light)
 OTHERS = tuple(name for name in VALUES if name not in LIGHT_FEATURES)
-"""Those that do not."""
-
-RADIANCE_FEATURES = tuple(feature.name for feature in BY_BIT if feature.distance is Distance.RADIANCE)
-"""Those whose distance the exposure multiplies."""
+RADIANCE_FEATURES = tuple(f.name for f in BY_BIT if f.distance is Distance.RADIANCE)  # the exposure multiplies it
 
 # Every count is a sum over the histogram of whole reason words, so it has all words up to the highest bit.  Each bit
 # doubles it.  To clear it, read it back and find the words that occur takes 0.03 ms a pair at 16 bits, 0.09 at 17, 0.23

@@ -32,7 +32,7 @@ def _columns(demo: Demo) -> tuple[str, ...]:
     shown = 0
     for mask in demo.opening.masks:
         shown |= mask
-    measured = (f.name for f in TABLE if f.name != "color" and f.bits & shown)
+    measured = (f.name for f in TABLE if f.name != "color" and any(bit & shown for bit in (f.bit, *f.details)))
     return ("frustum", *measured, "color")
 
 

@@ -34,9 +34,7 @@ _MEMBERS = {"pixels": WORDS >= 0}
 _MEMBERS |= {f"reusable_{rate}": (WORDS & (bits | Reason.SKY)) == 0 for rate, bits in RATE_BITS.items()}
 _MEMBERS |= _CLASS_OF_WORD
 _MEMBERS |= {bit.name.lower(): (WORDS & bit) != 0 for bit in Reason if bit.name.lower() not in _MEMBERS}
-_MEMBER_TABLE = np.stack(
-    list(_MEMBERS.values()), axis=-1
-)  # (MASK_WORDS, counts): one product instead of a sum per count
+_MEMBER_TABLE = np.stack(list(_MEMBERS.values()), axis=-1)  # (words, counts): one product instead of a sum per count
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.features import FEATURES, TABLE
+from taubench_gl.features import FEATURES
 from taubench_gl.report.plots import discard_curve
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
-
-UNIT = {feature.name: feature.symbol for feature in TABLE if feature.symbol}
 
 
 @dataclass(frozen=True, slots=True)

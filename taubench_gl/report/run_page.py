@@ -15,7 +15,7 @@ from typing import Any
 
 from taubench_gl import glossary
 from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
-from taubench_gl.features import BY_BIT, COLUMN_BITS, COLUMNS, FEATURE, FEATURE_BIT, FEATURES
+from taubench_gl.features import BY_BIT, COLUMN_BITS, COLUMNS, FEATURE_BIT, FEATURES, UNITS
 from taubench_gl.metrics.reuse_rate import LIGHT_REASONS, RATE_BITS, RATE_COLUMNS, RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
@@ -239,10 +239,7 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = 
     share = max(1, images // max(len(runs), 1))
     budget = MAX_IMAGE_BYTES // max(len(runs), 1)
     return {
-        "columns": [
-            {"name": name, "dash": DASHES[name], "unit": FEATURE[name].symbol if name in FEATURE else ""}
-            for name in COLUMNS
-        ],
+        "columns": [{"name": name, "dash": DASHES[name], "unit": UNITS.get(name, "")} for name in COLUMNS],
         "features": list(FEATURES),
         "bits": {
             "features": {name: int(bit) for name, bit in FEATURE_BIT.items()},

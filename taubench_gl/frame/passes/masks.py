@@ -73,7 +73,7 @@ class MaskOptions:
         return names + [Use(TEXTURE, "prev_position", "sampler2D")] * motion
 
 
-_PLACES = (("distances", 0), ("distances", 1), ("distances", 2), ("distances", 3), ("changes", 0), ("changes", 3))
+_PLACES = [*(("distances", i) for i in range(4)), ("changes", 0), ("changes", 3)]
 PLACES = dict(zip((*GEOMETRY, *VALUES), _PLACES, strict=False))
 """Texture and component into which the distance of each feature is written; a seventh needs another texture."""
 
