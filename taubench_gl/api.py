@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURE_BIT, FEATURES, Reason
+from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import (
     Observers,
@@ -23,6 +23,7 @@ from taubench_gl.evaluation import (
     evaluate_scene,
     open_scene,
 )
+from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import (
@@ -46,7 +47,6 @@ FULL = "full"
 """Kind of report with the distances of every pixel."""
 SAVED_CHANNELS = ("position", "normal", "geometric_normal", "base_color", "material", "emission", "ids")
 _GEOMETRY_REASONS = (Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING)
-_LIGHT_REASONS = {"direct": (Reason.LIT, Reason.SHADOWED)}
 _PATH_TRACED = tuple(field.name for field in dataclasses.fields(PathTracedOptions))
 _OWN_SIZE = ("size", "width", "height", "camera")
 """Options without effect on path-traced files, which have their own."""
@@ -283,7 +283,7 @@ class _Saver:
 
     def _save_masks(self, pair: Pair) -> None:
         file, mask = folder_in(self._out, "masks") / f"mask_{pair.frame:05d}.npz", pair.mask
-        write_arrays(file, {"mask": mask.astype(np.uint16)})
+        write_arrays(file, {"mask": mask.astype(WORD_DTYPE)})
         title = f"frame {pair.frame}"
         save_mask_image(file.with_suffix(".png"), mask, shaded(pair), self._reasons(), title)
         self.written += [file, file.with_suffix(".png")]
@@ -297,9 +297,9 @@ class _Saver:
         self.written.append(file)
 
     def _reasons(self) -> tuple[Reason, ...]:
-        features = tuple(FEATURE_BIT[n] for n in FEATURE_BIT if n in self._measured and n not in ("position",))
-        light = tuple(r for name, reasons in _LIGHT_REASONS.items() if name in self._measured for r in reasons)
-        return (*_GEOMETRY_REASONS, *(f for f in features if f is not Reason.DIRECT), *light)
+        measured = [f for f in TABLE if f.name in self._measured]
+        plain = (f.bit for f in measured if not f.details)
+        return (*_GEOMETRY_REASONS, *plain, *(bit for f in measured if f.light for bit in f.details))
 
     def finish(self, run: Run) -> None:
         """Write the mask image of the worst frame and the index of the report's images.  Raises OutputError."""

@@ -25,12 +25,6 @@ off screen."""
 DEFAULT_THRESHOLD = 32.0 / 255.0
 """The paper's threshold (section 3.2), in the unit of each feature; position: meters."""
 
-FEATURES = ("color", "position", "normal", "direct", "indirect")
-"""The feature masks f_B of section 3.2, in the order of Table 4 (frustum is a class of its own)."""
-
-COLUMNS = ("frustum", *FEATURES)
-"""Table 4's columns."""
-
 LOBES = ("diffuse", "glossy", "transmission", "volume")
 """Lobes of direct and indirect that can be measured apart."""
 
@@ -89,14 +83,6 @@ NO_HISTORY = 1 << 31
 
 FRUSTUM = Reason.BEHIND | Reason.OUTSIDE
 NOT_COMPARABLE = Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM
-
-FEATURE_BIT = {
-    "color": Reason.COLOR,
-    "position": Reason.POSITION,
-    "normal": Reason.NORMAL,
-    "direct": Reason.DIRECT,
-    "indirect": Reason.INDIRECT,
-}
 
 # Histogram of feature distances: log-linear bins taken from the bits of a float32, so that the GPU and NumPy agree on
 # every bin exactly, without a logarithm.  HISTOGRAM_MANTISSA_BITS = 3: eight bins per octave.

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from taubench_gl.conventions import FRUSTUM, Reason, Visibility
+from taubench_gl.features import BY_BIT, TABLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,26 +155,7 @@ REASONS: Mapping[Reason, Term] = {
     FRUSTUM: Term(
         "frustum", "frustum", "The surface was off-screen or behind the camera in the previous frame", "", _EQ_3
     ),
-    Reason.POSITION: Term(
-        "position", "position",
-        "Distance between the surface position and the position in history exceeds the threshold", "", _SECTION_3_2,
-    ),
-    Reason.NORMAL: Term(
-        "normal", "normal", "Distance between the unit shading normal and the normal in history exceeds the threshold",
-        "", _SECTION_3_2,
-    ),
-    Reason.DIRECT: Term(
-        "direct", "direct",
-        "Distance between direct radiance and direct radiance in history exceeds the threshold", "", _SECTION_3_2,
-    ),
-    Reason.INDIRECT: Term(
-        "indirect", "indirect",
-        "Distance between indirect radiance and indirect radiance in history exceeds the threshold", "", _SECTION_3_2,
-    ),
-    Reason.COLOR: Term(
-        "color", "color", "A channel of the tone-mapped sRGB color differs from history by more than the threshold",
-        "", _SECTION_3_2,
-    ),
+    **{f.bit: Term(f.name, f.name, f.sentence, "", _SECTION_3_2) for f in BY_BIT},
     Reason.DISOCCLUDED: Term(
         "disoccluded", "disoccluded",
         "The surface was hidden: the history surface is nearer to the previous camera by more than the position "
@@ -196,39 +178,17 @@ REASONS: Mapping[Reason, Term] = {
 """What sets each bit of the reason mask, and the combination ``frustum``."""
 
 REUSE_REASONS: Mapping[Reason, Term] = {
+    **{bit: REASONS[bit] for bit in (Reason.FIRST, Reason.CUT, Reason.INVALID, Reason.BEHIND, Reason.OUTSIDE)},
     **{
-        reason: REASONS[reason]
-        for reason in (
-            Reason.FIRST, Reason.CUT, Reason.INVALID, Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED,
-            Reason.OCCLUDING,
-        )
+        bit: Term(f.name, *f.cause, "", _REUSABLE) if bit == f.bit else REASONS[bit]
+        for f in BY_BIT if f.rates for bit in (*f.details, f.bit)
     },
-    Reason.POSITION: Term(
-        "position", "changed in position",
-        "The surface point is not where the history has it, and neither surface hides the other", "", _REUSABLE,
-    ),
-    Reason.NORMAL: Term(
-        "normal", "changed in normal", "The normal changed although the position did not", "", _REUSABLE,
-    ),
-    Reason.LIT: REASONS[Reason.LIT],
-    Reason.SHADOWED: REASONS[Reason.SHADOWED],
-    Reason.DIRECT: Term(
-        "direct", "changed in light color", "Direct radiance changed at equal luminance", "", _REUSABLE
-    ),
-    Reason.INDIRECT: Term(
-        "indirect", "changed in indirect light", "Indirect radiance changed although direct radiance did not", "",
-        _REUSABLE,
-    ),
 }  # fmt: skip
 """Why a pixel is not reusable.  Disjoint: a pixel counts once, under the first reason of this order in its mask."""
 
 COLUMNS: Mapping[str, Term] = _by_key(
     REASONS[FRUSTUM],
-    Term("color", "color", REASONS[Reason.COLOR].definition, "sRGB, 0 to 1", _SECTION_3_2),
-    Term("position", "position", REASONS[Reason.POSITION].definition, "m", _SECTION_3_2),
-    Term("normal", "normal", REASONS[Reason.NORMAL].definition, "length of the difference", _SECTION_3_2),
-    Term("direct", "direct", REASONS[Reason.DIRECT].definition, "radiance x exposure", _SECTION_3_2),
-    Term("indirect", "indirect", REASONS[Reason.INDIRECT].definition, "radiance x exposure", _SECTION_3_2),
+    *(Term(f.name, f.name, f.sentence, f.unit, _SECTION_3_2) for f in TABLE),
 )
 """The columns of Table 4.  The unit is that of the threshold."""
 
@@ -326,26 +286,9 @@ EXACT: Mapping[str, Term] = _by_key(
             ("invalid", "A position is not finite"),
         )
     ),
-    Term(
-        "misregistered_color", "misregistered, color",
-        "Pixels that color discards although the previous camera saw their point in the same color", "pixels", _EXACT,
-    ),
-    Term(
-        "misregistered_position", "misregistered, position", "Misregistered pixels of the column position", "pixels",
-        _EXACT,
-    ),
-    Term(
-        "misregistered_normal", "misregistered, normal", "Misregistered pixels of the column normal", "pixels", _EXACT
-    ),
-    Term(
-        "misregistered_direct", "misregistered, direct",
-        "Pixels that direct discards although the previous camera saw their point under the same light", "pixels",
-        _EXACT,
-    ),
-    Term(
-        "misregistered_indirect", "misregistered, indirect",
-        "Pixels that indirect discards although the previous camera saw their point under the same indirect light",
-        "pixels", _EXACT,
+    *(
+        Term(f"misregistered_{f.name}", f"misregistered, {f.name}", f.misregistered, "pixels", _EXACT)
+        for f in TABLE
     ),
     Term(
         "brightened", "brightened point",

@@ -13,9 +13,10 @@ from typing import Any
 import msgspec
 
 from taubench_gl.checksums import with_checksums, without_checksums
-from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
+from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
 from taubench_gl.errors import OutputError
+from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
 from taubench_gl.run_check import contradiction

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS
+from taubench_gl.features import COLUMNS, MASK_WORDS
 from taubench_gl.metrics.activity import QUANTITIES, describe
 from taubench_gl.metrics.counts import counts_of, discarded_above, edges
 from taubench_gl.metrics.exact_rates import exact_summary
@@ -135,7 +135,7 @@ def _of_histogram(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict
     recorded = summary.get("mask_histogram") or {}
     if recorded.get("words") is None or recorded.get("pixels") is None:
         return
-    whole = np.zeros(1 << 16, dtype=np.int64)
+    whole = np.zeros(MASK_WORDS, dtype=np.int64)
     for word, pixels in zip(recorded["words"], recorded["pixels"], strict=True):
         whole[word] += pixels
     for name, pixels in counts_of(whole).items():

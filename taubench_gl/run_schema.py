@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, defstruct
+
+from taubench_gl.features import BY_BIT, COLUMNS, FEATURES
 
 COUNT_COLUMNS = (
     "pixels", "reusable_surface", "reusable_shading", "first", "cut", "invalid", "sky", "history_sky", "behind",
-    "outside", "frustum", "comparable", "position", "normal", "direct", "indirect", "color", "disoccluded",
-    "occluding", "lit", "shadowed",
+    "outside", "frustum", "comparable", *(f.name for f in BY_BIT), "disoccluded", "occluding", "lit", "shadowed",
 )  # fmt: skip
 """Pixel counts of a pair, exact integers; ``frustum`` = ``behind`` + ``outside``."""
 
@@ -27,9 +28,9 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 """
 
 EXACT_COLUMNS = (
-    "visible", "occluded", "exact_outside", "exact_behind", "exact_new", "exact_invalid", "misregistered_color",
-    "misregistered_position", "misregistered_normal", "misregistered_direct", "misregistered_indirect", "missed",
-    "brightened", "darkened", "view_dependent", "light_noise",
+    "visible", "occluded", "exact_outside", "exact_behind", "exact_new", "exact_invalid",
+    *(f"misregistered_{name}" for name in FEATURES), "missed", "brightened", "darkened", "view_dependent",
+    "light_noise",
 )  # fmt: skip
 """More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
 
@@ -69,13 +70,8 @@ class Reason(Struct):
     pixels: float | None = None
 
 
-class Columns(Struct):
-    frustum: Rate | None = None
-    color: Rate | None = None
-    position: Rate | None = None
-    normal: Rate | None = None
-    direct: Rate | None = None
-    indirect: Rate | None = None
+Columns = defstruct("Columns", [(name, Rate | None, None) for name in COLUMNS])
+"""Per column of Table 4."""
 
 
 class Reusable(Struct):

@@ -26,8 +26,9 @@ from typing import Any
 
 import msgspec
 
-from taubench_gl.conventions import COLUMNS, DEFAULT_FPS, DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import COLUMNS, FEATURE, FEATURES
 
 REPROJECTIONS = ("camera", "motion")
 SAMPLINGS = ("nearest", "bilinear")
@@ -237,7 +238,7 @@ class MetricsSettings(_Group):
     sampling: str = _setting("nearest", "reconstruction filter of the history lookup", _one_of(SAMPLINGS))
     thresholds: Mapping[str, float] = _setting(
         {},
-        "a_B per feature of conventions.FEATURES, in its unit (position: meters); features left out get the default",
+        "a_B per feature, in its unit (position: meters); features left out get the default",
         Check("finite numbers of at least 0 for " + ", ".join(FEATURES), _thresholds_fault, FEATURES),
     )
     unit_scale: float = _setting(1.0, "scene units per meter", _above_zero("a factor above 0"), unit="1/m")
@@ -265,7 +266,7 @@ class MetricsSettings(_Group):
     def __post_init__(self) -> None:
         # super() without arguments does not work in a dataclass with slots: the decorator makes another class.
         _Group.__post_init__(self)
-        filled = {name: float(self.thresholds.get(name, DEFAULT_THRESHOLD)) for name in FEATURES}
+        filled = {name: float(self.thresholds.get(name, FEATURE[name].threshold)) for name in FEATURES}
         object.__setattr__(self, "thresholds", filled)
         for name in FEATURES:
             if self.threshold(name) > _FLOAT32_MAX or 0.0 < self.threshold(name) < LEAST_LENGTH:

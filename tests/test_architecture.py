@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
-    "checksums", "conventions", "channels", "data_files", "errors", "folder_lock", "glossary", "math3d",
+    "checksums", "conventions", "channels", "data_files", "errors", "features", "folder_lock", "glossary", "math3d",
     "memory_budget", "outputs", "paths", "preset", "run_schema", "settings", "srgb",
 }  # fmt: skip
 

@@ -7,8 +7,9 @@ import itertools
 import pytest
 
 from taubench_gl import glossary
-from taubench_gl.conventions import COLUMNS, FRUSTUM, Reason
+from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.activity import QUANTITIES
 from taubench_gl.paths import ASSETS
 from taubench_gl.report.palette import REASON_COLORS

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.pathtraced.blender.job import Quality
 from taubench_gl.pathtraced.blender.render import render_reference
 from taubench_gl.pathtraced.cameras import CAMERA_FILE

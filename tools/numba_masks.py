@@ -19,6 +19,7 @@ from taubench_gl.conventions import (
     HISTOGRAM_MIN_EXPONENT,
     Reason,
 )
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 
 _SKY, _HISTORY_SKY, _BEHIND, _OUTSIDE = (int(Reason[n]) for n in ("SKY", "HISTORY_SKY", "BEHIND", "OUTSIDE"))
@@ -36,9 +37,9 @@ def numba_masks(
     *,
     reprojection: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels per reason word (65536,) and histograms (2, bins) of position and normal distances, both int64."""
+    """Pixels per reason word (MASK_WORDS,) and histograms (2, bins) of position and normal distances, both int64."""
     threads = numba.get_num_threads()
-    mask_histogram = np.zeros((threads, 1 << 16), dtype=np.int64)
+    mask_histogram = np.zeros((threads, MASK_WORDS), dtype=np.int64)
     histograms = np.zeros((threads, 2, HISTOGRAM_BINS), dtype=np.int64)
     motion = reprojection == "motion"
     _classify(

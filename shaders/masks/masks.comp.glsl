@@ -2,10 +2,10 @@
 //
 // Paper      Eq. (3); section 3.2, f_B.
 // Reads      current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
-//            and, where enabled, prev_position, ids, direct, indirect, color.
+//            and, where enabled, prev_position, ids and the channels of the other features.
 // Writes     mask (reason bits), motion (previous - current, pixels, +y up), distances (position, normal, direct,
 //            indirect) and changes (color, depth, luminance), 0 where nothing is compared.
-// Counts     mask_histogram[mask]: pixels per mask of 16 reason bits, of which every count is a sum; a histogram of each
+// Counts     mask_histogram[mask]: pixels per mask of COUNTED_BITS reason bits, of which every count is a sum; a histogram of each
 //            feature's distance.
 // Reference  metrics.masks.pair_masks
 // Departs    Eq. (3) has a guard of GUARD_PX, and the near test one of NEAR_GUARD: a still pixel lies exactly on the
@@ -18,9 +18,7 @@
 struct Sample { // one pixel of channels, or a blend of history pixels
     vec4 position;
     vec3 normal;
-    vec3 direct;
-    vec3 indirect;
-    vec3 color;
+    vec3 values[VALUES + 1]; // of the features in EACH_VALUE
 };
 
 bool is_surface(vec4 p) { return p.w > 0.0; }
@@ -29,15 +27,9 @@ Sample fetch_current(ivec2 at) {
     Sample s;
     s.position = position_at(at);
     s.normal = normal_at(at).xyz;
-#if HAS_DIRECT
-    s.direct = direct_at(at).xyz;
-#endif
-#if HAS_INDIRECT
-    s.indirect = indirect_at(at).xyz;
-#endif
-#if HAS_COLOR
-    s.color = color_at(at).xyz;
-#endif
+#define VALUE(I, NOW, BEFORE, DISTANCE, LIMIT, BIT, FEATURE, PLACE) s.values[I] = NOW;
+    EACH_VALUE
+#undef VALUE
     return s;
 }
 
@@ -45,29 +37,15 @@ Sample fetch_history(ivec2 at) {
     Sample s;
     s.position = history_position_at(at);
     s.normal = history_normal_at(at).xyz;
-#if HAS_DIRECT
-    s.direct = history_direct_at(at).xyz;
-#endif
-#if HAS_INDIRECT
-    s.indirect = history_indirect_at(at).xyz;
-#endif
-#if HAS_COLOR
-    s.color = history_color_at(at).xyz;
-#endif
+#define VALUE(I, NOW, BEFORE, DISTANCE, LIMIT, BIT, FEATURE, PLACE) s.values[I] = BEFORE;
+    EACH_VALUE
+#undef VALUE
     return s;
 }
 
 bool non_finite(Sample s) {
     bool bad = non_finite(s.position) || non_finite(s.normal);
-#if HAS_DIRECT
-    bad = bad || non_finite(s.direct);
-#endif
-#if HAS_INDIRECT
-    bad = bad || non_finite(s.indirect);
-#endif
-#if HAS_COLOR
-    bad = bad || non_finite(s.color);
-#endif
+    for (int i = 0; i < VALUES; ++i) bad = bad || non_finite(s.values[i]);
     return bad;
 }
 
@@ -81,7 +59,8 @@ Sample sample_history(vec2 at, bool surface) {
     float nearest_weight = -1.0, total = 0.0;
     Sample sum;
     sum.position = vec4(0.0);
-    sum.normal = sum.direct = sum.indirect = sum.color = vec3(0.0);
+    sum.normal = vec3(0.0);
+    for (int i = 0; i < VALUES; ++i) sum.values[i] = vec3(0.0);
     for (int tap = 0; tap < 4; ++tap) {
         ivec2 offset = ivec2(tap & 1, tap >> 1);
         ivec2 texel = ivec2(base) + offset;
@@ -98,22 +77,12 @@ Sample sample_history(vec2 at, bool surface) {
         total += weight;
         sum.position += weight * s.position;
         sum.normal += weight * s.normal;
-#if HAS_DIRECT
-        sum.direct += weight * s.direct;
-#endif
-#if HAS_INDIRECT
-        sum.indirect += weight * s.indirect;
-#endif
-#if HAS_COLOR
-        sum.color += weight * s.color;
-#endif
+        for (int i = 0; i < VALUES; ++i) sum.values[i] += weight * s.values[i];
     }
     if (total <= 0.0) return nearest;
     sum.position /= total;
     sum.normal /= total;
-    sum.direct /= total;
-    sum.indirect /= total;
-    sum.color /= total;
+    for (int i = 0; i < VALUES; ++i) sum.values[i] /= total;
     // A blend of unit normals is shorter than 1; the feature is the direction.
     float norm = length(sum.normal);
     if (norm > 0.0) sum.normal /= norm;
@@ -136,6 +105,13 @@ vec4 pixel_distances = vec4(0.0); // position, normal, direct, indirect, as comp
 vec4 pixel_changes = vec4(0.0); // x: distance of color, y: depth behind the history surface (inf: no surface in one of
                                 // the frames), z: change of direct luminance
 #endif
+
+float distance_direct(vec3 now, vec3 before) { return length((now - before) * P.exposure); }
+float distance_indirect(vec3 now, vec3 before) { return distance(now, before) * P.exposure; }
+float distance_color(vec3 now, vec3 before) {
+    vec3 d = abs(now - before);
+    return max(d.x, max(d.y, d.z));
+}
 
 // f_B for every feature.  q: where this surface point was, relative to the previous camera.
 uint compare(Sample now, vec3 q, Sample before) {
@@ -169,34 +145,24 @@ uint compare(Sample now, vec3 q, Sample before) {
 #if WRITE_DISTANCES
     pixel_distances.xy = vec2(moved, turned);
 #endif
-#if HAS_DIRECT
-    vec3 change = (now.direct - before.direct) * P.exposure;
-    float direct_distance = length(change);
-    float luminance = dot(change, vec3(0.2126, 0.7152, 0.0722));
-    if (direct_distance > P.threshold_direct) {
-        mask |= DIRECT | (luminance > 0.0 ? LIT : luminance < 0.0 ? SHADOWED : 0u);
+#if WRITE_DISTANCES
+#define KEEP(PLACE, DISTANCE) PLACE = DISTANCE
+#else
+#define KEEP(PLACE, DISTANCE)
+#endif
+#define VALUE(I, NOW, BEFORE, DISTANCE, LIMIT, BIT, FEATURE, PLACE) { \
+        float d = DISTANCE(now.values[I], before.values[I]); \
+        if (d > LIMIT) mask |= BIT; \
+        count_distance(FEATURE, d); \
+        KEEP(PLACE, d); \
     }
-    count_distance(FEATURE_DIRECT, direct_distance);
+    EACH_VALUE
+#undef VALUE
+#if HAS_DIRECT
+    float luminance = dot((now.values[VALUE_DIRECT] - before.values[VALUE_DIRECT]) * P.exposure, vec3(0.2126, 0.7152, 0.0722));
+    if ((mask & DIRECT) != 0u) mask |= luminance > 0.0 ? LIT : luminance < 0.0 ? SHADOWED : 0u;
 #if WRITE_DISTANCES
-    pixel_distances.z = direct_distance;
     pixel_changes.z = luminance;
-#endif
-#endif
-#if HAS_INDIRECT
-    float indirect_distance = distance(now.indirect, before.indirect) * P.exposure;
-    if (indirect_distance > P.threshold_indirect) mask |= INDIRECT;
-    count_distance(FEATURE_INDIRECT, indirect_distance);
-#if WRITE_DISTANCES
-    pixel_distances.w = indirect_distance;
-#endif
-#endif
-#if HAS_COLOR
-    vec3 d = abs(now.color - before.color);
-    float color_distance = max(d.x, max(d.y, d.z));
-    if (color_distance > P.threshold_color) mask |= COLOR;
-    count_distance(FEATURE_COLOR, color_distance);
-#if WRITE_DISTANCES
-    pixel_changes.x = color_distance;
 #endif
 #endif
     return mask;

@@ -21,8 +21,8 @@ from taubench_gl.apps.options import (
     pair_options,
     settings_from,
 )
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import TaubenchError
+from taubench_gl.features import COLUMNS
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:

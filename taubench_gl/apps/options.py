@@ -12,8 +12,8 @@ from typing import Any
 
 import click
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import COLUMNS
 from taubench_gl.glossary import OPTIONS
 from taubench_gl.memory_budget import VARIABLE, parse_bytes
 from taubench_gl.settings import (

@@ -14,7 +14,6 @@ from taubench_gl.animation.state import View
 from taubench_gl.batch.partition import PairRecord, frames_table
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.store import Store
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import (
     Brightness,
@@ -27,6 +26,7 @@ from taubench_gl.evaluation import (
     sampled_pairs,
     summarize_lobes,
 )
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.outputs import write_atomically

@@ -2,7 +2,7 @@
 
 ``lobes`` is null, or JSON of lobe -> [reason words, pixel counts] of pairs whose lobes are counted apart.
 Counts are sparse: ``word`` / ``word_pixels`` are the reason words that occur and their pixel counts,
-``bin`` / ``bin_pixels`` are the histogram bins: feature * bins + bin, in the order of ``conventions.FEATURES``.
+``bin`` / ``bin_pixels`` are the histogram bins: feature * bins + bin, in the order of ``features.FEATURES``.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.checksums import values_sha256
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS
+from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
-from taubench_gl.frame.passes.masks import MASK_WORDS
+from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.outputs import plain_text
 from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS

@@ -12,10 +12,10 @@ from taubench_gl.animation import Poser, camera_of_run
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
 from taubench_gl.benchmark.unit import BenchmarkUnit, applicable
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.owner import opened_gpu
+from taubench_gl.features import COLUMNS
 from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.path_traced import PREFIX, reference_samples

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.analysis import ColumnDifference
 from taubench_gl.cost.records import Record
 from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, expected_half_width, sample_pairs
 from taubench_gl.scene.model import Scene

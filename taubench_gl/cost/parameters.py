@@ -16,12 +16,12 @@ import numpy as np
 from taubench_gl.effects.decide import Effect
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import traced_sources
+from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.shadow_faces import faces_of, map_sizes, pack, wanted_sizes
 from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
 
-LIGHT = ("direct", "indirect", "color")
 TRACED = "path-traced"
 """Value of ``light`` with its samples per pixel: path-traced@16."""
 
@@ -135,7 +135,7 @@ def _without_raster_indirect(context: StudyContext) -> str | None:
 
 def _without_light(context: StudyContext) -> str | None:
     lit = traced_sources(context.scene, with_light(context.baseline, f"{TRACED}@1"))
-    return None if lit and set(LIGHT) & set(context.baseline.metrics.columns) else "nothing is lit"
+    return None if lit and set(LIGHT_FEATURES) & set(context.baseline.metrics.columns) else "nothing is lit"
 
 
 def _same_light(context: StudyContext, value: str) -> str | None:

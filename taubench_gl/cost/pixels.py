@@ -14,13 +14,13 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURE_BIT, FEATURES, FRUSTUM
 from taubench_gl.effects.decide import decide
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import COLUMN_BITS, FEATURES, LIGHT_FEATURES, WORD_DTYPE
 from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import display_color
-from taubench_gl.metrics.masks import RADIANCE_FEATURES, pair_masks
+from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -31,8 +31,6 @@ Light = Callable[[int], tuple[Array, Array]]
 
 PAIRS, PIXELS, SEED = 4, 4096, 20
 """Pairs of frames, pixels of all pairs together, and the seed that draws them."""
-
-BITS = {"frustum": FRUSTUM, **FEATURE_BIT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +56,12 @@ def draw_pixels(frames: range, size: tuple[int, int]) -> PixelSample:
 
 def discarded(words: Array, column: str) -> Array:
     """Whether each mask word discards its pixel.  (n,) -> (n,) bool."""
-    return (words & np.uint32(BITS[column])) != 0
+    return (words & np.uint32(COLUMN_BITS[column])) != 0
 
 
 def pack(words: Array) -> str:
-    """Mask words as text; all bits are below 2^16."""
-    return base64.b64encode(words.astype("<u2").tobytes()).decode()
+    """Mask words as text."""
+    return base64.b64encode(words.astype(WORD_DTYPE).tobytes()).decode()
 
 
 def pack_bits(flags: Array) -> str:
@@ -73,7 +71,7 @@ def pack_bits(flags: Array) -> str:
 
 def unpack(text: str) -> Array:
     """(n,) uint32."""
-    return np.frombuffer(base64.b64decode(text), "<u2").astype(np.uint32)
+    return np.frombuffer(base64.b64decode(text), WORD_DTYPE).astype(np.uint32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +134,7 @@ class PairChannels:
             extra = ("emission",) if every["emission"].enabled else ()
             source = owner.open_source(subject.scene, subject.camera, settings, SourceOptions(extra=extra))
             self._mode = source.reprojection
-            self._columns = tuple(c for c in RADIANCE_FEATURES if c in settings.metrics.columns)
+            self._columns = tuple(c for c in LIGHT_FEATURES if c in settings.metrics.columns)
             names = ["position", "normal", *extra]
             names += source.radiance if light else [c for c in ("color",) if c in source.radiance]
             for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
@@ -198,7 +196,7 @@ class PairChannels:
 
     def _lit(self, channels: Mapping[str, Array], light: tuple[Array, Array]) -> dict[str, Array]:
         """``channels`` with the radiance of ``light``; where there is no surface, the color of the background."""
-        out = {n: a for n, a in channels.items() if n not in RADIANCE_FEATURES}
+        out = {n: a for n, a in channels.items() if n not in LIGHT_FEATURES}
         lit = dict(zip(("direct", "indirect"), light, strict=True))
         if "color" in self._columns:
             lighting = self._settings.lighting

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.animation import camera_of_run
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import pixels
 from taubench_gl.cost.analysis import OVERALL
 from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, make_plan
@@ -41,6 +40,7 @@ from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
+from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.plan import FramePlan
 from taubench_gl.frame.spec import SceneFacts, ranked_with_sun

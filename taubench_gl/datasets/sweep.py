@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.datasets.camera_path import CameraSpec, add_rig, generate
 from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
+from taubench_gl.features import COLUMNS
 from taubench_gl.outputs import csv_text, output_folder, write_atomically
 from taubench_gl.report.plots import plot_sweep
 from taubench_gl.report.tables import paper_numbers

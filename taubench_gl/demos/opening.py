@@ -5,17 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.demos.demo import Demo
+from taubench_gl.features import TABLE
 from taubench_gl.glossary import label_of
 
 FPS = 1.0
 """Frames per second of a demo whose opening names no other rate."""
-_PARTS = {
-    "position": Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.POSITION,
-    "direct": Reason.LIT | Reason.SHADOWED | Reason.DIRECT,
-}
-"""Reasons that a column measures, where they are more than its own."""
 
 
 def opening_settings(demo: Demo) -> dict[str, Any]:
@@ -37,7 +32,7 @@ def _columns(demo: Demo) -> tuple[str, ...]:
     shown = 0
     for mask in demo.opening.masks:
         shown |= mask
-    measured = (name for name, bit in FEATURE_BIT.items() if name != "color" and _PARTS.get(name, bit) & shown)
+    measured = (f.name for f in TABLE if f.name != "color" and any(bit & shown for bit in (f.bit, *f.details)))
     return ("frustum", *measured, "color")
 
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation.pose import is_skinned
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import REPLACED, cost_text, emissive_surfaces, method_of, traced_sources
+from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import Settings
 
@@ -118,7 +118,7 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
     if blended:
         stochastic = settings.sequence.blend == "stochastic"
         alpha += f", {blended} blended (drawn {'with a probability of alpha' if stochastic else 'where alpha >= 0.5'})"
-    seen = bool({"normal", "direct", "indirect", "color"} & set(settings.metrics.columns))
+    seen = bool({"normal", *LIGHT_FEATURES} & set(settings.metrics.columns))
     maps = _count(mapped, "primitive has one", "primitives have one")
     return {
         "skinning": Effect(bool(skins), _count(len(skins), "skin deforms drawn meshes", "skins deform drawn meshes")),

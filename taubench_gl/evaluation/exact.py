@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser
-from taubench_gl.conventions import CHANGED_LIGHT, FEATURE_BIT, FEATURES, FRUSTUM, Reason, Visibility
+from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.evaluation.previous_shading import LIGHT, PointLight, PreviousShading, needed
 from taubench_gl.evaluation.schedule import frame_schedule
+from taubench_gl.features import FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
 from taubench_gl.metrics.point_light import light_reasons
+from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -28,10 +30,6 @@ if TYPE_CHECKING:
     from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
-GEOMETRY = ("position", "normal")
-"""Columns whose discards a ray can confirm; those of other columns need the light of the same point too."""
-
-_SURFACE = FRUSTUM | Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.POSITION | Reason.NORMAL
 
 
 def require_exact(settings: Settings) -> None:
@@ -111,7 +109,7 @@ def misregistered(mask: Array, reasons: Reasons, column: str, settings: Settings
 
 def missed(mask: Array, bits: Array) -> Array:
     """Pixels whose point was occluded, and that no geometric column discards.  (h, w)."""
-    return ((bits & Visibility.OCCLUDED) != 0) & ((mask & _SURFACE) == 0)
+    return ((bits & Visibility.OCCLUDED) != 0) & ((mask & RATE_BITS["surface"]) == 0)
 
 
 class ExactColumns:

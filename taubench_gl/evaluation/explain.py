@@ -8,12 +8,13 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES, FRUSTUM, GUARD_PX, Reason
+from taubench_gl.conventions import FRUSTUM, GUARD_PX, Reason
+from taubench_gl.features import BY_BIT, FEATURE, FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.masks import ComparedSource
 from taubench_gl.frame.targets import read_texel
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics.masks import SAMPLERS, compare
+from taubench_gl.metrics.masks import SAMPLERS, compare, value_of
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
 
@@ -76,8 +77,8 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
     """Explain pixel (x, row) of a pair.  Distances are those of the float64 reference (``metrics.masks``)."""
     source, pair, thresholds = images.source, images.pair, images.thresholds
     up = pair.height - 1 - row
-    names = [n for n in ("position", "normal", *source.radiance) if n in source.current]
-    now = {n: read_texel(images.gpu, source.current[n], x, up)[None].astype(np.float64) for n in names}
+    names = [n for n in (*GEOMETRY, *source.radiance, *source.others) if FEATURE[n].channel in source.current]
+    now = {n: value_of(n, read_texel(images.gpu, source.current[FEATURE[n].channel], x, up)[None]) for n in names}
     word = int(read_texel(images.gpu, images.mask, x, up)[0])
     motion = read_texel(images.gpu, images.motion, x, up)
     comparable = not word & (Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM)
@@ -90,9 +91,7 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
         q = now["position"][:, :3] + pair.camera_delta
         if source.reprojection == "motion" and surface:
             q = read_texel(images.gpu, source.current["prev_position"], x, up)[None, :3].astype(np.float64)
-        cut = {n: v if n == "position" else v[:, :3] for n, v in now.items()}
-        then = {n: v if n == "position" else v[:, :3] for n, v in before.items()}
-        _, distances = compare(cut, q, then, thresholds, images.settings.lighting.exposure_factor)
+        _, distances = compare(now, q, before, thresholds, images.settings.lighting.exposure_factor)
     features = {}
     for name in FEATURES:
         if name not in now:
@@ -103,7 +102,7 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
             None if before is None else before[name][0, :3],
             None if np.isnan(distance) else distance,
             thresholds[name],
-            bool(word & Reason[name.upper()]),
+            bool(word & FEATURE_BIT[name]),
         )
     behind = bool(word & (Reason.BEHIND | Reason.FIRST | Reason.CUT | Reason.INVALID))
     at = None if behind else (at_up[0], pair.height - 1 - at_up[1])
@@ -152,8 +151,7 @@ def _motion_word(images: MaskedPair, pixel: tuple[int, int], now: Mapping[str, A
     if np.any(at < -GUARD_PX) or np.any(at > size - 1 + GUARD_PX):
         return int(Reason.OUTSIDE)
     before = _history(images, list(now), (float(at[0]), float(at[1])), True)
-    here, then = ({n: v if n == "position" else v[:, :3] for n, v in values.items()} for values in (now, before))
-    bits, _ = compare(here, q[None], then, images.thresholds, images.settings.lighting.exposure_factor)
+    bits, _ = compare(now, q[None], before, images.thresholds, images.settings.lighting.exposure_factor)
     return int(bits[0])
 
 
@@ -165,9 +163,9 @@ def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], s
     across, rows = min(2, width), min(2, height)
     block = {}
     for name in names:
-        texture = images.source.previous[name]
+        texture = images.source.previous[FEATURE[name].channel]
         taps = [[read_texel(images.gpu, texture, x0 + i, y0 + j) for i in range(across)] for j in reversed(range(rows))]
-        block[name] = np.array(taps, dtype=np.float64)[..., : 4 if name == "position" else 3]
+        block[name] = value_of(name, taps)
     local = np.array([[at_up[0] - x0, (rows - 1) - (at_up[1] - y0)]])
     return SAMPLERS[images.settings.metrics.sampling](block, local, np.array([surface]))
 
@@ -194,13 +192,8 @@ def _reasons_in_words(word: int) -> str:
         parts.append("sky, a surface in history")
     elif r & Reason.HISTORY_SKY and not r & Reason.SKY:
         parts.append("a surface, sky in history")
-    elif r & Reason.POSITION:
-        detail = [label_of(d) for d in (Reason.DISOCCLUDED, Reason.OCCLUDING) if r & d]
-        parts.append(f"position: {detail[0] if detail else 'above the threshold'}")
-    if r & Reason.NORMAL and not r & (Reason.SKY | Reason.HISTORY_SKY):
-        parts.append("normal: above the threshold")
-    if r & Reason.DIRECT:
-        detail = [label_of(d) for d in (Reason.LIT, Reason.SHADOWED) if r & d]
-        parts.append(f"direct: {detail[0] if detail else 'above the threshold'}")
-    parts += [f"{label_of(reason)}: above the threshold" for reason in (Reason.INDIRECT, Reason.COLOR) if r & reason]
+    for feature in BY_BIT:
+        if r & feature.bit and not (feature.name in GEOMETRY and r & (Reason.SKY | Reason.HISTORY_SKY)):
+            detail = [label_of(d) for d in feature.details if r & d]
+            parts.append(f"{feature.name}: {detail[0] if detail else 'above the threshold'}")
     return "; ".join(parts)

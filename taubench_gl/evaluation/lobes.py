@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, LOBES
+from taubench_gl.conventions import HISTOGRAM_BINS, LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.settings import Settings

@@ -16,10 +16,10 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as reprojection_of
-from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
-from taubench_gl.frame.passes.masks import ComparedSource, MaskPass
+from taubench_gl.features import FEATURES, GEOMETRY
+from taubench_gl.frame.passes.masks import PLACES, ComparedSource, MaskPass
 from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
@@ -41,7 +41,8 @@ class ChannelPair:
     current: Textures = field(default_factory=dict)
     previous: Textures = field(default_factory=dict)
     reprojection: str = "camera"  # camera | motion; motion needs ``prev_position`` in ``current``
-    radiance: tuple[str, ...] = ()  # of direct, indirect, color: those both frames have
+    radiance: tuple[str, ...] = ()  # those of LIGHT_FEATURES that both frames have
+    others: tuple[str, ...] = ()  # of OTHERS
     cuts: bool = False  # ``current`` has ``ids`` that mark surfaces without history
 
 
@@ -91,7 +92,6 @@ class PairEvaluator:
         # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
         self.deferred = self._samples == 1 and not images
         self._timer = context.timer
-        self._radiance = source.radiance if radiance is None else radiance
         self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
         self._masks = MaskPass.for_source(
             context,
@@ -205,11 +205,10 @@ class PairEvaluator:
 
     def distances(self) -> PixelDistances:
         """Distances of the pair submitted last; needs ``distances``."""
-        near, changes = (read_channel(t, "distances") for t in (self._masks.distances, self._masks.changes))
-        radiance = {"direct": near[..., 2], "indirect": near[..., 3], "color": changes[..., 0]}
-        features = {"position": near[..., 0], "normal": near[..., 1]}
-        features |= {name: radiance[name] for name in self._radiance}
-        return PixelDistances({f: features[f] for f in FEATURES if f in features}, changes[..., 1], changes[..., 2])
+        images = {name: read_channel(getattr(self._masks, name), "distances") for name in ("distances", "changes")}
+        measured = {*GEOMETRY, *(feature.name for feature in self._masks.options.values)}
+        features = {f: images[PLACES[f][0]][..., PLACES[f][1]] for f in FEATURES if f in measured}
+        return PixelDistances(features, images["changes"][..., 1], images["changes"][..., 2])
 
     def explain(self, x: int, row: int, thresholds: Mapping[str, float] | None = None) -> Explanation:
         """Pixel (x, row from the top) of the pair submitted last, whose channels the source still holds.

@@ -8,6 +8,7 @@ from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera
 from taubench_gl.animation.views import STILL_SECONDS
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
@@ -21,7 +22,7 @@ SAMPLE_BUDGET = 1 << 23
 LEAST_PAIRS = 4
 """Pairs that ``auto`` evaluates at least, whatever their light costs."""
 
-LIGHT_COLUMNS = frozenset({"direct", "indirect", "color"})
+LIGHT_COLUMNS = frozenset(LIGHT_FEATURES)
 
 Schedule = list[tuple[int, bool]]
 """(frame to draw, whether its pair with the frame drawn before is evaluated), in order."""

@@ -19,13 +19,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
 from taubench_gl.evaluation.scale import describe_scale, median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run
+from taubench_gl.features import COLUMNS
 from taubench_gl.frame.sources import Source
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer

@@ -10,6 +10,7 @@ import numpy as np
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import LIGHT_FEATURES
 
 _DTYPES = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
 
@@ -106,7 +107,7 @@ def channel_named(name: str) -> ExportChannel:
 
 GROUPS = {
     "gbuffer": ("position", "depth", "normal", "geometric_normal", "base_color", "material", "emission", "ids"),
-    "radiance": ("direct", "indirect", "color"),
+    "radiance": LIGHT_FEATURES,
     "lobes": ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy"),
     "flow": ("motion", "motion_forward"),
     "masks": ("mask", "mask_forward"),

@@ -22,6 +22,7 @@ from taubench_gl.evaluation.exact import ExactReasons, exact_channels, require_e
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
 from taubench_gl.export.training import NO_TRAINING, TrainingLight, TrainingOptions
+from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.frame.targets import History
@@ -93,7 +94,7 @@ class FrameSource(GpuOwner):
         if exact:
             require_exact(settings)
         wanted = {*names, *(("direct", "indirect") if exact else ())}
-        columns += tuple(c for c in ("direct", "indirect", "color") if c in wanted and c not in columns)
+        columns += tuple(c for c in LIGHT_FEATURES if c in wanted and c not in columns)
         for column in ("direct", "indirect"):
             lobes = {f"{column}_diffuse", f"{column}_glossy", *(("path_info",) * (column == "direct"))}
             if lobes & set(names) and column not in columns:
@@ -101,7 +102,7 @@ class FrameSource(GpuOwner):
         self._settings = settings = settings.replace(columns=columns)
         table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
         table |= {"mask_forward": "prev_position", "mask": "position"}
-        light = {"direct", "indirect", "color"}
+        light = set(LIGHT_FEATURES)
         extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
         extra = tuple(dict.fromkeys([*extra, *(exact_channels() if exact else ())]))
         options = SourceOptions(extra=extra, jitter=self._jitter)

@@ -17,6 +17,7 @@ from taubench_gl.animation.surface import previous_point
 from taubench_gl.effects.decide import Effect, as_summary, decide, disable, unmeasured
 from taubench_gl.effects.decide import force as force_on
 from taubench_gl.effects.path_tracing import notes as light_notes
+from taubench_gl.features import LIGHT_FEATURES, OTHERS
 from taubench_gl.frame.light_stage import LightStage
 from taubench_gl.frame.materials import with_blend
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
@@ -42,7 +43,8 @@ class Source(Protocol):
 
     size: tuple[int, int]
     reprojection: str  # the mode of this source: camera | motion
-    radiance: tuple[str, ...]  # those of direct, indirect, color that it has
+    radiance: tuple[str, ...]  # those of LIGHT_FEATURES that it has
+    others: tuple[str, ...]  # those of OTHERS that it has
     unmeasured: Mapping[str, str]  # column -> why it is null
     cuts: bool  # ``current`` has ``ids`` that mark surfaces without history
 
@@ -108,7 +110,8 @@ class RasterSource:
         self.reprojection = settings.metrics.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
         self.cuts = self.effects["cuts"].enabled
-        self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
+        self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
+        self.others = tuple(c for c in OTHERS if c not in self.unmeasured)
         poser, tuning = poser or Poser(scene), Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
         facts = SceneFacts(scene, camera, poser)
         more = {"extra": options.extra, "tuning": tuning, "pixel_list": options.pixel_list}

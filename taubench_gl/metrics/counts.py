@@ -8,40 +8,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import (
-    FEATURE_BIT,
     FRUSTUM,
     HISTOGRAM_MANTISSA_BITS,
     HISTOGRAM_MAX_EXPONENT,
     HISTOGRAM_MIN_EXPONENT,
-    NOT_COMPARABLE,
     Reason,
     histogram_bins,
 )
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.metrics.reuse_rate import RATE_BITS, occupied
 
 Array = np.ndarray
 
-WORDS = np.arange(1 << 16, dtype=np.uint32)
+WORDS = np.arange(MASK_WORDS, dtype=np.uint32)
 CLASSES = ("first", "cut", "invalid", "frustum", "comparable")
 """Disjoint classes that cover all pixels: their counts add up to w * h."""
 
-_CLASS_OF_WORD = {
-    "first": (WORDS & Reason.FIRST) != 0,
-    "cut": ((WORDS & Reason.CUT) != 0) & ((WORDS & Reason.FIRST) == 0),
-    "invalid": ((WORDS & Reason.INVALID) != 0) & ((WORDS & (Reason.FIRST | Reason.CUT)) == 0),
-    "frustum": ((WORDS & FRUSTUM) != 0) & ((WORDS & (Reason.FIRST | Reason.CUT | Reason.INVALID)) == 0),
-    "comparable": (WORDS & NOT_COMPARABLE) == 0,
+_CLASS_BITS = (Reason.FIRST, Reason.CUT, Reason.INVALID, FRUSTUM, Reason(0))
+_CLASS_OF_WORD = {  # a word belongs to the first class with one of its bits; to the last without any
+    name: (((WORDS & bits) != 0) | (bits == 0)) & ((WORDS & sum(_CLASS_BITS[:i])) == 0)
+    for i, (name, bits) in enumerate(zip(CLASSES, _CLASS_BITS, strict=True))
 }
 
 _MEMBERS = {"pixels": WORDS >= 0}
 _MEMBERS |= {f"reusable_{rate}": (WORDS & (bits | Reason.SKY)) == 0 for rate, bits in RATE_BITS.items()}
 _MEMBERS |= _CLASS_OF_WORD
-_MEMBERS |= {
-    bit.name.lower(): (WORDS & bit) != 0
-    for bit in (Reason.SKY, Reason.HISTORY_SKY, Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING,
-                Reason.LIT, Reason.SHADOWED)
-} | {feature: (WORDS & bit) != 0 for feature, bit in FEATURE_BIT.items()}  # fmt: skip
-_MEMBER_TABLE = np.stack(list(_MEMBERS.values()), axis=-1)  # (65536, counts): one product instead of a sum per count
+_MEMBERS |= {bit.name.lower(): (WORDS & bit) != 0 for bit in Reason if bit.name.lower() not in _MEMBERS}
+_MEMBER_TABLE = np.stack(list(_MEMBERS.values()), axis=-1)  # (words, counts): one product instead of a sum per count
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +51,7 @@ class Counts:
 
 
 def counts_of(mask_histogram: Array) -> dict[str, int]:
-    """Pixel counts by class and reason from the mask histogram.  (65536,) pixels per reason word -> {name: int}.
+    """Pixel counts by class and reason from the mask histogram.  (MASK_WORDS,) pixels per reason word -> {name: int}.
 
     Bits that are never set count 0, also for features that were not measured.
     """

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURES, Visibility
+from taubench_gl.conventions import Visibility
+from taubench_gl.features import FEATURES
 from taubench_gl.run_schema import EXACT_COLUMNS
 
 CLASSES = {
@@ -42,7 +43,7 @@ def exact_summary(
         return {"share_percent": 100.0 * sum(row[part] for row in known) / whole if whole else None}
 
     wrong = {}
-    for column in (c for c in COLUMNS if c in FEATURES):
+    for column in FEATURES:
         name = f"misregistered_{column}"
         wrong[column] = rate(name) | share(name, column)
         wrong[column] |= {"reason": unmeasured[column]} if column in unmeasured else {}

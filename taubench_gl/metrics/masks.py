@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
+from taubench_gl.features import FEATURE, FEATURE_BIT, FEATURES, GEOMETRY, MASK_WORDS, VALUES, Distance
 from taubench_gl.metrics.counts import bin_of
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
-RADIANCE_FEATURES = ("direct", "indirect", "color")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +39,8 @@ class PairMasks:
     changes: Mapping[str, Array]  # depth, luminance -> (h, w) float64, as in ``PixelDistances``; NaN where not compared
 
     def mask_histogram(self) -> Array:
-        """Pixel counts per reason word.  (65536,) int64."""
-        return np.bincount(self.mask.ravel(), minlength=1 << 16)
+        """Pixel counts per reason word.  (MASK_WORDS,) int64."""
+        return np.bincount(self.mask.ravel(), minlength=MASK_WORDS)
 
     def histogram(self, feature: str) -> Array:
         """Distance histogram of comparable pixels, (HISTOGRAM_BINS,) int64.  Sky on sky has distance 0."""
@@ -65,9 +65,8 @@ def pair_masks(
     ``indirect`` and ``color`` (h, w, >=3).  ``current`` also contains ``prev_position`` (h, w, >=3) for ``motion``
     reprojection, and ``ids`` (h, w, 2) uint32 where surfaces can be marked NO_HISTORY.
     """
-    names = ["normal"] + [n for n in RADIANCE_FEATURES if n in current and n in history]
-    now = {n: np.asarray(current[n], dtype=np.float64)[..., :3] for n in names}
-    now["position"] = np.asarray(current["position"], dtype=np.float64)
+    names = [n for n in (*GEOMETRY, *VALUES) if FEATURE[n].channel in current and FEATURE[n].channel in history]
+    now = {n: value_of(n, current[FEATURE[n].channel]) for n in names}
     prev_position = np.asarray(current["prev_position"], np.float64) if reprojection == "motion" else None
     surface = now["position"][..., 3] > 0
     invalid = ~_finite(now)
@@ -82,8 +81,7 @@ def pair_masks(
     behind, outside = moved.behind & ~invalid & ~cut, moved.outside & ~invalid & ~not_finite & ~cut
     sampled_pixels = ~(invalid | not_finite | cut | behind | outside)
 
-    previous = {n: np.asarray(history[n], dtype=np.float64)[..., :3] for n in names}
-    previous["position"] = np.asarray(history["position"], dtype=np.float64)
+    previous = {n: value_of(n, history[FEATURE[n].channel]) for n in names}
     rows, columns = np.nonzero(sampled_pixels)
     sampler = SAMPLERS[sampling]
     sampled = sampler(previous, moved.at_px[rows, columns], surface[rows, columns])
@@ -114,6 +112,11 @@ def pair_masks(
     )  # fmt: skip
 
 
+def value_of(feature: str, channel: Array) -> Array:
+    """The components of its channel that ``feature`` compares.  (..., m) -> (..., n) float64."""
+    return np.asarray(channel, dtype=np.float64)[..., ["xyzw".index(c) for c in FEATURE[feature].part]]
+
+
 def compare(
     now: Mapping[str, Array],
     q: Array,
@@ -137,14 +140,14 @@ def compare(
     discard = distances["position"] > thresholds["position"]
     bits[discard & (depth > thresholds["position"])] |= np.uint32(Reason.DISOCCLUDED)
     bits[discard & (-depth > thresholds["position"])] |= np.uint32(Reason.OCCLUDING)
-    for feature in RADIANCE_FEATURES:
+    for feature in VALUES:
         if feature not in now:
             continue
         change = now[feature] - before[feature]
-        if feature == "color":
-            distances[feature] = np.abs(change).max(axis=-1)
-        else:
+        if FEATURE[feature].distance is Distance.RADIANCE:
             distances[feature] = np.linalg.norm(change, axis=-1) * exposure
+        else:
+            distances[feature] = np.abs(change).max(axis=-1)
         over = distances[feature] > thresholds[feature]
         bits[over] |= np.uint32(FEATURE_BIT[feature])
         if feature == "direct":

@@ -11,34 +11,34 @@ Color is not part of a rate, because it depends on the tone map.  Sky is not par
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, reduce
+from operator import or_
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.features import BY_BIT, MASK_WORDS, TABLE
 from taubench_gl.glossary import REUSE_REASONS
 
 Array = np.ndarray
 
 RATES = ("surface", "shading")
 
-RATE_BITS = {"surface": NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL}
-RATE_BITS["shading"] = RATE_BITS["surface"] | Reason.DIRECT | Reason.INDIRECT
+RATE_BITS = {rate: reduce(or_, (f.bit for f in TABLE if rate in f.rates), NOT_COMPARABLE) for rate in RATES}
 """Reasons that no pixel of a rate has."""
 
 NO_SURFACE = "no pixel shows a surface"
 
-RATE_COLUMNS = {"surface": ("frustum", "position", "normal")}
+RATE_COLUMNS = {rate: ("frustum", *(f.name for f in BY_BIT if rate in f.rates)) for rate in RATES}
 """The columns of Table 4 that a rate needs."""
-RATE_COLUMNS["shading"] = (*RATE_COLUMNS["surface"], "direct", "indirect")
 
-LIGHT_REASONS = frozenset({Reason.LIT, Reason.SHADOWED, Reason.DIRECT, Reason.INDIRECT})
+LIGHT_REASONS = frozenset(bit for f in TABLE if f.rates == ("shading",) for bit in (f.bit, *f.details))
 """Reasons that only ``shading`` has."""
 
 
 def reusable_pixels(mask_histogram: Array) -> dict[str, int]:
-    """Reusable surface pixels of each rate.  (65536,) pixels per reason word -> {rate: int}."""
+    """Reusable surface pixels of each rate.  (MASK_WORDS,) pixels per reason word -> {rate: int}."""
     words, pixels = occupied(mask_histogram)
     return {rate: int(pixels[(words & int(bits | Reason.SKY)) == 0].sum()) for rate, bits in RATE_BITS.items()}
 
@@ -46,7 +46,7 @@ def reusable_pixels(mask_histogram: Array) -> dict[str, int]:
 def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, int]:
     """Surface pixels that ``rate`` does not count, by the first of ``REUSE_REASONS`` that applies: {reason: int}.
 
-    ``mask_histogram``: (65536,).  With ``reusable_pixels(...)[rate]`` the values add up to all surface pixels.
+    ``mask_histogram``: (MASK_WORDS,).  With ``reusable_pixels(...)[rate]`` the values add up to all surface pixels.
     """
     words, pixels = occupied(mask_histogram)
     counts = np.zeros(len(_reasons_of(rate)) + 1, dtype=np.int64)
@@ -55,7 +55,7 @@ def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, 
 
 
 def surface_pixels(mask_histogram: Array) -> int:
-    """Pixels that show a surface.  (65536,) pixels per reason word -> int."""
+    """Pixels that show a surface.  (MASK_WORDS,) pixels per reason word -> int."""
     words, pixels = occupied(mask_histogram)
     return int(pixels[(words & int(Reason.SKY)) == 0].sum())
 
@@ -84,11 +84,11 @@ class ReuseStats:
         self._counts: dict[str, list[int]] = {rate: [] for rate in measured}
         self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
         self._color_only: list[int] = []
-        self._histogram = np.zeros(1 << 16, dtype=np.int64)
+        self._histogram = np.zeros(MASK_WORDS, dtype=np.int64)
         self._with_reasons = True
 
     def add(self, mask_histogram: Array) -> None:
-        """Add one pair.  (65536,) pixels per reason word."""
+        """Add one pair.  (MASK_WORDS,) pixels per reason word."""
         words, pixels = occupied(mask_histogram)
         self._histogram[words] += pixels
         whole = int(pixels.sum())
@@ -176,7 +176,7 @@ class ReuseStats:
 
 
 def occupied(mask_histogram: Array) -> tuple[Array, Array]:
-    """Reason words that occur, a few dozen of the 65536, and their pixels.  (65536,) -> two (n,) int64."""
+    """Reason words that occur, a few dozen of MASK_WORDS, and their pixels.  (MASK_WORDS,) -> two (n,) int64."""
     pixels = np.asarray(mask_histogram)
     words = np.flatnonzero(pixels != 0)  # of the comparison: five times as fast as of the integers
     return words, pixels[words].astype(np.int64)
@@ -184,9 +184,9 @@ def occupied(mask_histogram: Array) -> tuple[Array, Array]:
 
 @cache
 def _first_reason(rate: str) -> Array:
-    """Index of each word's reason in ``_reasons_of(rate)``, one past the end for none and for sky.  (65536,) int64."""
-    words, reasons = np.arange(1 << 16), _reasons_of(rate)
-    out = np.full(1 << 16, len(reasons))
+    """Index of each word's reason in ``_reasons_of(rate)``, one past the end for none and sky.  (MASK_WORDS,) int64."""
+    words, reasons = np.arange(MASK_WORDS), _reasons_of(rate)
+    out = np.full(MASK_WORDS, len(reasons))
     for index, (bit, _) in reversed(list(enumerate(reasons))):
         out[(words & int(bit)) != 0] = index
     out[((words & int(RATE_BITS[rate])) == 0) | ((words & int(Reason.SKY)) != 0)] = len(reasons)

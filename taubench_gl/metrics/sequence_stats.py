@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS
+from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.features import COLUMNS, FEATURES, RADIANCE_FEATURES, TABLE
 from taubench_gl.metrics.counts import (
     CLASSES,
     Counts,
@@ -28,7 +29,6 @@ from taubench_gl.metrics.reuse_rate import RATES, ReuseStats
 from taubench_gl.metrics.streaming import Welford
 
 NOT_MEASURED = "not measured"
-LIGHT_COLUMNS = ("direct", "indirect")
 EXPOSURE_FACTORS = {"at_half_exposure_percent": 0.5, "at_twice_exposure_percent": 2.0}
 """Keys of a light column in ``discard``, and the factors of the exposure that they stand for."""
 
@@ -57,11 +57,10 @@ class SequenceStats:
         self.reuse.add(counted.mask_histogram)
         self._add(counts)
         self._histograms += counted.histograms
-        for column in FEATURES:
-            if column not in self.measured:
-                counts[column] = None
-        if "direct" not in self.measured:
-            counts["lit"] = counts["shadowed"] = None
+        for feature in TABLE:
+            if feature.name not in self.measured:
+                counts[feature.name] = None
+                counts |= {bit.name.lower(): None for bit in feature.details if feature.light}
         counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
         return counts
 
@@ -158,8 +157,8 @@ def sensitivity(
     The exposure multiplies every distance, so the curve at the threshold divided by the factor has them
     (``metrics.counts.discarded_at``).  None where the column was not measured or the threshold is beyond the curve.
     """
-    out: dict[str, dict[str, float | None]] = {column: dict.fromkeys(EXPOSURE_FACTORS) for column in LIGHT_COLUMNS}
-    for column in (c for c in LIGHT_COLUMNS if c in curves):
+    out: dict[str, dict[str, float | None]] = {column: dict.fromkeys(EXPOSURE_FACTORS) for column in RADIANCE_FEATURES}
+    for column in (c for c in RADIANCE_FEATURES if c in curves):
         for key, factor in EXPOSURE_FACTORS.items():
             found = discarded_at(curves[column]["counts"], thresholds[column] / factor)
             out[column][key] = None if found is None else 100.0 * found / pixels

@@ -16,6 +16,7 @@ from taubench_gl.animation.state import FrameState
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.demos.sheet import Sheet, checkerboard, note, overlay, reason_entries
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
+from taubench_gl.features import BY_BIT
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -35,12 +36,7 @@ STILL_FPS = 1e3
 SPP = 64
 """Most samples per pixel of path-traced light in the figures."""
 
-COLUMNS: dict[str, tuple[Reason, ...]] = {
-    "position": (Reason.DISOCCLUDED, Reason.OCCLUDING),
-    "normal": (Reason.NORMAL,),
-    "direct": (Reason.LIT, Reason.SHADOWED),
-    "indirect": (Reason.INDIRECT,),
-}
+COLUMNS = {feature.name: feature.details or (feature.bit,) for feature in BY_BIT if feature.rates}
 """The features of Figure 2 with the reasons in its masks."""
 
 

@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES
+from taubench_gl.features import FEATURES
 from taubench_gl.report.plots import discard_curve
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
-
-UNIT = {"position": "m"}
 
 
 @dataclass(frozen=True, slots=True)

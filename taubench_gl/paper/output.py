@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl import __version__
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import TaubenchError
+from taubench_gl.features import COLUMNS
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.paper.figures import draw_figures
 from taubench_gl.paper.fit import Fitted, fit_thresholds

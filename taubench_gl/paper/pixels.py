@@ -16,7 +16,7 @@ import numpy as np
 
 from taubench_gl.animation import Poser
 from taubench_gl.batch.spec import Job
-from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, NOT_COMPARABLE
+from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE
 from taubench_gl.cost.pixels import PairChannels, PixelSample, Subject, pack, unpack
 from taubench_gl.cost.reference import TracedPixels
 from taubench_gl.data_files import read_json
@@ -31,6 +31,7 @@ from taubench_gl.evaluation import (
     sampled_pairs,
     scene_facts,
 )
+from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
 from taubench_gl.metrics.counts import Counts, bin_of
@@ -63,7 +64,7 @@ class _Pair(msgspec.Struct, frozen=True):
         for row, feature in zip(histograms, FEATURES, strict=True):
             for place, pixels in self.bins.get(feature, []):
                 row[place] = pixels
-        return Counts(np.bincount(unpack(self.words), minlength=1 << 16), histograms)
+        return Counts(np.bincount(unpack(self.words), minlength=MASK_WORDS), histograms)
 
 
 def random_pixels(frame: int, count: int, size: tuple[int, int]) -> Array:

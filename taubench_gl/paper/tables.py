@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.features import COLUMNS, FEATURES, UNITS
 from taubench_gl.glossary import CAMERA, CENSUS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
-from taubench_gl.paper.fit import UNIT, Fitted
+from taubench_gl.paper.fit import Fitted
 from taubench_gl.paper.scenes import CAMERA_FPS
 from taubench_gl.paper.study import CAMERA as CAMERA_JOB
 from taubench_gl.paper.study import SceneResult
@@ -116,7 +116,7 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
     notes: list[str] = []
     fps = float(paper_numbers()["settings"]["render_fps"])
     for result in results:
-        paper = [paper_row(result.scene.row)["discard"][name] for name in COLUMNS]
+        paper = [paper_row(result.scene.row)["discard"].get(name) for name in COLUMNS]
         for light, why in result.failed.items():
             if light != CAMERA_JOB:
                 rows.append(_missing(f"{result.scene.label}, {light}", len(COLUMNS), why))
@@ -188,7 +188,7 @@ def _fit(fitted: Mapping[str, Fitted]) -> Table:
         one = fitted.get(name)
         left = [None if one is None else one.residuals.get(scene) for scene in scenes]
         values = (None if one is None else one.threshold, None if one is None else one.rms, *left)
-        label = f"{name} [{UNIT[name]}]" if name in UNIT else name
+        label = f"{name} [{UNITS[name]}]" if name in UNITS else name
         rows.append(Row(label, values, reasons={i: "not measured" for i, v in enumerate(values) if v is None}))
     notes = ("Least squares over the datasets' discard-versus-threshold curves; stand-ins never enter the fit.",)
     return Table("thresholds", "Thresholds fitted to the paper's Table 4", tuple(columns), tuple(rows), notes)

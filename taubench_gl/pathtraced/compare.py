@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FRUSTUM
 from taubench_gl.data_files import read_bytes, stored_arrays
 from taubench_gl.errors import OutputError
+from taubench_gl.features import COLUMN_BITS, COLUMNS, LIGHT_FEATURES
 from taubench_gl.metrics.feature_errors import FeatureErrors
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_image
@@ -22,7 +22,6 @@ from taubench_gl.run import Run, load_run
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
-BITS = {"frustum": FRUSTUM} | FEATURE_BIT
 SCHEMA = "taubench-gl/reference-comparison/1"
 NO_MASKS = "masks were not saved by both runs (evaluate them with --save masks,channels)"
 NO_CHANNELS = "channels were not saved by both runs (evaluate them with --save masks,channels)"
@@ -85,8 +84,7 @@ def _require_files(run: Run) -> None:
 
 def _require_same_light(a: Run, b: Run) -> None:
     """Raises OutputError for runs that measure light in different units or at different exposures."""
-    light = ("direct", "indirect", "color")
-    if not all(any(_measures(run, column) for column in light) for run in (a, b)):
+    if not all(any(_measures(run, column) for column in LIGHT_FEATURES) for run in (a, b)):
         return
     units = [run.summary["settings"].get("light_unit") for run in (a, b)]
     if None not in units and units[0] != units[1]:
@@ -203,7 +201,9 @@ def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str,
     pairs = _saved_pairs(a.out, b.out, frames, _MASKS)
     if not pairs:
         return {"reason": NO_MASKS}, {"reason": NO_MASKS}
-    bits = {name: int(bit) for name, bit in BITS.items() if all(r.frames[0].get(name) is not None for r in (a, b))}
+    bits = {
+        name: int(bit) for name, bit in COLUMN_BITS.items() if all(r.frames[0].get(name) is not None for r in (a, b))
+    }
     compared = sum(bits.values())
     sums = {name: np.zeros(4, dtype=np.int64) for name in bits}
     worst = (-1, 0)  # differing pixels, -frame: the first of equally bad pairs

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURE_BIT, FRUSTUM
+from taubench_gl.conventions import FRUSTUM
+from taubench_gl.features import FEATURE_BIT
 from taubench_gl.outputs import write_png
 from taubench_gl.report.mask_images import legend, legend_strip, mask_overlay
 from taubench_gl.report.page import data_uri, render_page

@@ -10,8 +10,8 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import COLUMNS, LIGHT_FEATURES, OTHERS
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import display_color
@@ -57,8 +57,10 @@ class PathTracedSource:
             )
         self.missing = sequence.missing(self.lobes)
         self.unmeasured = {c: self.missing[c] for c in COLUMNS if c in self.missing}
+        self.unmeasured |= {c: "path-traced images do not have it" for c in OTHERS}
         self.unmeasured |= {c: "not requested" for c in COLUMNS if c not in settings.metrics.columns}
-        self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
+        self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
+        self.others: tuple[str, ...] = ()
         self.cuts = False  # images do not show which surfaces have no history
         self.channels = ("position", "normal", *self.radiance)
         if self.reprojection == "motion":

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.counts import edges
 from taubench_gl.metrics.masks import PixelDistances
 

@@ -8,10 +8,11 @@ from pathlib import Path
 from types import MethodType
 from typing import Any
 
+from taubench_gl.features import TABLE
 from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.report.palette import hex_of
 
-DASHES = {"frustum": "-", "color": "--", "position": "-", "normal": "-.", "direct": "-", "indirect": ":"}
+DASHES = {"frustum": "-"} | {feature.name: feature.dash for feature in TABLE}
 """Line style of each column of Table 4, also in the HTML report."""
 SERIES_COLORS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000", "#999933", "#332288",

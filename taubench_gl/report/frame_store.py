@@ -292,11 +292,11 @@ class FrameRecorder:
 
     def _write(self, frame: int, image: Array, previous: Array, mask: Array) -> None:
         self._step = step = step_of(mask.shape[1], MAX_WIDTH if self._planes is None else MAX_WIDTH_FULL)
-        words = mask[step // 2 :: step, step // 2 :: step].astype(np.uint16)
+        words = mask[step // 2 :: step, step // 2 :: step].astype(np.uint32)
         self._size = (words.shape[1], words.shape[0])
         for part, pixels in (("frame", image), ("previous", previous)):
             save_image(self._folder / file_name(part, frame), image_bytes(pixels, step))
-        packed = np.stack([words & 255, words >> 8, np.zeros_like(words)], axis=-1).astype(np.uint8)
+        packed = np.stack([words & 255, words >> 8 & 255, words >> 16], axis=-1).astype(np.uint8)
         save_image(self._folder / file_name("mask", frame), packed)
 
 

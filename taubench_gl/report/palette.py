@@ -10,16 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from taubench_gl.conventions import FRUSTUM, Reason, Visibility
+from taubench_gl.features import BY_BIT, TABLE
 
 RGB = tuple[int, int, int]
 
 FEATURE_COLORS: Mapping[str, RGB] = {
     "frustum": (0xD5, 0x5E, 0x00),
-    "color": (0xCC, 0x79, 0xA7),
-    "position": (0x00, 0x72, 0xB2),
-    "normal": (0x00, 0x9E, 0x73),
-    "direct": (0xF0, 0xE4, 0x42),
-    "indirect": (0xE6, 0x9F, 0x00),
+    **{feature.name: feature.color for feature in TABLE},
 }
 
 REASON_COLORS: Mapping[Reason, RGB] = {
@@ -29,11 +26,7 @@ REASON_COLORS: Mapping[Reason, RGB] = {
     FRUSTUM: FEATURE_COLORS["frustum"],
     Reason.BEHIND: (0x88, 0x22, 0x55),
     Reason.OUTSIDE: FEATURE_COLORS["frustum"],
-    Reason.POSITION: FEATURE_COLORS["position"],
-    Reason.NORMAL: FEATURE_COLORS["normal"],
-    Reason.DIRECT: FEATURE_COLORS["direct"],
-    Reason.INDIRECT: FEATURE_COLORS["indirect"],
-    Reason.COLOR: FEATURE_COLORS["color"],
+    **{feature.bit: feature.color for feature in BY_BIT},
     Reason.DISOCCLUDED: (0x56, 0xB4, 0xE9),
     Reason.OCCLUDING: (0x33, 0x22, 0x88),
     Reason.LIT: (0xDD, 0xCC, 0x77),
@@ -60,11 +53,7 @@ DEFAULT_REASONS: tuple[Reason, ...] = (
     Reason.CUT,
     Reason.INVALID,
     FRUSTUM,
-    Reason.POSITION,
-    Reason.NORMAL,
-    Reason.DIRECT,
-    Reason.INDIRECT,
-    Reason.COLOR,
+    *(feature.bit for feature in BY_BIT),
 )
 """The reasons that a mask image shows by default: pixels that are not classified, then the columns of Table 4."""
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.features import COLUMNS, FEATURES
 from taubench_gl.report.figures import as_title, column_style, legend_beside, new_figure, save_figure
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.tables import thresholds_of

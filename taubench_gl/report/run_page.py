@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl import glossary
-from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
+from taubench_gl.features import BY_BIT, COLUMN_BITS, COLUMNS, FEATURE_BIT, FEATURES, UNITS
 from taubench_gl.metrics.reuse_rate import LIGHT_REASONS, RATE_BITS, RATE_COLUMNS, RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
@@ -32,12 +33,9 @@ Summary = Mapping[str, Any]
 MAX_IMAGES = 60
 """Default number of pairs with images per report, all runs together."""
 
-UNITS = {"position": "m"}
 _CLASSES = (Reason.FIRST, Reason.CUT, Reason.INVALID)
-_DETAILS = (Reason.OUTSIDE, Reason.BEHIND, Reason.DISOCCLUDED, Reason.OCCLUDING, Reason.LIT, Reason.SHADOWED)
-_COLUMN_OF = {
-    Reason.DISOCCLUDED: "position", Reason.OCCLUDING: "position", Reason.LIT: "direct", Reason.SHADOWED: "direct",
-}  # fmt: skip
+_DETAILS = (Reason.OUTSIDE, Reason.BEHIND, *(bit for feature in BY_BIT for bit in feature.details))
+_COLUMN_OF = {bit: feature.name for feature in BY_BIT for bit in feature.details}
 """The column that must be measured for a detail to be known; the frustum column for the others."""
 _ROW_COLUMNS = ("frame", "time_s", "pixels", "sky", "comparable", "translation_m", "angle_deg")
 
@@ -184,7 +182,7 @@ def _figure(summary: Summary, column: str) -> dict[str, Any]:
     if mean is None:
         return figure | {"reason": entry.get("reason") or "not measured"}
     end = max(40.0, 1.08 * mean)
-    paper = {scene["name"]: scene["discard"][column] for scene in paper_numbers()["scenes"]}
+    paper = {scene["name"]: scene["discard"].get(column) for scene in paper_numbers()["scenes"]}
     return figure | {
         "mean": _percent(mean),
         "highest": None if highest is None else _percent(highest),
@@ -332,11 +330,10 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
 
     ``of``: the rate whose complement in the surface pixels a reason is; its count in ``rows`` is that of the rate.
     """
-    bits = {"frustum": FRUSTUM, **FEATURE_BIT}
     present = {r for r in _CLASSES if any(row.get(glossary.key_of(r)) for row in frames)}
     details = [r for r in _DETAILS if _COLUMN_OF.get(r, "frustum") in measured]
     details += [r for r in _CLASSES if r in present]
-    columns = [(bits[name], "Table 4", name != "color") for name in measured]
+    columns = [(COLUMN_BITS[name], "Table 4", name != "color") for name in measured]
     found = [
         {"name": glossary.key_of(bit), "label": glossary.label_of(bit), "bits": int(bit), "group": group, "on": on,
          "color": hex_of(REASON_COLORS[bit]), "definition": glossary.REASONS[bit].tooltip}

@@ -9,7 +9,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from taubench_gl.conventions import COLUMNS, Visibility
+from taubench_gl.conventions import Visibility
+from taubench_gl.features import COLUMNS
 from taubench_gl.glossary import CAMERA, CENSUS, EXACT, EXACT_REASONS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report.labels import lighting_text, run_labels
@@ -170,7 +171,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
         rows += [
             Row(
                 scene["name"],
-                (*(scene["discard"][name] for name in COLUMNS), *(None for _ in seen), fps, None),
+                (*(scene["discard"].get(name) for name in COLUMNS), *(None for _ in seen), fps, None),
                 paper=True,
                 percent_of=STATISTICS["mean_percent"].label,
             )

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.evaluation import frame_range, resolve_lighting
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
+from taubench_gl.features import COLUMNS
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.sequence import is_sequence

@@ -17,11 +17,12 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection, sky_directions
-from taubench_gl.conventions import COLUMNS, Reason
+from taubench_gl.conventions import Reason
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import COLUMNS
 from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, Source, SourceOptions

@@ -10,11 +10,11 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import sky_directions
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.frame.environment import maps_of
 from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.frame.targets import read_channel, write_channel
@@ -67,7 +67,7 @@ class PathTracedReference(GpuOwner):
         options = SourceOptions(extra=("ids", *(("emission",) * self._emits)))
         self._source = self.open_source(request.scene, request.camera, geometry, options, poser=request.poser)
         self.size, self.reprojection = self._source.size, self._source.reprojection
-        self.radiance = ("direct", "indirect", "color")
+        self.radiance, self.others = LIGHT_FEATURES, ()
         self.unmeasured: Mapping[str, str] = {}
         self._textures = [
             {name: self.own(radiance_texture(gpu, self.size)) for name in self.radiance} for _ in range(2)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURE_BIT, NOT_COMPARABLE
+from taubench_gl.conventions import NOT_COMPARABLE
+from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import metered_exposure
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES, Reason
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject

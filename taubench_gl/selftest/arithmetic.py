@@ -11,8 +11,9 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import OrbitCamera, Poser, View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, Reason
 from taubench_gl.effects.census import census
+from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
 from taubench_gl.metrics import activity
 from taubench_gl.metrics.counts import Counts, bin_of, edges
 from taubench_gl.metrics.exposure import metered_exposure, rounded
@@ -43,7 +44,7 @@ NOT_COMPARED = (Reason.FIRST, Reason.CUT, Reason.INVALID, Reason.BEHIND, Reason.
 
 
 def _histogram(words: dict[int, int]) -> Array:
-    out = np.zeros(1 << 16, dtype=np.uint32)
+    out = np.zeros(MASK_WORDS, dtype=np.uint32)
     for word, pixels in words.items():
         out[int(word)] = pixels
     return out

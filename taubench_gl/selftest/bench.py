@@ -14,6 +14,7 @@ from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation import pairs as pairing
 from taubench_gl.evaluation import ChannelPair, evaluate_scene
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
@@ -203,7 +204,7 @@ class Bench(GpuOwner):
         ``declared``: reason bits of every pixel; ``metrics``: fields of MetricsSettings or
         LightingSettings.
         """
-        radiance = tuple(n for n in ("direct", "indirect", "color") if n in current)
+        radiance = tuple(n for n in LIGHT_FEATURES if n in current)
         given = next(iter(current.values()), None)
         width, height = self.size if given is None else given.shape[1::-1]
         pair = pair or still_pair((width, height))

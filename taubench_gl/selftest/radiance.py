@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES, FRUSTUM, HISTOGRAM_BINS, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import FRUSTUM, HISTOGRAM_BINS, NOT_COMPARABLE, Reason
+from taubench_gl.features import BY_BIT, FEATURES
 from taubench_gl.metrics.counts import bin_of
 from taubench_gl.selftest.bench import Bench, shifted_pair
 from taubench_gl.selftest.case import Naive, Outcome, case, count
@@ -147,7 +148,7 @@ def _on_threshold(feature: str) -> None:
         return Outcome(f"0, {pixels}", f"{exactly}, {more}", float(exactly + pixels - more), naive)
 
 
-for _feature in ("position", "normal", "direct", "indirect", "color"):
+for _feature in (feature.name for feature in BY_BIT):
     _on_threshold(_feature)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.metrics.counts import CLASSES, counts_of
 from taubench_gl.metrics.streaming import Welford
 from taubench_gl.selftest.bench import Bench
@@ -112,7 +113,7 @@ def many_pixels(bench: Bench) -> Outcome:
     source="exact: integers",
 )
 def past_32_bits(bench: Bench) -> Outcome:
-    mask_histogram = np.zeros(1 << 16, dtype=np.uint32)
+    mask_histogram = np.zeros(MASK_WORDS, dtype=np.uint32)
     mask_histogram[int(Reason.SKY)] = mask_histogram[int(Reason.SKY | Reason.BEHIND)] = 2**32 - 1
     exact = 2 * (2**32 - 1)
     naive = int(np.uint32(exact & 0xFFFFFFFF))

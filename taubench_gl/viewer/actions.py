@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from taubench_gl.conventions import FEATURES
+from taubench_gl.features import FEATURES
 from taubench_gl.glossary import label_of
 from taubench_gl.viewer.state import COMPARISONS, OVERLAYS, SECTIONS, SPEEDS, ViewerState, following
 

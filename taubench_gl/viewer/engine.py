@@ -14,12 +14,13 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES, Reason
+from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import exact_channels, require_exact
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import FEATURES, LIGHT_FEATURES, TABLE
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
@@ -28,7 +29,7 @@ from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disj
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison
-from taubench_gl.viewer.display import ARROW_STEP_PX, VISUALIZATIONS, Content, Display, FrozenCamera, Other
+from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.light import Lights
@@ -296,11 +297,11 @@ class ViewerEngine:
         """Counts of light from fewer pixels, scaled to those of the image."""
         found = counts_of(counts.mask_histogram)
         share = self.counts["pixels"] / found["pixels"]
-        names = ("direct", "indirect", "color", "lit", "shadowed", "reusable_shading")
+        names = (*(bit.name.lower() for bit in LIGHT_BITS), "reusable_shading")
         self.counts |= {name: round(share * found[name]) for name in names}
         reasons = disjoint_reasons(counts.mask_histogram, "shading")
         self.reasons["shading"] = {name: round(share * pixels) for name, pixels in reasons.items()}
-        light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n not in ("position", "normal")}
+        light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n in LIGHT_FEATURES}
         self.histograms |= {name: share * bins for name, bins in light.items()}
         missing = self._lights.coarse.source.unmeasured
         self.unmeasured = {**self.feed.source.unmeasured, **{n: missing[n] for n in light if n in missing}}
@@ -508,7 +509,7 @@ class ViewerEngine:
         found = self._active.explain(*state.probe, thresholds=state.thresholds)
         if self._lights.active is None:
             return found
-        return replace(found, features={n: f for n, f in found.features.items() if n in ("position", "normal")})
+        return replace(found, features={n: f for n, f in found.features.items() if n not in LIGHT_FEATURES})
 
     def exact_words(self, x: int, row: int) -> str | None:
         """The exact reason of a pixel; None unless the masks are exact ones."""
@@ -570,7 +571,7 @@ class ViewerEngine:
         """Percent per count: of surface pixels for reuse rates, else of all pixels; None where it is not known."""
         pixels, missing = max(self.counts.get("pixels", 0), 1), self.unmeasured
         surface = pixels - self.counts.get("sky", 0)
-        needs = {"lit": ("direct",), "shadowed": ("direct",)}
+        needs = {bit.name.lower(): (f.name,) for f in TABLE if f.light for bit in f.details}
         needs |= {f"reusable_{rate}": columns for rate, columns in RATE_COLUMNS.items()}
         out: dict[str, float | None] = {}
         out |= self._exact.percent

@@ -15,11 +15,11 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View, bounding_sphere, camera_of_run
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.spec import bound_times

@@ -11,6 +11,7 @@ import moderngl
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -53,7 +54,7 @@ COARSE: Mapping[str, Coarse | None] = {
     "unshadowed": Coarse(4, 0),
 }
 """Light while the image moves, by name."""
-UNLIT = frozenset({"direct", "indirect", "color"})
+UNLIT = frozenset(LIGHT_FEATURES)
 """Effects without which only geometry is drawn."""
 
 

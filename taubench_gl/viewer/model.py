@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.evaluation.explain import Explanation
+from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.outputs import cannot_write, new_partial, put_in_place, write_png
 from taubench_gl.viewer import prefs, session_file

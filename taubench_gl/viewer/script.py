@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.conventions import FEATURES
 from taubench_gl.data_files import read_text
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.features import FEATURES
 from taubench_gl.viewer.actions import ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
 from taubench_gl.viewer.session_file import SUFFIX, is_session

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from taubench_gl.conventions import FEATURES, FRUSTUM, Reason, Visibility
+from taubench_gl.conventions import FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import BY_BIT, COUNTED_BITS, FEATURES
 from taubench_gl.glossary import EXACT_REASONS, key_of
 from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
@@ -44,9 +45,8 @@ MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 OVERLAYS: dict[str, Reason] = {
     key_of(reason): reason
     for reason in (
-        FRUSTUM, Reason.POSITION, Reason.NORMAL, Reason.DIRECT, Reason.INDIRECT, Reason.COLOR, Reason.DISOCCLUDED,
-        Reason.OCCLUDING, Reason.LIT, Reason.SHADOWED, Reason.BEHIND, Reason.OUTSIDE, Reason.SKY, Reason.HISTORY_SKY,
-        Reason.INVALID, Reason.FIRST, Reason.CUT,
+        FRUSTUM, *(f.bit for f in BY_BIT), *(bit for f in BY_BIT for bit in f.details), Reason.BEHIND, Reason.OUTSIDE,
+        Reason.SKY, Reason.HISTORY_SKY, Reason.INVALID, Reason.FIRST, Reason.CUT,
     )
 }  # fmt: skip
 """Mask overlays by key, in the order of the legend and of the number keys."""
@@ -54,7 +54,7 @@ OVERLAYS: dict[str, Reason] = {
 EXACT_OVERLAYS: dict[str, Visibility] = {f"exact_{term.key}": bits for bits, term in EXACT_REASONS.items()}
 """Overlays of exact reasons, in the order of the legend."""
 
-SHIFT = 16
+SHIFT = COUNTED_BITS
 """In the mask that the image shows, the bits of ``Visibility`` are this far above those of ``Reason``."""
 
 

@@ -8,14 +8,14 @@ from functools import lru_cache
 import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from taubench_gl.conventions import FEATURE_BIT, FEATURES
+from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE
 from taubench_gl.glossary import COLUMNS
 from taubench_gl.metrics.counts import edges
 from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.widgets import Widgets, bar, wrapped
 
 LEAST = 1e-4
-MOST = {"normal": 2.0, "color": 2.0}
+MOST = {feature.name: feature.most for feature in TABLE if feature.most}
 """Upper end of the slider, 10 for the other features."""
 HEIGHT = 30.0
 _EDGES = np.append(0.0, edges())

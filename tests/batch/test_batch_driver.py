@@ -16,9 +16,9 @@ from taubench_gl.batch.partition import PairRecord, decode, encode, frames_table
 from taubench_gl.batch.store import Store
 from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
 from taubench_gl.batch.worker import Worker
-from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, Reason
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.passes.masks import MASK_WORDS
+from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.run_schema import CAMERA_COLUMNS, EXACT_COLUMNS
 

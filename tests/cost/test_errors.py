@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.errors import column_differences, sample_of
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.pair_sample import estimate, expected_half_width
 
 

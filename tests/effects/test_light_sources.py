@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects import path_tracing
 from taubench_gl.effects.decide import decide, disable, force, unmeasured
+from taubench_gl.features import COLUMNS
 from taubench_gl.frame.plan import DEPENDS, FramePlan
 from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings

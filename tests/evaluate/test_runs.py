@@ -13,9 +13,9 @@ import psutil
 import pytest
 
 from taubench_gl.animation import OrbitCamera
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames

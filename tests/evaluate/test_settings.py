@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import FEATURES
 from taubench_gl.settings import FIELDS, GROUPS, SELECTING, Settings
 
 CHANGED = {

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
+from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.run import Run, load_run
 from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.scene import load_scene

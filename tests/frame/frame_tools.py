@@ -10,7 +10,8 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
-from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.conventions import DEFAULT_THRESHOLD
+from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.targets import read_channel

@@ -8,7 +8,7 @@ from hazards import Hazards
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES
+from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions

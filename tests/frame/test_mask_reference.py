@@ -13,7 +13,8 @@ import pytest
 from frame_tools import THRESHOLDS, FormulaCamera, draw_pair, find_scene, looking_at
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.conventions import FEATURES, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.counts import bin_of, counts_of, edges
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene import load_scene

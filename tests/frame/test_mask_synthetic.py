@@ -15,8 +15,9 @@ from test_mask_reference import in_band
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
-from taubench_gl.frame.passes.masks import RADIANCE, MaskPass
+from taubench_gl.conventions import HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
+from taubench_gl.features import FEATURE_BIT, FEATURES, LIGHT_FEATURES
+from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import bin_of, counts_of
@@ -64,7 +65,7 @@ def frame(rng, view: View, broken: float, smooth: bool = True) -> dict[str, np.n
     return out
 
 
-def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=RADIANCE, declared=0,
+def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=LIGHT_FEATURES, declared=0,
              distances=False):  # fmt: skip
     """Upload, run, read back; the channels come back as the GPU held them (some are half floats)."""
     textures = []
@@ -191,7 +192,7 @@ def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
     got = evaluate(gpu, now | {"ids": ids.astype(np.uint32)}, then, pair, sampling=sampling)
     reference = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling)
     broken = np.logical_or.reduce(
-        [~np.isfinite(got.current[n]).all(axis=-1) for n in ("position", "normal", *RADIANCE)]
+        [~np.isfinite(got.current[n]).all(axis=-1) for n in ("position", "normal", *LIGHT_FEATURES)]
     )
     cut = marked & (got.current["position"][..., 3] > 0) & ~broken
     assert 0.1 < cut.mean() < 0.3
@@ -222,7 +223,7 @@ def test_one_broken_value_is_one_invalid_pixel(gpu) -> None:
     view = views()[1]
     pair = pair_matrices(view, view, *SIZE)
     clean = frame(rng, view, 0)
-    for name in ("position", "normal", *RADIANCE):
+    for name in ("position", "normal", *LIGHT_FEATURES):
         for broken_now in (True, False):
             for value in (np.nan, np.inf):
                 spoiled = {n: v.copy() for n, v in clean.items()}

@@ -9,7 +9,7 @@ import pytest
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES
+from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import read_channel

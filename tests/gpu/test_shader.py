@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.errors import GraphicsError
+from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.gpu import shader
 from taubench_gl.gpu.shader import ShaderCache, resolve
 from taubench_gl.paths import SHADERS
@@ -117,7 +118,7 @@ def test_a_program_is_compiled_once(gpu) -> None:
 
 
 def test_every_mask_variant_compiles(gpu) -> None:
-    from taubench_gl.frame.passes.masks import RADIANCE, MaskOptions, mask_pass
+    from taubench_gl.frame.passes.masks import MaskOptions, mask_pass
     from taubench_gl.frame.tuning import Tuning
 
     cache = ShaderCache(gpu.ctx)
@@ -125,7 +126,7 @@ def test_every_mask_variant_compiles(gpu) -> None:
         options = MaskOptions(
             reprojection="motion" if motion else "camera",
             sampling="bilinear" if bilinear else "nearest",
-            radiance=tuple(itertools.compress(RADIANCE, light)),
+            radiance=tuple(itertools.compress(LIGHT_FEATURES, light)),
             write_mask=motion,
             write_motion=bilinear,
         )

@@ -14,7 +14,7 @@ from test_effects_on_demand import everything
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.apps.inspect_command import describe
-from taubench_gl.conventions import COLUMNS
+from taubench_gl.features import COLUMNS
 from taubench_gl.frame.passes.lighting import LOBES
 from taubench_gl.frame.plan import DEPENDS, FramePlan, frame_channels, frame_passes, frame_spec
 from taubench_gl.frame.shading import Shading

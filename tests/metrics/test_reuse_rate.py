@@ -8,7 +8,8 @@ from math import fsum
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, Reason
+from taubench_gl.features import COLUMNS, FEATURES
 from taubench_gl.glossary import REUSE_REASONS
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS
+from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.counts import edges
 from taubench_gl.paper.fit import fit_threshold, fit_thresholds
 from taubench_gl.paper.output import fitted_of

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from taubench_gl.batch.spec import Job
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.features import COLUMNS
 from taubench_gl.paper.pixels import PixelRun, random_pixels
 from taubench_gl.paper.study import PaperOptions
 from taubench_gl.paths import ASSETS

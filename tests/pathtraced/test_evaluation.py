@@ -8,9 +8,10 @@ from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
 
 import taubench_gl as tb
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES, Reason
+from taubench_gl.conventions import Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.evaluation import Observers
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.pathtraced.cameras import camera_file_text

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.activity import QUANTITIES, describe
 from taubench_gl.metrics.counts import Counts, bin_of, edges
 from taubench_gl.metrics.reuse_rate import ReuseStats

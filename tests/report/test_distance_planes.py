@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, Reason
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.report import distance_planes as dp

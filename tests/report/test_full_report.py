@@ -17,8 +17,9 @@ from page_tools import mask_pixels, opened, shown_frame
 from PIL import Image
 
 from taubench_gl.api import evaluate
-from taubench_gl.conventions import FEATURE_BIT, FEATURES, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
+from taubench_gl.features import FEATURE_BIT, FEATURES
 from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.paths import PACKAGE
 from taubench_gl.report.distance_planes import levels_of

@@ -6,8 +6,9 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason
+from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.errors import OutputError
+from taubench_gl.features import FEATURE_BIT
 from taubench_gl.glossary import key_of
 from taubench_gl.report.mask_images import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_image
 from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of

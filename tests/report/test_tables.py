@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from taubench_gl.conventions import COLUMNS
+from taubench_gl.features import COLUMNS
 from taubench_gl.glossary import CENSUS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables

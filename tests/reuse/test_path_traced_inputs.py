@@ -8,9 +8,9 @@ import pytest
 from reuse_scenes import glowing, lit_room, settings, still
 
 from taubench_gl.animation import Poser, choose_camera
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import COLUMNS
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.pathtraced.reference_store import LOBES
 from taubench_gl.pathtraced.references import References

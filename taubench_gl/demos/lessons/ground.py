@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURE_BIT, FRUSTUM, Reason, Visibility
+from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
 from taubench_gl.demos.demo import (
     Expected,
     Figure,
@@ -21,6 +21,7 @@ from taubench_gl.demos.demo import (
 from taubench_gl.demos.sheet import Sheet, as_bytes, note, overlay, painted
 from taubench_gl.demos.stage import CHALK, SAND, Props, Stage
 from taubench_gl.demos.theory import ground_discards, ground_distance
+from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.scene.model import Scene

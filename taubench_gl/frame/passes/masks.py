@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from taubench_gl import conventions
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, HISTOGRAM_MANTISSA_BITS, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, HISTOGRAM_MANTISSA_BITS, Reason
+from taubench_gl.features import FEATURE, FEATURES, GEOMETRY, LIGHT_FEATURES, MASK_WORDS, OTHERS, TABLE, VALUES, Feature
 from taubench_gl.frame.pair_record import PAIR_FIELDS, pair_values
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import Tuning
@@ -30,16 +31,10 @@ REPROJECTION = Struct(
     Field("prev_near", "float", "meters, previous camera's near plane minus NEAR_GUARD"),
     Field("near", "float", "meters, current camera's near plane"),
     Field("guard_px", "float", "pixels, guard of the outside test"),
-    Field("threshold_color", "float", "sRGB-encoded, 0..1, largest channel difference"),
-    Field("threshold_position", "float", "meters, Euclidean"),
-    Field("threshold_normal", "float", "Euclidean distance of unit vectors, 0..2"),
-    Field("threshold_direct", "float", "linear radiance x exposure, Euclidean"),
-    Field("threshold_indirect", "float", "linear radiance x exposure, Euclidean"),
+    *(Field(f"threshold_{f.name}", "float", f"{f.distance.value}; {f.unit}") for f in TABLE),
     Field("exposure", "float", "factor on direct and indirect radiance before they are compared"),
     Field("declared", "uint", "FIRST or CUT for the whole frame, else 0"),
 )
-MASK_WORDS = 1 << 16
-RADIANCE = ("direct", "indirect", "color")
 
 
 class ComparedSource(Protocol):
@@ -48,6 +43,7 @@ class ComparedSource(Protocol):
     size: tuple[int, int]
     reprojection: str  # camera | motion
     radiance: tuple[str, ...]
+    others: tuple[str, ...]
     cuts: bool
 
 
@@ -57,11 +53,17 @@ class MaskOptions:
 
     reprojection: str = "camera"  # camera | motion
     sampling: str = "nearest"  # nearest | bilinear
-    radiance: tuple[str, ...] = ()  # of direct, indirect, color
+    radiance: tuple[str, ...] = ()  # of LIGHT_FEATURES
+    others: tuple[str, ...] = ()  # of OTHERS
     cuts: bool = False  # channel ``ids`` marks surfaces without history
     write_mask: bool = False
     write_motion: bool = False
     write_distances: bool = False  # channels ``distances`` and ``changes`` of masks.comp.glsl
+
+    @property
+    def values(self) -> tuple[Feature, ...]:
+        """What is compared besides position and normal, in the order of the bits."""
+        return tuple(FEATURE[name] for name in VALUES if name in self.radiance or name in self.others)
 
     def geometry(self) -> list[Use]:
         """Geometry channels, read through samplers."""
@@ -69,6 +71,21 @@ class MaskOptions:
         names += [Use(TEXTURE, f"history_{n.name}", "sampler2D", READ, n.name, history=True) for n in names]
         motion = self.reprojection == "motion"
         return names + [Use(TEXTURE, "prev_position", "sampler2D")] * motion
+
+
+_PLACES = [*(("distances", i) for i in range(4)), ("changes", 0), ("changes", 3)]
+PLACES = dict(zip((*GEOMETRY, *VALUES), _PLACES, strict=False))
+"""Texture and component into which the distance of each feature is written; a seventh needs another texture."""
+
+
+def _each_value(features: Sequence[Feature]) -> str:
+    """The macro that expands VALUE for each feature: index, now, before, distance, limit, bit, histogram, place."""
+    return " ".join(
+        f"VALUE({i}, {f.channel}_at(at).{f.part}, history_{f.channel}_at(at).{f.part}, distance_{f.name}, "
+        f"P.threshold_{f.name}, {f.name.upper()}, FEATURE_{f.name.upper()}, pixel_{image}[{component}])"
+        for i, f in enumerate(features)
+        for image, component in [PLACES[f.name]]
+    )
 
 
 def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False) -> ComputePass:
@@ -81,9 +98,11 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         .define(MOTION=options.reprojection == "motion", BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
         .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion)
         .define(WRITE_DISTANCES=options.write_distances, **tuning.defines)
-        .define(**{f"HAS_{name.upper()}": name in options.radiance for name in RADIANCE})
+        .define(**{f"HAS_{name.upper()}": FEATURE[name] in options.values for name in VALUES})
         .define(**tuning.kept_fields(REPROJECTION))
         .glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in Reason), *features)
+        .glsl(f"#define VALUES {len(options.values)}", f"#define EACH_VALUE {_each_value(options.values)}")
+        .glsl(*(f"const int VALUE_{f.name.upper()} = {i};" for i, f in enumerate(options.values)))
         .glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
         .glsl(f"const int HISTOGRAM_BINS = {HISTOGRAM_BINS}, HISTOGRAM_MANTISSA_BITS = {HISTOGRAM_MANTISSA_BITS};")
         .glsl(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
@@ -93,7 +112,7 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         .buffer("histograms", "uint", access=UPDATE, given=True)
         .dispatch(size, group, each)
     )
-    for name in options.radiance:
+    for name in dict.fromkeys(f.channel for f in options.values):
         p.texture(name).texture(f"history_{name}", resource=name, history=True)
     if options.cuts:
         p.texture("ids", "usampler2D")
@@ -107,11 +126,12 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
     return p
 
 
-@stage(options=("previous_pose", "cuts", *RADIANCE))
+@stage(options=("previous_pose", "cuts", *LIGHT_FEATURES))
 def masks(spec: FrameSpec) -> Sequence[Pass]:
     mode = "motion" if "previous_pose" in spec.enabled else "camera"
-    radiance = tuple(name for name in RADIANCE if name in spec.enabled)
-    options = MaskOptions(mode, spec.settings.metrics.sampling, radiance, "cuts" in spec.enabled)
+    radiance = tuple(name for name in LIGHT_FEATURES if name in spec.enabled)
+    others = tuple(name for name in OTHERS if name in spec.settings.metrics.columns)
+    options = MaskOptions(mode, spec.settings.metrics.sampling, radiance, others, "cuts" in spec.enabled)
     return (mask_pass(options, spec.size, spec.tuning),)
 
 
@@ -124,7 +144,7 @@ class MaskPass:
     def __init__(self, context: GpuContext, size: tuple[int, int], **options: Any):
         """``options``: fields of MaskOptions."""
         self._context, self._size = context, size
-        self._options = options = MaskOptions(**options)
+        self.options = options = MaskOptions(**options)
         self._tuning = Tuning(context.gpu.software)
         self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
         ctx = context.gpu.ctx
@@ -143,12 +163,8 @@ class MaskPass:
 
         ``changed``: fields of MaskOptions that differ from those of source and settings; None: no change.
         """
-        options = {
-            "reprojection": source.reprojection,
-            "sampling": settings.metrics.sampling,
-            "radiance": source.radiance,
-            "cuts": source.cuts,
-        }
+        options = {name: getattr(source, name) for name in ("reprojection", "radiance", "others", "cuts")}
+        options["sampling"] = settings.metrics.sampling
         return cls(context, source.size, **(options | {k: v for k, v in changed.items() if v is not None}))
 
     def run(
@@ -180,10 +196,10 @@ class MaskPass:
         resources |= {"mask_histogram": words, "histograms": histograms, "mask": self.mask, "motion": self.motion}
         resources |= {"distances": self.distances, "changes": self.changes}
         # A pass has eight images at most.
-        dtypes = {resources[use.key].dtype for use in self._options.geometry()}
-        images = not self._options.write_distances and self._tuning.mask_images(dtypes)
+        dtypes = {resources[use.key].dtype for use in self.options.geometry()}
+        images = not self.options.write_distances and self._tuning.mask_images(dtypes)
         if images not in self._compiled:  # textures of a source are known only now
-            declaration = mask_pass(self._options, self._size, self._tuning, images=images)
+            declaration = mask_pass(self.options, self._size, self._tuning, images=images)
             self._compiled[images] = self._context.compute(declaration)
         self._compiled[images].run(record, resources)
         self._context.gpu.hazards.publish()

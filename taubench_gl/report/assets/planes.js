@@ -59,7 +59,7 @@ function planesFit(codes, words, planes, bits) {
 
 // Reason words at the levels `at`: {words, unknown}, where `unknown` are bits that these planes do not tell.
 function wordsAt(words, codes, planes, at, bits) {
-  const found = Uint16Array.from(words);
+  const found = Uint32Array.from(words);
   const { position, direct } = planes.levels;
   const depth = at.position >= position.near[codes.step] && at.position;
   const luminance = direct && at.direct >= direct.near[codes.step] && at.direct;
@@ -83,7 +83,7 @@ function wordsAt(words, codes, planes, at, bits) {
 
 // Pixels per reason word.
 function countWords(words) {
-  const counts = new Uint32Array(1 << 16);
+  const counts = new Uint32Array(1 + words.reduce((most, word) => Math.max(most, word), 0));
   for (let i = 0; i < words.length; i++) counts[words[i]]++;
   return counts;
 }
@@ -108,8 +108,8 @@ async function storedFrame(set, index, bits) {
   const { width, height, planes } = set;
   const [mask, packed] = await Promise.all([framePart(set, index, "mask"), planes ? framePart(set, index, "planes").catch(() => null) : null]);
   const bytes = pixelsOf(mask, width, height);
-  const words = new Uint16Array(width * height);
-  for (let i = 0; i < words.length; i++) words[i] = bytes[4 * i] | (bytes[4 * i + 1] << 8);
+  const words = new Uint32Array(width * height);
+  for (let i = 0; i < words.length; i++) words[i] = bytes[4 * i] | (bytes[4 * i + 1] << 8) | (bytes[4 * i + 2] << 16);
   const codes = packed && decodePlanes(packed, planes, planes.steps[set.items[index].n], width, height);
   return { words, codes: codes && planesFit(codes, words, planes, bits) ? codes : null };
 }
