@@ -11,8 +11,7 @@ Color is not part of a rate, because it depends on the tone map.  Sky is not par
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache, reduce
-from operator import or_
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ Array = np.ndarray
 
 RATES = ("surface", "shading")
 
-RATE_BITS = {rate: reduce(or_, (f.bit for f in TABLE if rate in f.rates), NOT_COMPARABLE) for rate in RATES}
+RATE_BITS = {rate: NOT_COMPARABLE | sum(f.bit for f in TABLE if rate in f.rates) for rate in RATES}
 """Reasons that no pixel of a rate has."""
 
 NO_SURFACE = "no pixel shows a surface"

@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import NOT_COMPARABLE
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.effects.decide import Effect
 from taubench_gl.features import TABLE
 from taubench_gl.gpu.context import Gpu
@@ -26,7 +26,7 @@ Array = np.ndarray
 Area = tuple[int, int, int, int]  # x, y, width, height
 ARROW_STEP_PX = 20
 ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
-LIGHT_BITS = reduce(or_, (bit for f in TABLE if f.light for bit in (f.bit, *f.details)))
+LIGHT_BITS = Reason(sum(bit for f in TABLE if f.light for bit in (f.bit, *f.details)))
 MODES = ("off", "split", "difference", "error", "other")
 """How an image and another are combined; other: that one alone."""
 
