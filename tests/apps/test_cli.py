@@ -217,7 +217,7 @@ import sys
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation import exposure
 def none(*_): raise GraphicsError("no OpenGL")
-exposure.open_gpu = none
+exposure.opened_gpu = none
 from taubench_gl.apps.cli import main
 main(["inspect", {str(path)!r}, "--json"])
 """

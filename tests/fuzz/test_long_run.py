@@ -33,7 +33,7 @@ def progress(p):
         seen.append(process.memory_info().rss)
 
 settings = Settings(width=32, height=18, frames=(0, frames), reprojection="motion", shadow_size=32, indirect="none",
-                    backend="egl",
+                    backend="egl", pairs="all",
                     columns=("frustum", "position", "normal", "direct", "color"))
 run = evaluate_scene(replace(room, channels=stretched), settings, Observers(progress=progress), out={out!r})
 gpu = open_gpu("egl")

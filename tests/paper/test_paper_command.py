@@ -110,7 +110,7 @@ def test_everything_from_one_command(finished):
     once = evaluate_scene(DEMO, settings)
     for name in ("frustum", "normal"):
         assert vr["images"]["raster"]["discard"][name] == once.summary["discard"][name]
-    whole = evaluate_scene(DEMO, Settings(width=32, height=18, fps=60.0, columns=("frustum",)))
+    whole = evaluate_scene(DEMO, Settings(width=32, height=18, fps=60.0, columns=("frustum",), pairs="all"))
     assert vr["position"]["mean"] == whole.summary["camera"]["position"]["mean"]
     assert vr["camera_samples"] == whole.summary["pairs"]
     assert vr["census"]["dynamic_point_lights"] == whole.summary["census"]["dynamic_point_lights"]
@@ -164,7 +164,7 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
     def refuse(*_args, **_more):
         raise AssertionError("a pair was drawn again")
 
-    monkeypatch.setattr("taubench_gl.batch.worker.Session.pairs", refuse)
+    monkeypatch.setattr("taubench_gl.batch.worker.Worker._count", refuse)
     monkeypatch.setattr(figures, "evaluate_scene", refuse)
     again = run("--out", out, *SMALL, "--lobe", "diffuse")
     assert again.exit_code == 0, again.output
@@ -181,7 +181,7 @@ def test_an_interrupted_run_continues(tmp_path, monkeypatch):
         patch.setattr(output, "write_study", interrupt)
         assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 130
     assert not (out / "paper.html").exists()
-    monkeypatch.setattr("taubench_gl.batch.worker.Session.pairs", interrupt)
+    monkeypatch.setattr("taubench_gl.batch.worker.Worker._count", interrupt)
     assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 0
     assert (out / "paper.html").exists()
 

@@ -401,7 +401,7 @@ GUARDS: tuple[Guard, ...] = (
     Guard(
         "strict-threshold",
         "a discard is strictly greater than the threshold",
-        _glsl("if (direct_distance > P.threshold_direct)", "if (direct_distance >= P.threshold_direct)"),
+        _glsl("if (d > LIMIT) mask |= BIT;", "if (d >= LIMIT) mask |= BIT;"),
         ("on-threshold-direct",),
     ),
     Guard(

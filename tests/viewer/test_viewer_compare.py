@@ -61,7 +61,6 @@ def test_the_light_method_changes_live(drive):
 
 def test_a_light_method_that_fails_changes_nothing(drive, monkeypatch):
     from taubench_gl.errors import GraphicsError
-    from taubench_gl.viewer import feeds
 
     driven = drive()
     driven.run("frame 8")
@@ -70,7 +69,7 @@ def test_a_light_method_that_fails_changes_nothing(drive, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise GraphicsError("no memory for this")
 
-    monkeypatch.setattr(feeds, "RasterSource", fail)
+    monkeypatch.setattr("taubench_gl.evaluation.owner.RasterSource", fail)
     driven.run("set reprojection motion\nexpect reprojection == camera")
     assert "no memory for this" in driven.state.message and driven.engine.counts == counts
 
