@@ -22,7 +22,10 @@ if __name__ == "__main__":
 
 import recorders as by  # noqa: E402
 
-SOURCES = ("taubench_gl/scene", "taubench_gl/animation", "taubench_gl/settings.py", "taubench_gl/conventions.py")
+SOURCES = (
+    "taubench_gl/scene", "taubench_gl/animation", "taubench_gl/settings.py", "taubench_gl/conventions.py",
+    "taubench_gl/features.py",
+)  # fmt: skip
 FRAME = (
     *SOURCES, "taubench_gl/gpu", "taubench_gl/effects", "taubench_gl/frame", "taubench_gl/evaluation", "shaders/color",
     "shaders/common", "shaders/deform", "shaders/gbuffer", "shaders/indirect", "shaders/lighting", "shaders/masks",
