@@ -34,7 +34,8 @@ ENOUGH = 10
 
 ABOUT = """# Cost studies: measurements
 
-Written by `tools/record cost`; words: [cost.md](cost.md). The combinations and the rule of the recommendation
+Written by `tools/record cost`; words: [cost.md](cost.md). Measured before exposures belonged to the scene:
+the demo at 480x270 had 0.266, now 1.018. The combinations and the rule of the recommendation
 were chosen with results on the demo: it is no independent test. Fewer than three rounds separate no configurations by
 time."""
 
