@@ -28,7 +28,7 @@ import msgspec
 
 from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.errors import SettingsError
-from taubench_gl.features import COLUMNS, FEATURE, FEATURES
+from taubench_gl.features import COLUMNS, FEATURE, FEATURES, LIGHT_FEATURES
 
 REPROJECTIONS = ("camera", "motion")
 SAMPLINGS = ("nearest", "bilinear")
@@ -283,6 +283,11 @@ class MetricsSettings(_Group):
     def pair_scheme(self) -> tuple[str, int]:
         """``pairs`` as (all | every | strata, number)."""
         return scheme_of(self.pairs)
+
+    @property
+    def lit(self) -> bool:
+        """Whether a column depends on light."""
+        return not set(LIGHT_FEATURES).isdisjoint(self.columns)
 
     @property
     def all_pairs(self) -> bool:

@@ -9,8 +9,8 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.effects.lighting import without_auto
-from taubench_gl.evaluation.lighting import first_middle_last
 from taubench_gl.evaluation.owner import opened_gpu
+from taubench_gl.evaluation.schedule import first_middle_last
 from taubench_gl.frame.materials import BLEND_CUTOFF
 from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.scene.model import Scene

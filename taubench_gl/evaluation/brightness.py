@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.evaluation.schedule import Schedule
+from taubench_gl.evaluation.schedule import Schedule, first_middle_last
 from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.settings import Settings
@@ -120,8 +120,7 @@ def noise_of_a_sample(textures: Mapping[str, Any], settings: Settings) -> np.nda
 
 def checked_frames(schedule: Schedule) -> frozenset[int]:
     """First, middle and last evaluated frame of the schedule of a whole run."""
-    frames = [frame for frame, evaluated in schedule if evaluated]
-    return frozenset({frames[0], frames[len(frames) // 2], frames[-1]}) if frames else frozenset()
+    return frozenset(first_middle_last([frame for frame, evaluated in schedule if evaluated]))
 
 
 def describe_brightness(summary: dict[str, Any], brightness: Brightness, settings: Settings) -> None:

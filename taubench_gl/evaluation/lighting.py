@@ -18,7 +18,7 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
 from taubench_gl.evaluation.owner import opened_gpu
-from taubench_gl.evaluation.schedule import LEAST_PAIRS, LIGHT_COLUMNS, SAMPLE_BUDGET, frame_range
+from taubench_gl.evaluation.schedule import LEAST_PAIRS, SAMPLE_BUDGET, first_middle_last, frame_range
 from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.report.labels import GIVEN
@@ -82,7 +82,7 @@ def resolve_lighting(
     require_float32(scene, settings)  # also before an exposure is metered
     if lighting.exposure == AUTO:
         exposure, reasons["exposure"] = 1.0, "no column depends on light"
-        if LIGHT_COLUMNS & set(settings.metrics.columns):
+        if settings.metrics.lit:
             exposure, reasons["exposure"] = exposure_of(scene, settings, camera)
         settings = settings.replace(exposure=exposure)
         require_float32(scene, settings)
@@ -97,7 +97,7 @@ def require_float32(scene: Scene, settings: Settings) -> None:
     Also for a light that no key animates to such a value, and for one that is hidden.  Checks nothing where no column
     depends on light.  ``settings``: light unit and environment are resolved; without an exposure, it is 1.
     """
-    if not LIGHT_COLUMNS & set(settings.metrics.columns):
+    if not settings.metrics.lit:
         return
     exposure = settings.lighting.exposure
     factor = 1.0 if isinstance(exposure, str) else max(exposure, 1.0)
@@ -148,8 +148,7 @@ def _samples(
     pixels of the metered frames, drawn smaller and with NOISE_SPP samples.
     """
     default = settings.lighting.path_samples
-    wanted = LIGHT_COLUMNS & set(settings.metrics.columns)
-    if settings.lighting.light != AUTO or not wanted or not traced_sources(scene, settings):
+    if settings.lighting.light != AUTO or not settings.metrics.lit or not traced_sources(scene, settings):
         return default
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings) if frames is None else frames
@@ -171,8 +170,3 @@ def _samples(
     most = max(SAMPLE_BUDGET // (2 * LEAST_PAIRS * sides[0] * sides[1]), SAMPLE_COUNTS[0])
     counts = [n for n in SAMPLE_COUNTS if n <= most]
     return next((n for n in counts if np.mean(MARGIN * ratios > np.sqrt(n)) <= MOST_NOISY), counts[-1])
-
-
-def first_middle_last(frames: range) -> tuple[int, ...]:
-    """First, middle and last of ``frames``, ascending, without duplicates."""
-    return tuple(sorted({frames[0], frames[len(frames) // 2], frames[-1]}))

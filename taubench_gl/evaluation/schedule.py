@@ -8,7 +8,6 @@ from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera
 from taubench_gl.animation.views import STILL_SECONDS
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
-from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
@@ -21,8 +20,6 @@ SAMPLE_BUDGET = 1 << 23
 
 LEAST_PAIRS = 4
 """Pairs that ``auto`` evaluates at least, whatever their light costs."""
-
-LIGHT_COLUMNS = frozenset(LIGHT_FEATURES)
 
 Schedule = list[tuple[int, bool]]
 """(frame to draw, whether its pair with the frame drawn before is evaluated), in order."""
@@ -70,7 +67,7 @@ def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
         return settings
     most = MOST_FRAMES
     lighting, sequence = settings.lighting, settings.sequence
-    if lighting.light == AUTO and LIGHT_COLUMNS & set(settings.metrics.columns) and traced_sources(scene, settings):
+    if lighting.light == AUTO and settings.metrics.lit and traced_sources(scene, settings):
         samples = sequence.width * sequence.height * lighting.path_samples * settings.metrics.samples_per_pixel
         most = min(max(SAMPLE_BUDGET // samples, 2 * LEAST_PAIRS), MOST_FRAMES)
     if len(frames) <= most:
@@ -84,6 +81,11 @@ def frame_schedule(frames: range, settings: Settings) -> Schedule:
     if not sample.positions:
         return [(frame, False) for frame in frames]
     return pair_schedule(frames, sample.positions)
+
+
+def first_middle_last(frames: Sequence[int]) -> tuple[int, ...]:
+    """First, middle and last of ascending ``frames``, without duplicates; () of none."""
+    return tuple(sorted({frames[0], frames[len(frames) // 2], frames[-1]})) if frames else ()
 
 
 def pair_schedule(frames: range, positions: Sequence[int]) -> Schedule:

@@ -33,12 +33,8 @@ def parts(scene: Scene) -> Iterator[tuple[str, str, int]]:
     seen: set[int] = set()
     shared = 0
     times = np.zeros(len(scene.meshes), dtype=np.int64)  # draws of each mesh
-    placed: dict[int, int] = {}  # mesh -> draws whose vertices move and are stored for each
     for node in map(int, scene.mesh_nodes):
-        mesh = int(scene.nodes.mesh[node])
-        count = len(scene.nodes.instances[node]) if node in scene.nodes.instances else 1
-        times[mesh] += count
-        placed[mesh] = placed.get(mesh, 0) + count
+        times[scene.nodes.mesh[node]] += len(scene.nodes.instances[node]) if node in scene.nodes.instances else 1
     for mesh_index, mesh in enumerate(scene.meshes):
         for index, primitive in enumerate(mesh.primitives):
             for array in _arrays(primitive):
@@ -49,7 +45,7 @@ def parts(scene: Scene) -> Iterator[tuple[str, str, int]]:
                 continue
             name = f"primitive {index} of mesh {mesh_index} {mesh.name!r:.40}"
             moves = bool(primitive.targets) or primitive.joints is not None
-            copies = placed[mesh_index] if moves else 1
+            copies = int(times[mesh_index]) if moves else 1  # vertices that move are stored for each draw
             flat = primitive.normals is None
             vertices = primitive.triangles.size if flat else len(primitive.positions)
             yield "primitives", name, copies * (vertices * VERTEX_BYTES + primitive.triangles.size * INDEX_BYTES)
