@@ -17,7 +17,7 @@ import stat
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -26,6 +26,7 @@ import msgspec
 
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.memory_budget import require, shown_bytes
+from taubench_gl.paths import PACKAGE, SHADERS
 
 MAX_BYTES = 256 << 20
 """Size limit of a file, unless its reader gives another."""
@@ -136,6 +137,20 @@ def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> 
         except OSError as error:
             raise fault(f"cannot be read: {error.strerror}", where=str(path)) from None
     return digest
+
+
+def code_hash(modules: Iterable[str], shaders: Iterable[str] = ("",)) -> str:
+    """Hash of files of the package, 16 hexadecimal digits: part of the key of what they compute and a cache keeps.
+
+    ``modules``: files and folders of the package; ``shaders``: folders of ``SHADERS``, by default all.
+    """
+    roots = [PACKAGE / name for name in modules] + [SHADERS / name for name in shaders]
+    files = {path for root in roots for path in ([root] if root.is_file() else root.rglob("*.*"))}
+    digest = hashlib.sha256()
+    for path in sorted(f for f in files if f.suffix in (".py", ".glsl")):
+        digest.update(path.name.encode() + b"\0")
+        hashed(path, digest=digest)
+    return digest.hexdigest()[:16]
 
 
 def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES, links: bool = True) -> str:

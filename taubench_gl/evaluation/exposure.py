@@ -10,14 +10,13 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, Poser, camera_of_run, is_still
-from taubench_gl.data_files import hashed, read_json
+from taubench_gl.data_files import code_hash, read_json
 from taubench_gl.effects.lighting import environment_of, own_light
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import OutputError
@@ -26,7 +25,7 @@ from taubench_gl.evaluation.schedule import duration_of
 from taubench_gl.frame.environment import image_of
 from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_radiance
 from taubench_gl.outputs import write_atomically
-from taubench_gl.paths import PACKAGE, SHADERS, cache_folder
+from taubench_gl.paths import cache_folder
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_EXPOSURE, Settings
 
@@ -41,8 +40,8 @@ TRACED = {"light": "path-traced", "bounces": 1, "spp": 16, "pattern": "fixed", "
 FOLDER = "exposures"
 """Folder of the cache with one file for each exposure."""
 
-_CODE = ("animation", "effects", "frame", "metrics", "scene")
-"""Packages that the metered light depends on, with all shaders."""
+_CODE = ("animation", "effects", "frame", "metrics", "scene", "srgb.py", "evaluation/exposure.py")
+"""Modules that a metered exposure depends on, with all shaders."""
 
 
 def exposure_of(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[float, str]:
@@ -137,7 +136,7 @@ def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path |
     # The files, and what a selection of scene and animations, a repair or a caller makes of them.
     selected = scene.nodes, scene.materials, scene.skins, scene.cameras, scene.lights, scene.channels
     lighting = metering.lighting.light_unit, environment.kind, environment.radiance, image
-    _feed(digest, (scene.sha256, selected, place, lighting, _code_version()))
+    _feed(digest, (scene.sha256, selected, place, lighting, code_hash(_CODE)))
     return cache_folder() / FOLDER / f"{digest.hexdigest()[:24]}.json"
 
 
@@ -155,17 +154,6 @@ def _feed(digest: Any, value: Any) -> None:
             _feed(digest, item)
     else:
         digest.update(repr(value).encode() + b"\0")
-
-
-@cache
-def _code_version() -> str:
-    """Hash of the modules and shaders that draw the metered frames."""
-    digest = hashlib.sha256()
-    modules = [path for name in _CODE for path in (PACKAGE / name).rglob("*.py")]
-    for path in sorted([*modules, *SHADERS.rglob("*.glsl"), PACKAGE / "evaluation" / "exposure.py"]):
-        digest.update(path.name.encode() + b"\0")
-        hashed(path, digest=digest)
-    return digest.hexdigest()
 
 
 def _cached(file: Path) -> float | None:

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.data_files import hashed, read_json, stored_arrays
+from taubench_gl.data_files import code_hash, read_json, stored_arrays
 from taubench_gl.errors import OutputError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import replacing, write_atomically
-from taubench_gl.paths import PACKAGE, SHADERS, cache_folder
+from taubench_gl.paths import cache_folder
 from taubench_gl.settings import Settings
 from taubench_gl.srgb import LUMINANCE
 
@@ -145,13 +145,7 @@ class Noise:
 @cache
 def code_version() -> str:
     """Hash of the modules and shaders that trace paths, 16 hexadecimal digits."""
-    roots = [PACKAGE / name for name in _CODE] + [SHADERS / name for name in _SHADER_FOLDERS]
-    files = {path for root in roots for path in ([root] if root.is_file() else root.rglob("*.*"))}
-    digest = hashlib.sha256()
-    for path in sorted(f for f in files if f.suffix in (".py", ".glsl")):
-        digest.update(path.name.encode() + b"\0")
-        hashed(path, digest=digest)
-    return digest.hexdigest()[:16]
+    return code_hash(_CODE, _SHADER_FOLDERS)
 
 
 def identity(settings: Settings, hashes: Mapping[str, Any]) -> dict[str, Any]:
