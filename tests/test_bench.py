@@ -93,6 +93,29 @@ def test_a_peer_answers_and_reports_errors_and_exits(monkeypatch, tmp_path: Path
     peer.close()
 
 
+@pytest.mark.parametrize("reader", ["json", "pygltflib"])
+@pytest.mark.parametrize("name", ["demo.glb", "demo.gltf"])
+def test_readers_open_both_kinds_of_file(reader: str, name: str, tmp_path: Path) -> None:
+    import peers
+    from pygltflib import GLTF2
+
+    GLTF2().load(ROOT / "assets" / "demo.glb").save(tmp_path / name)
+    peer = peers.Peer.start("load_scene.py", reader, str(tmp_path / name))
+    assert peer.missing is None and peer.hello["load_ms"] > 0
+    peer.close()
+
+
+def test_pyrender_draws_a_scene_with_a_node_scaled_to_nothing() -> None:
+    pytest.importorskip("pyrender")
+    import peers
+
+    peer = peers.Peer.start("pyrender_frames.py", str(ROOT / "assets" / "demo.glb"), "64", "36")
+    world_from_view = np.eye(4)
+    world_from_view[:3, 3] = 0.0, 2.0, 12.0
+    assert 0.3 < peer.ask(world_from_view=world_from_view, yfov=0.8, znear=0.1, zfar=100.0)["covered"] <= 1.0
+    peer.close()
+
+
 def test_missing_peers_are_reported_in_the_table(tmp_path: Path) -> None:
     """Without Blender and PyTorch the command succeeds and its files give the reasons."""
     bare = {**os.environ, "TAUBENCH_TORCH_PYTHON": str(tmp_path / "none"), "TAUBENCH_DATA": str(tmp_path)}

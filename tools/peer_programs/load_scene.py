@@ -19,7 +19,10 @@ def prepare():
 
         def load():
             with open(path, "rb") as file:
-                return json.load(file)
+                header = file.read(20)  # of a .glb: magic, version, length; length and type of the chunk with the JSON
+                if header[:4] == b"glTF":
+                    return json.loads(file.read(int.from_bytes(header[12:16], "little")))
+                return json.loads(header + file.read())
 
     elif who == "trimesh":
         import trimesh

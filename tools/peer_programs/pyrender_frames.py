@@ -20,7 +20,11 @@ def prepare():
     import trimesh
 
     path, width, height = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-    scene = pyrender.Scene.from_trimesh_scene(trimesh.load(path, force="scene"), ambient_light=[0.5, 0.5, 0.5])
+    loaded = trimesh.load(path, force="scene")
+    for name in list(loaded.graph.nodes_geometry):
+        if np.linalg.det(loaded.graph[name][0]) == 0.0:
+            loaded.graph.transforms.remove_node(name)  # scaled to nothing; pyrender inverts every matrix
+    scene = pyrender.Scene.from_trimesh_scene(loaded, ambient_light=[0.5, 0.5, 0.5])
     node = None
     renderer = pyrender.OffscreenRenderer(width, height)
 
