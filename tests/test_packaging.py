@@ -17,6 +17,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA_FOLDERS = ("shaders", "assets")
+ASSET_OF_WHEEL = "lib/python{}/site-packages/taubench_gl/_data/assets/demo.glb"
 
 
 def _run(*command: str | Path, cwd: Path, **environment: str) -> str:
@@ -99,6 +100,40 @@ def test_installed_package_evaluates_its_demo(installed, tmp_path):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["pairs"] == 2
     assert summary["discard"]["frustum"]["mean_percent"] is not None
+
+
+def _interpreters() -> dict[str, Path]:
+    """Pythons of this machine besides the tests' own, by version: on the path, or kept by pyenv."""
+    versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    places = {
+        minor: [*versions.glob(f"{minor}.*/bin/python"), *filter(None, [shutil.which(f"python{minor}")])]
+        for minor in ("3.11", "3.12", "3.13")
+    }
+    return {minor: Path(paths[0]) for minor, paths in places.items() if paths}
+
+
+@pytest.mark.long
+def test_the_wheel_alone_gives_the_same_digits_in_every_python(wheel, tmp_path):
+    """Installed from the package index into empty environments: the same rows, and the same summary but for times."""
+    interpreters = _interpreters()
+    if len(interpreters) < 2:
+        pytest.skip(f"of Python 3.11 to 3.13 this machine has {', '.join(interpreters) or 'none'}")
+    results = {}
+    for minor, python in interpreters.items():
+        home, out = tmp_path / minor, tmp_path / f"out-{minor}"
+        _run(python, "-m", "venv", home, cwd=tmp_path)
+        command = home / "bin" / "taubench-gl"
+        _run(home / "bin" / "python", "-m", "pip", "install", "--quiet", wheel, cwd=tmp_path, PYTHONPATH="")
+        options = ("--size", "96x54", "--frames", "0:5", "--out", out)
+        _run(command, "evaluate", home / ASSET_OF_WHEEL.format(minor), *options, cwd=tmp_path, PYTHONPATH="")
+        summary = json.loads((out / "summary.json").read_text())
+        for block in ("provenance", "timing", "stored"):
+            summary.pop(block, None)
+        summary["scene"] = None  # its place
+        results[minor] = ((out / "frames.csv").read_bytes(), summary)
+    first = next(iter(results.values()))
+    for minor, result in results.items():
+        assert result == first, minor
 
 
 def test_constraints_pin_every_dependency_by_name_and_version_alone():
