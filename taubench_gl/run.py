@@ -58,7 +58,7 @@ class Run:
     missing: list[str] = field(default_factory=list)
 
     def tables(self, paper: bool = True) -> list[Any]:
-        """Reusable pixels, then Tables 1 to 4, as plain data (``report.tables.Table``); ``paper``: with its rows."""
+        """Reusable pixels, then Tables 1 to 4, as plain data (``report.table.Table``); ``paper``: with its rows."""
         from taubench_gl.report import run_tables
 
         return run_tables([self.summary], paper=paper)
@@ -74,11 +74,11 @@ class Run:
 
         Shown in a notebook; ``figure.savefig("frames.png")`` writes it.  Raises OutputError for a run without pairs.
         """
-        from taubench_gl.report.plots import frames_figure
+        from taubench_gl.report.run_plots import frames_plot
 
         if not self.frames:
             raise OutputError("the run has no pair to plot", where=None if self.out is None else str(self.out))
-        return frames_figure(self.summary, self.frames)
+        return frames_plot(self.summary, self.frames).figure
 
     def to_pandas(self) -> Any:
         """``frames`` as a pandas DataFrame: one row per pair, FRAME_COLUMNS as columns, NaN where not measured.

@@ -40,7 +40,7 @@ from taubench_gl import Settings
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.masks import value_of
-from taubench_gl.report import tables
+from taubench_gl.report import paper
 from taubench_gl.report.run_page import ReportRun, report_data
 
 wrong = bits = above = pixels = 0
@@ -64,7 +64,7 @@ print(json.dumps({
     "wrong": wrong, "bits": bits, "above": above, "rows": sum(row["roughness"] for row in run.frames),
     "curve": curve["at_or_above"][curve["edges"].index(0.125)],
     "percent": run.summary["discard"]["roughness"]["mean_percent"],
-    "columns": [column.name for table in tables.paper_tables([run.summary]) for column in table.columns],
+    "columns": [column.name for table in paper.paper_tables([run.summary]) for column in table.columns],
     "labels": [reason["label"] for reason in data["runs"][0]["reasons"]],
     "threshold": run.summary["settings"]["thresholds"]["roughness"],
 }))

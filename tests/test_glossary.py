@@ -13,7 +13,7 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.activity import QUANTITIES
 from taubench_gl.paths import ASSETS
 from taubench_gl.report.palette import REASON_COLORS
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
 from taubench_gl.run_schema import FRAME_COLUMNS
 from taubench_gl.settings import REPROJECTIONS, SAMPLINGS, Settings
 

@@ -19,10 +19,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.cost.analysis import SAME_TIME, MaskError, Point, compare_errors, time_of
-from taubench_gl.report.cost_plots import plot_study
-from taubench_gl.report.cost_tables import OVERALL, answer, three
-from taubench_gl.report.render import to_markdown
-from taubench_gl.report.tables import Column, Row, Table
+from taubench_gl.report.cost import OVERALL, answer, plot_study, three
+from taubench_gl.report.table import Column, Row, Table, to_markdown
 
 Study = Mapping[str, Any]
 

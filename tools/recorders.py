@@ -175,7 +175,7 @@ all pairs and the blocks `bound`, `classes`, `reuse` of single cases; `taubench-
 def benchmark(work: Path) -> None:
     from taubench_gl.benchmark.output import load_benchmark
     from taubench_gl.report.benchmark import benchmark_tables
-    from taubench_gl.report.render import to_markdown
+    from taubench_gl.report.table import to_markdown
 
     taubench("benchmark", "--out", work, fine=(0, 2))  # 2: a method failed, which is part of the result
     summary = load_benchmark(work)

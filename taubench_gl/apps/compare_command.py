@@ -9,7 +9,7 @@ import click
 from taubench_gl.errors import OutputError
 
 if TYPE_CHECKING:
-    from taubench_gl.report.tables import Table
+    from taubench_gl.report.table import Table
 
 
 @click.command(

@@ -139,7 +139,7 @@ def cost(scenes: tuple[str, ...], out: Path, **options: Any) -> int:
 
 def _run(scene: str, settings: Settings, folder: Path, request: dict[str, Any]) -> None:
     from taubench_gl.cost.study import cost as run_study
-    from taubench_gl.report.cost_tables import cost_text
+    from taubench_gl.report.cost import cost_text
 
     study = run_study(scene, settings, out=folder, progress=_Progress(Path(scene).name), **request)
     study.save()

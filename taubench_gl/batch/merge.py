@@ -31,7 +31,7 @@ from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report import run_tables
-from taubench_gl.report.render import write_tables as write_table_files
+from taubench_gl.report.table import write_tables as write_table_files
 from taubench_gl.run import SUMMARY_FILE, Run, RunWriter, load_run
 from taubench_gl.run_schema import CAMERA_COLUMNS, EXACT_COLUMNS
 from taubench_gl.scene.model import Camera

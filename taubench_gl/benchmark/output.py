@@ -15,7 +15,7 @@ from taubench_gl.errors import OutputError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.benchmark import benchmark_html, benchmark_tables, plot_speeds
 from taubench_gl.report.page import REPORT_FILE
-from taubench_gl.report.render import write_tables
+from taubench_gl.report.table import write_tables
 
 FILE = "benchmark.json"
 

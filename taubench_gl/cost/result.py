@@ -77,7 +77,7 @@ class CostStudy:
 
     def answer(self) -> list[str]:
         """Three lines: what to use, against what it was compared, and how far the numbers can be trusted."""
-        from taubench_gl.report.cost_tables import answer
+        from taubench_gl.report.cost import answer
 
         return answer(self.as_json())
 
@@ -106,16 +106,14 @@ class CostStudy:
 
     def table(self) -> Any:
         """The answer and all tables: printable, and HTML in a notebook."""
-        from taubench_gl.report.cost_tables import CostView
+        from taubench_gl.report.cost import CostView
 
         return CostView(self.as_json())
 
     def save(self, out: str | Path | None = None) -> list[Path]:
         """Write study.json, tables (text, CSV), the plot (PNG, SVG), study.html and, if something was chosen,
         preset.toml.  Returns the files.  Raises OutputError."""
-        from taubench_gl.report.cost_page import cost_html
-        from taubench_gl.report.cost_plots import plot_study
-        from taubench_gl.report.cost_tables import cost_csv, cost_text
+        from taubench_gl.report.cost import cost_csv, cost_html, cost_text, plot_study
 
         folder = output_folder(out or self.out)
         values = self.as_json()

@@ -20,8 +20,8 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.features import COLUMNS
 from taubench_gl.outputs import csv_text, output_folder, write_atomically
-from taubench_gl.report.plots import plot_sweep
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
+from taubench_gl.report.run_plots import plot_sweep
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.settings import Settings

@@ -25,13 +25,15 @@ from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.report.mask_images import mask_overlay
-from taubench_gl.report.page import data_uri, render_page
+from taubench_gl.report.page import Page, data_uri, macro, tag
 from taubench_gl.report.palette import color_of, hex_of
 
 INDEX_FILE = "index.html"
 NOTEBOOK_SIZE = (320, 180)
 _CARD_WIDTH = 640  # pixels
 FEW_COLORS = 64
+DEMO = "demo.html"
+"""Template of the parts of the pages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,35 +107,38 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | No
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
     folder.
     """
-    figures = [{"uri": data_uri(read_bytes(figure.path)), "caption": figure.caption} for figure in result.figures]
-    numbered = len(figures) > 1
-    figure_links = [(f"figure-{i}", f"Figure {i}" if numbered else "Figure") for i in range(1, len(figures) + 1)]
     before, after = around or (None, None)
-    return render_page(
-        "demo.html",
-        styles=("demo.css",),
-        scripts=("demo.js",),
+    parameter, findings = result.parameter, result.findings
+    bar = parameter.bar and _gradient(parameter.bar)
+    page = Page(
+        f"{demo.number}. {demo.title}", f"demo {demo.number}, {demo.name}", heading="",
+        tools=tag("button", "Lecture", id="lecture", type="button",
+                  title="One step per screen; arrow keys change it, Escape ends it"),
+        styles=("demo.css",), scripts=("demo.js",),
         data={
-            "question": _question(demo, result.findings[0]),
-            "parameter": _parameter(result.parameter),
+            "question": _question(demo, findings[0]),
+            "parameter": _parameter(parameter),
             "previous": before and f"{before.stem}.html",
             "next": after and f"{after.stem}.html",
         },
-        demo=demo,
-        sections=[("frames", "Frames"), ("question", "Question"), *figure_links, ("parameter", "Parameter"),
-                  ("numbers", "Numbers")],
-        screens=_screens(demo, pair),
-        pair=pair_text(demo),
-        key=[(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks],
-        drawn=result.parameter.picture(0).shape[1::-1],
-        parameter=result.parameter,
-        bar=result.parameter.bar and _gradient(result.parameter.bar),
-        findings=result.findings,
-        strips=[_strip(finding) for finding in result.findings],
-        figures=figures,
-        links=_links(around),
-        version=__version__,
+        footer=(macro("footer", DEMO)(_links(around), __version__),),
     )  # fmt: skip
+
+    def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
+        page.add(name, title, macro(part, DEMO)(*values), link=link, step=True)
+
+    step("idea", "", "idea", demo)
+    key = [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
+    step("frames", "The two frames", "frames", _screens(demo, pair), pair_text(demo), key, link="Frames")
+    step("question", "Guess first", "question", demo.question.text, link="Question")
+    for i, figure in enumerate(result.figures, start=1):
+        values = i, data_uri(read_bytes(figure.path)), figure.caption, demo.look_for if i == 1 else ()
+        step(f"figure-{i}", f"Figure {i}" if len(result.figures) > 1 else "Figure", "figure", *values)
+    size = parameter.picture(0).shape[1::-1]
+    step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
+    strips = [_strip(finding) for finding in findings]
+    step("numbers", "Measured numbers and theory", "numbers", demo, findings, strips, link="Numbers")
+    return page.html()
 
 
 def _screens(demo: Demo, pair: LitPair) -> list[tuple[str, str]]:
@@ -198,17 +203,21 @@ def png_bytes(image: Array) -> bytes:
 
 def index_page(shown: Sequence[tuple[Demo, Result]]) -> str:
     """One card per demo with a link to its page in the same folder."""
-    return render_page(
-        "demos.html",
-        styles=("demo.css",),
-        cards=[
-            {"demo": demo, "uri": data_uri(_thumbnail(result.figures[0].path)), "finding": result.findings[0],
-             "as_expected": result.as_expected}
-            for demo, result in shown
-        ],
-        good=sum(result.as_expected for _, result in shown),
-        version=__version__,
-    )  # fmt: skip
+    good = sum(result.as_expected for _, result in shown)
+    lead = (
+        f"Every demo was rendered and measured on this machine. In {good} of {len(shown)}, every value is as theory "
+        "predicts."
+    )
+    cards = [
+        {"demo": demo, "uri": data_uri(_thumbnail(result.figures[0].path)), "finding": result.findings[0],
+         "as_expected": result.as_expected}
+        for demo, result in shown
+    ]  # fmt: skip
+    return Page(
+        "Demos of temporal reuse", heading=f"Temporal reuse in {len(shown)} demos", styles=("demo.css",),
+        intro=(tag("p", lead, class_="lead"), macro("cards", DEMO)(cards)),
+        footer=(tag("p", f"taubench-gl {__version__}", class_="muted"),),
+    ).html()  # fmt: skip
 
 
 def _strip(finding: Finding) -> dict[str, float] | None:

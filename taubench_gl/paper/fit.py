@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.features import FEATURES
-from taubench_gl.report.plots import discard_curve
+from taubench_gl.report.run_plots import discard_curve
 
 Array = np.ndarray
 Summary = Mapping[str, Any]

@@ -17,9 +17,9 @@ from taubench_gl.paper.fit import Fitted, fit_thresholds
 from taubench_gl.paper.scenes import DATASET, Found
 from taubench_gl.paper.study import PaperOptions, SceneJobs, SceneResult
 from taubench_gl.paper.tables import COUNTS, POSITION, ROTATION, paper_row, paper_study_tables
-from taubench_gl.report.page import data_uri, render_page
-from taubench_gl.report.render import latex_text, to_html, to_latex, write_tables
-from taubench_gl.report.tables import Table, paper_numbers
+from taubench_gl.report.page import Page, data_uri, tag, text_lines
+from taubench_gl.report.paper import paper_numbers
+from taubench_gl.report.table import Table, latex_text, to_html, to_latex, write_tables
 
 SCHEMA = "taubench-gl/paper/1"
 PAGE, LATEX, VALUES = "paper.html", "paper.tex", "paper.json"
@@ -105,8 +105,12 @@ def _about(results: Sequence[SceneResult], found: Found, options: PaperOptions) 
 
 def page(tables: Sequence[Table], figures: Sequence[Figure], about: Sequence[str]) -> str:
     """The page: one file that loads nothing."""
-    images = [(data_uri(read_bytes(path)), caption) for path, caption in figures]
-    return render_page("paper.html", about=about, images=images, tables=to_html(tables, scroll=True))
+    sheet = Page("The paper's tables and figures", intro=(text_lines(about),))
+    sheet.add("tables", "Tables", to_html(tables, scroll=True))
+    images = [(tag("img", src=data_uri(read_bytes(path)), alt=text), tag("figcaption", text)) for path, text in figures]
+    if images:
+        sheet.add("figures", "Figures", *(tag("figure", *parts) for parts in images))
+    return sheet.html()
 
 
 def latex(tables: Sequence[Table], figures: Sequence[Figure], folder: Path) -> str:

@@ -14,7 +14,7 @@ from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
 from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
 from taubench_gl.errors import DatasetError, TaubenchError
 from taubench_gl.outputs import copy_atomically
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
 
 DATASET, STAND_IN = "dataset", "stand-in"
 CAMERA_FPS = 60.0

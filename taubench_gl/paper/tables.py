@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from taubench_gl.features import COLUMNS, FEATURES, UNITS
-from taubench_gl.glossary import CAMERA, CENSUS, STATISTICS
+from taubench_gl.glossary import CENSUS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.paper.fit import Fitted
 from taubench_gl.paper.scenes import CAMERA_FPS
 from taubench_gl.paper.study import CAMERA as CAMERA_JOB
 from taubench_gl.paper.study import SceneResult
 from taubench_gl.report.labels import lighting_text
-from taubench_gl.report.tables import SAMPLING_COLUMNS, Column, Row, Table, conditions, paper_numbers, table_row
+from taubench_gl.report.paper import SAMPLING_COLUMNS, camera_column, conditions, paper_numbers, table_row
+from taubench_gl.report.table import Column, Row, Table
 from taubench_gl.run import Run
 
 PaperRow = Mapping[str, Any]
@@ -60,7 +61,7 @@ def _bones(results: Sequence[SceneResult]) -> str:
 
 
 def _position(results: Sequence[SceneResult]) -> Table:
-    columns = tuple(_camera_column("position", key, key, "m") for key in POSITION)
+    columns = tuple(camera_column("position", key, key, "m") for key in POSITION)
     return _beside(
         2, "Change in the camera's position per frame", columns, results, "camera position",
         lambda run: [(run.summary["camera"].get("position") or {}).get(key) for key in POSITION],
@@ -71,18 +72,13 @@ def _position(results: Sequence[SceneResult]) -> Table:
 
 def _rotation(results: Sequence[SceneResult]) -> Table:
     columns = tuple(
-        _camera_column(axis, key, f"{axis} {key[:3] if key == 'variance' else key}", "deg") for axis, key in ROTATION
+        camera_column(axis, key, f"{axis} {key[:3] if key == 'variance' else key}", "deg") for axis, key in ROTATION
     )
     return _beside(
         3, "Change in the camera's rotation per frame", columns, results, "camera rotation",
         lambda run: [(run.summary["camera"].get(axis) or {}).get(key) for axis, key in ROTATION],
         lambda row: [row["rotation"][f"{axis}_{key}"] for axis, key in ROTATION],
     )  # fmt: skip
-
-
-def _camera_column(quantity: str, statistic: str, name: str, unit: str) -> Column:
-    definition = f"{STATISTICS[statistic].definition}: {CAMERA[quantity].tooltip}"
-    return Column(name, f"{unit}²" if statistic == "variance" else unit, 3, definition)
 
 
 def _beside(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,11 @@ from taubench_gl.conventions import FRUSTUM
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.outputs import write_png
 from taubench_gl.report.mask_images import legend, legend_strip, mask_overlay
-from taubench_gl.report.page import data_uri, render_page
+from taubench_gl.report.page import Page, data_uri, tag
+from taubench_gl.report.table import NONE, Column, Row, Table, to_html, to_text
 
 Array = np.ndarray
 Result = Mapping[str, Any]
-NONE = "–"
 _GAP = 6  # pixels between the images of a row
 _MIN_WIDTH = 960  # pixels; smaller images are enlarged by a whole factor
 _MAX_GAIN = 64.0
@@ -27,38 +26,26 @@ _FEATURES = {
 }  # fmt: skip
 
 
-@dataclass(slots=True)
-class _Table:
-    title: str
-    heads: list[str]
-    rows: list[list[str]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-
 def comparison_text(result: Result) -> list[str]:
     """The result as lines of at most 120 columns, not counting names and reasons."""
-    lines = [_title(result), *_notes(result), ""]
-    for table in _tables(result):
-        lines += [*_aligned(table), *table.notes, ""]
-    if "frame" in result["worst"]:
-        lines.append(_worst_line(result["worst"]))
-    return lines
+    lines = [_title(result), *_notes(result), "", *to_text(_tables(result)).splitlines()]
+    return [*lines, _worst_line(result["worst"])] if "frame" in result["worst"] else lines
 
 
 def comparison_html(result: Result, image: bytes | None) -> str:
     """One self-contained page without scripts; ``image``: PNG of the worst pair."""
-    return render_page(
-        "comparison.html",
-        title=_title(result),
-        notes=_notes(result),
-        tables=_tables(result),
-        worst=None if image is None else _worst_line(result["worst"]),
-        image=None if image is None else data_uri(image),
-        provenance=[
-            (name, "; ".join(f"{k}: {v}" for k, v in (entries or {}).items() if v is not None) or "no provenance")
-            for name, entries in zip(result["runs"], result["provenance"], strict=True)
-        ],
-    )
+    page = Page(_title(result), intro=tuple(tag("p", note, class_="about") for note in _notes(result)))
+    page.add("tables", "", to_html(_tables(result), scroll=True), label="Tables")
+    if image is not None:
+        worst = _worst_line(result["worst"])
+        page.add("worst", worst, tag("img", src=data_uri(image), alt=worst))
+    made = [
+        (name, "; ".join(f"{k}: {v}" for k, v in (entries or {}).items() if v is not None) or "no provenance")
+        for name, entries in zip(result["runs"], result["provenance"], strict=True)
+    ]
+    texts = [tag("p", f"{name}: {text}", class_="muted") for name, text in made]
+    page.add("provenance", "", *texts, label="Provenance")
+    return page.html()
 
 
 def save_worst_image(path: str | Path, result: Result, masks: Sequence[Array], colors: Sequence[Array] | None) -> Path:
@@ -110,75 +97,52 @@ def _worst_line(worst: Mapping[str, Any]) -> str:
     return f"worst pair, frames {frame - 1} and {frame}: masks differ in {worst['differing_percent']:.2f} % of pixels"
 
 
-def _tables(result: Result) -> list[_Table]:
+def _tables(result: Result) -> list[Table]:
     return [_columns(result), _features(result), _time(result)]
 
 
-def _columns(result: Result) -> _Table:
-    heads = [
-        "column",
-        "run, % of all pixels",
-        "reference, % of all pixels",
-        "difference pp",
-        "noise floor %",
-        "IoU",
-        "equal outside band %",
-    ]
-    table = _Table("Discarded pixels by column", heads)
+def _columns(result: Result) -> Table:
+    columns = (
+        Column("run", "% of all pixels", 3), Column("reference", "% of all pixels", 3), Column("difference", "pp"),
+        Column("noise floor", "%"), Column("IoU", "", 4), Column("equal outside band", "%", 3),
+    )  # fmt: skip
+    rows, masks = [], result["masks"]
     for column, entry in result["columns"].items():
         if entry["difference_pp"] is None:
-            table.rows.append([column] + [NONE] * 6)
-            table.notes.append(f"{column}: {entry['reason']}")
+            rows.append(Row.of(column, [None] * len(columns), entry["reason"]))
             continue
-        mask = result["masks"].get(column)
-        floors = entry["noise_floor_percent"]
+        mask, floors = masks.get(column) or {}, entry["noise_floor_percent"]
         known = any(floor is not None for floor in floors)
-        floor = " / ".join(NONE if f is None else f"{f:.2f}" for f in floors) if known else NONE
-        outside = None if mask is None else mask["equal_outside_band_percent"]
-        table.rows.append([
-            column, *(f"{v:.3f}" for v in entry["percent"]), f"{entry['difference_pp']:+.3f}", floor,
-            NONE if mask is None else f"{mask['iou']:.4f}", NONE if outside is None else f"{outside:.3f}",
-        ])  # fmt: skip
-    if "reason" in result["masks"]:
-        table.notes.append(f"masks: {result['masks']['reason']}")
-    return table
+        floor = " / ".join(NONE if f is None else f"{f:.2f}" for f in floors) if known else None
+        difference = f"{entry['difference_pp']:+.3f}"
+        agreement = mask.get("iou"), mask.get("equal_outside_band_percent")
+        rows.append(Row(column, (*entry["percent"], difference, floor, *agreement)))
+    notes = (f"masks: {masks['reason']}",) if "reason" in masks else ()
+    return Table("columns", "Discarded pixels by column", columns, tuple(rows), notes)
 
 
-def _features(result: Result) -> _Table:
-    heads = ["error of", "unit", "median", "75 %", "95 %", "99 %", "maximum", "mean or total", "pixels"]
-    table = _Table("Errors by feature", heads)
-    if "reason" in result["features"]:
-        table.notes.append(f"features: {result['features']['reason']}")
-        return table
-    for name, entry in result["features"].items():
+def _features(result: Result) -> Table:
+    numbers = {"median": "median", "p75": "75 %", "p95": "95 %", "p99": "99 %", "max": "maximum"}
+    columns = tuple(map(Column, ("unit", *numbers.values(), "mean or total", "pixels")))
+    rows, features = [], result["features"]
+    if "reason" in features:
+        return Table("features", "Errors by feature", columns, (), (f"features: {features['reason']}",))
+    for name, entry in features.items():
         whole = entry.get("mean", entry.get("total_percent"))
-        numbers = [f"{entry[key]:.4g}" for key in ("median", "p75", "p95", "p99", "max")]
-        numbers.append(NONE if whole is None else f"{whole:.4g}")
-        table.rows.append([_FEATURES[name], entry["unit"], *numbers, str(entry["pixels"])])
-    return table
+        texts = [None if value is None else f"{value:.4g}" for value in (*(entry[key] for key in numbers), whole)]
+        rows.append(Row(_FEATURES[name], (entry["unit"], *texts, entry["pixels"])))
+    return Table("features", "Errors by feature", columns, tuple(rows))
 
 
-def _time(result: Result) -> _Table:
-    table = _Table("Time", ["seconds per frame", "s", "renderer", "clock"])
+def _time(result: Result) -> Table:
+    columns = (Column("time", "s/frame"), Column("renderer"), Column("clock"))
+    rows = []
     for name, entry in zip(result["runs"], result["time"]["runs"], strict=True):
-        if "reason" in entry:
-            table.notes.append(f"time of {name}: {entry['reason']}")
-        else:
-            table.rows.append([str(name), f"{entry['seconds']:.4g}", entry["of"], entry["clock"]])
-    if "ratio" in result["time"]:
-        table.notes.append(f"time, reference / run = {result['time']['ratio']:.4g}")
-    return table
-
-
-def _aligned(table: _Table) -> list[str]:
-    if not table.rows:
-        return []
-    widths = [max(map(len, column)) for column in zip(table.heads, *table.rows)]
-    lines = []
-    for row in (table.heads, *table.rows):
-        cells = [c.ljust(w) if i == 0 else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths))]
-        lines.append("  ".join(cells).rstrip())
-    return lines
+        values = (f"{entry['seconds']:.4g}", entry["of"], entry["clock"]) if "seconds" in entry else (None,) * 3
+        rows.append(Row.of(str(name), values, entry.get("reason")))
+    ratio = result["time"].get("ratio")
+    notes = () if ratio is None else (f"time, reference / run = {ratio:.4g}",)
+    return Table("time", "Seconds per frame", columns, tuple(rows), notes)
 
 
 def _bytes(image: Array) -> Array:

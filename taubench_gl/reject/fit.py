@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.reject.evaluate import Rejection
-from taubench_gl.report.tables import Column, Row, Table
+from taubench_gl.report.table import Column, Row, Table
 
 
 def check_recall(recall: float) -> None:

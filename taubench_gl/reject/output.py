@@ -11,7 +11,7 @@ from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.reject import plot_reject, reject_html, reject_tables
-from taubench_gl.report.render import write_tables
+from taubench_gl.report.table import write_tables
 
 REJECT_FILE = "reject.json"
 

@@ -1,13 +1,9 @@
 """Views of results: tables with the paper's rows, plots, mask images and HTML pages.
 
-Input are summaries, rows and arrays; nothing here uses OpenGL.  Modules:
-
-- ``reusable``, ``tables``: reusable pixels and Tables 1 to 4 as data
-- ``labels``, ``render``: names of runs, text formats of tables
-- ``figures``, ``plots``, ``palette``: Matplotlib helpers, plots of a run, colors
-- ``mask_images``, ``frame_store``: images of reason masks, and the stored images of a report
-- ``page``, ``run_page``, ``templates``, ``assets``: the HTML kit (``page`` documents how a page is made) and the report
-- ``reuse``, ``reuse_frames``: tables, plots, page and stored images of reuse evaluations
+Input are summaries, rows and arrays; nothing here uses OpenGL.  The kit: ``table`` (``Table`` in five formats),
+``page`` (``Page``), ``plot`` (``Plot``), ``palette``, ``method_styles``, ``mask_images``, and the stored images of the
+frame viewer (``frame_store``, ``reuse_frames``).  Everything else composes it: tables, plots and page of one kind of
+result each.
 """
 
 from __future__ import annotations
@@ -18,10 +14,10 @@ from typing import Any
 
 from taubench_gl.outputs import output_folder
 from taubench_gl.report.mask_images import mask_overlay, save_mask_image
-from taubench_gl.report.plots import plot_frames, plot_thresholds
-from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView, write_tables
+from taubench_gl.report.paper import paper_tables
 from taubench_gl.report.reusable import reusable_sentence, run_tables
-from taubench_gl.report.tables import Column, Row, Table, paper_tables
+from taubench_gl.report.run_plots import plot_frames, plot_thresholds
+from taubench_gl.report.table import FORMATS, MIN_WIDTH, Column, Row, Table, TablesView, write_tables
 
 __all__ = [
     "FORMATS",

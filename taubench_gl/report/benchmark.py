@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.report.figures import as_title, label_ends, new_figure, save_figure
 from taubench_gl.report.method_styles import method_styles
-from taubench_gl.report.page import data_uri, render_page
-from taubench_gl.report.render import to_html
-from taubench_gl.report.tables import Column, Row, Table
+from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
+from taubench_gl.report.plot import Plot, label_ends
+from taubench_gl.report.reuse import ranks
+from taubench_gl.report.table import Column, Row, Table, to_html
 
 Summary = Mapping[str, Any]
 
@@ -40,59 +41,50 @@ def benchmark_tables(summary: Summary) -> list[Table]:
 def benchmark_sections(summary: Summary) -> dict[str, list[Table]]:
     """``benchmark_tables`` by section of the page: ``ranks speeds classes cases``."""
     tracks = summary["rankings"]
-    found = {
+    sections = {
         "ranks": [_ranking(summary, track, rankings) for track, rankings in tracks.items() if rankings],
         "speeds": [_speeds(summary)] if summary["speeds"] else [],
-        "classes": [_split(summary, track, block) for block in ("levels", "classes") for track in tracks],
+        "classes": [*(_levels(summary, track) for track in tracks), *(_classes(summary, track) for track in tracks)],
         "cases": [_cases(summary)],
     }
     numbers = itertools.count(1)
     return {
-        name: [Table(next(numbers), t.title, t.columns, t.rows, t.notes) for t in tables if t.rows]
-        for name, tables in found.items()
+        name: [replace(table, number=next(numbers)) for table in tables if table.rows]
+        for name, tables in sections.items()
     }
-
-
-def ranks(entry: Summary) -> str:
-    """``2``, ``2-5`` or ``-``: the ranks that the data allow."""
-    first, last = entry["rank"], entry["last_rank"]
-    return "-" if first is None else str(first) if first == last else f"{first}-{last}"
 
 
 def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
     """The scorecard of a track, in the order of its first measure."""
-    names = list(rankings)
     columns: list[Column] = []
-    for name in names:
+    for name in rankings:
         title, digits = SHOWN[name]
         measure = summary["measures"][name]
         columns.append(Column("rank", "", None, f"ranks by {title} that the intervals allow"))
         columns.append(Column(title, measure["unit"], digits, f"{measure['doc']}; {measure['better']} is better"))
     columns.append(Column("headroom", "dB", 2, "error over that of the best blend of the method's own history"))
     columns += [Column("time", "ms", 2, "median per frame"), Column("memory", "MiB", 2, "textures of the method")]
-    by_label = {name: {e["method"]: e for e in rankings[name]["ranking"]} for name in names}
+    by_label = [{entry["method"]: entry for entry in ranking["ranking"]} for ranking in rankings.values()]
+    leading_measure, leading = next(iter(rankings.items()))
     rows = []
-    for label in [entry["method"] for entry in rankings[names[0]]["ranking"]] + list(rankings[names[0]]["not_ranked"]):
-        entries = [by_label[name].get(label) for name in names]
-        state = summary["methods"][label]["tracks"][track]
-        means = state.get("mean", {})
+    for label in [*by_label[0], *leading["not_ranked"]]:
+        method, entries = summary["methods"][label], [entries.get(label) for entries in by_label]
+        state, memory = method["tracks"][track], method["memory_bytes"]
         cells: list[Any] = []
-        for name, entry in zip(names, entries, strict=True):
-            cells += [None if entry is None else ranks(entry), means.get(name)]
-        memory = summary["methods"][label]["memory_bytes"]
+        for name, entry in zip(rankings, entries, strict=True):
+            cells += [None if entry is None else ranks(entry), state.get("mean", {}).get(name)]
         cells += [state.get("headroom_db"), summary["times"]["methods"][label][track],
                   None if memory is None else memory / 2**20]  # fmt: skip
-        first = entries[0]
-        why = rankings[names[0]]["not_ranked"].get(label) if first is None else first["reason"]
+        why = leading["not_ranked"].get(label) if entries[0] is None else entries[0]["reason"]
         rows.append(Row(label, tuple(cells), reasons={0: why} if why else {}))
-    found = rankings[names[0]]
-    over = f"paired by {found['over'][:-1]}, {found['count']} {found['over']}" if found["over"] else found["reason"]
-    note = (
-        "2-4: the 95 % intervals of the differences between methods allow each of these ranks (Student's t, "
-        f"{over}; Holm's correction for all pairs of a measure)." if found["over"] else f"No ranks: {over}."
-    )  # fmt: skip
-    first = f"Order: by mean {SHOWN[names[0]][0]}, except methods that failed or are not ranked."
-    return Table(0, f"{track}: scorecard ({_contents(summary, track)})", tuple(columns), tuple(rows), (first, note))
+    note = f"No ranks: {leading['reason']}."
+    if over := leading["over"]:
+        note = (
+            "2-4: the 95 % intervals of the differences between methods allow each of these ranks (Student's t, paired "
+            f"by {over[:-1]}, {leading['count']} {over}; Holm's correction for all pairs of a measure)."
+        )
+    order = f"Order: by mean {SHOWN[leading_measure][0]}, except methods that failed or are not ranked."
+    return Table(0, f"{track}: scorecard ({_contents(summary, track)})", tuple(columns), tuple(rows), (order, note))
 
 
 def _contents(summary: Summary, track: str) -> str:
@@ -102,60 +94,67 @@ def _contents(summary: Summary, track: str) -> str:
     return f"{len(cases)} case{'s' * (len(cases) != 1)}, input {' or '.join(dict.fromkeys(cases.values()))}"
 
 
-def _split(summary: Summary, track: str, block: str) -> Table:
-    """FLIP by difficulty level or by pixel class."""
-    done = {
-        label: m["tracks"][track] for label, m in summary["methods"].items() if m["tracks"][track]["state"] == "done"
-    }
-    rows, columns = [], ()
-    if block == "levels":
-        names = [n for n in summary["levels"] if any(n in state["levels"] for state in done.values())]
-        columns = tuple(Column(n, "", 4, f"at most {summary['levels'][n]:g} % of the pixels discarded") for n in names)
-        rows = [Row(label, tuple(s["levels"][n].get("flip") for n in names)) for label, s in done.items()]
-        own = [case for case in summary["cases"].values() if case["track"] == track]
-        count = {n: len({case["sha256"] for case in own if case["level"] == n}) for n in names}
-        note = "; ".join(f"{n}: {count[n]} case{'s' * (count[n] != 1)}" for n in names)
-        title = f"{track}: FLIP by difficulty of the case, the share of pixels without valid history"
-    else:
-        names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in done.values())]
-        columns = tuple(Column(n, "", 4, summary["classes"][n]) for n in names)
-        rows = [Row(label, tuple(s["classes"][n] for n in names)) for label, s in done.items()]
-        note, title = "Masks of the exact frames; all cases of the track.", f"{track}: FLIP by pixel class"
-    return Table(0, title, columns, tuple(rows) if names else (), (note,))
+def _levels(summary: Summary, track: str) -> Table:
+    """FLIP by difficulty level."""
+    done = _done(summary, track)
+    names = [n for n in summary["levels"] if any(n in state["levels"] for state in done.values())]
+    columns = tuple(Column(n, "", 4, f"at most {summary['levels'][n]:g} % of the pixels discarded") for n in names)
+    rows = [Row(label, tuple(s["levels"][n].get("flip") for n in names)) for label, s in done.items()] if names else []
+    cases = [case for case in summary["cases"].values() if case["track"] == track]
+    count = {n: len({case["sha256"] for case in cases if case["level"] == n}) for n in names}
+    note = "; ".join(f"{n}: {count[n]} case{'s' * (count[n] != 1)}" for n in names)
+    title = f"{track}: FLIP by difficulty of the case, the share of pixels without valid history"
+    return Table(0, title, columns, tuple(rows), (note,))
+
+
+def _classes(summary: Summary, track: str) -> Table:
+    """FLIP by pixel class."""
+    done = _done(summary, track)
+    names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in done.values())]
+    columns = tuple(Column(n, "", 4, summary["classes"][n]) for n in names)
+    rows = [Row(label, tuple(s["classes"][n] for n in names)) for label, s in done.items()] if names else []
+    note = "Masks of the exact frames; all cases of the track."
+    return Table(0, f"{track}: FLIP by pixel class", columns, tuple(rows), (note,))
+
+
+def _done(summary: Summary, track: str) -> dict[str, Summary]:
+    """The results on a track of the methods that did not fail."""
+    states = {label: method["tracks"][track] for label, method in summary["methods"].items()}
+    return {label: state for label, state in states.items() if state["state"] == "done"}
 
 
 def crossing_text(curve: Summary) -> str | None:
     """``3.2 (2.5 to 4.1)``, ``> 16`` or ``never``."""
-    found = curve["crossing"]
-    if found is None:
+    crossing, steps = curve["crossing"], curve["steps"]
+    if crossing is None:
         return None
-    first, last = (curve["steps"][i]["value"] for i in (0, -1))
-    beyond = f"> {last:g}"
-    low, high = (beyond if found[end] is None else f"{found[end]:.3g}" for end in ("low", "high"))
-    known = curve["steps"][0]["low"] is not None
-    if found["speed"] is not None:
-        text, alike = f"{found['speed']:.3g}", False
-    elif found["verdict"].startswith("better"):
+    beyond = f"> {steps[-1]['value']:g}"
+    low, high = (beyond if crossing[end] is None else f"{crossing[end]:.3g}" for end in ("low", "high"))
+    if crossing["speed"] is not None:
+        text, alike = f"{crossing['speed']:.3g}", False
+    elif crossing["verdict"].startswith("better"):
         text, alike = beyond, low == beyond
     else:
-        text, alike = "never", found["high"] == first
-    return f"{text} ({low} to {high})" if known and not alike else text
+        text, alike = "never", crossing["high"] == steps[0]["value"]
+    return f"{text} ({low} to {high})" if steps[0]["low"] is not None and not alike else text
 
 
 def _speeds(summary: Summary) -> Table:
     """The speed up to which a method is better than no reuse, by series and measure."""
-    columns, found = [], []
-    for name, series in summary["speeds"].items():
-        for measure in [m for m in ("flip", "psnr_db") if m in series["measures"]]:
-            columns.append(Column(f"{name}, {SHOWN[measure][0]}", UNITS[series["axis"]]))
-            found.append(series["measures"][measure])
-    labels = [label for label in summary["methods"] if any(label in curves for curves in found) and label != "none"]
-    rows = [Row(label, tuple(crossing_text(c[label]) if label in c else None for c in found)) for label in labels]
+    curves = {
+        Column(f"{name}, {SHOWN[measure][0]}", UNITS[series["axis"]]): series["measures"][measure]
+        for name, series in summary["speeds"].items()
+        for measure in ("flip", "psnr_db") if measure in series["measures"]
+    }  # fmt: skip
+    labels = [label for label in summary["methods"] if label != "none" and any(label in c for c in curves.values())]
+    rows = [
+        Row(label, tuple(crossing_text(c[label]) if label in c else None for c in curves.values())) for label in labels
+    ]
     note = (
         "Speed at which a method stops being better than no reuse (none), and its 95 % interval over seeds; >: better "
         "within the whole range; never: not better at the first step. Linear between steps."
     )
-    return Table(0, "Speed up to which reuse is better than none", tuple(columns), tuple(rows), (note,))
+    return Table(0, "Speed up to which reuse is better than none", tuple(curves), tuple(rows), (note,))
 
 
 def _cases(summary: Summary) -> Table:
@@ -179,19 +178,19 @@ def plot_speeds(summary: Summary, folder: Path) -> list[Path]:
     series = {n: s for n, s in summary["speeds"].items() if s["measures"].get("flip")}
     if not series:
         return []
-    figure, grid = new_figure(10.0, 5.2 * len(series), rows=len(series), squeeze=False)
+    plot = Plot("", 10.0, 5.2 * len(series), rows=len(series))
     styles = method_styles(summary["methods"])
-    for axes, (name, one) in zip(grid[:, 0], series.items(), strict=True):
-        values, lines = one["values"], []
+    for axes, (name, entry) in zip(plot.panels, series.items(), strict=True):
+        values, lines_drawn = entry["values"], []
         # Between steps the mean is linear in the speed, which is a curve on a logarithmic axis.
         dense = np.unique(np.concatenate([np.linspace(a, b, FINE + 1) for a, b in itertools.pairwise(values)]))
-        for label, curve in one["measures"]["flip"].items():
+        for label, curve in entry["measures"]["flip"].items():
             means = np.interp(dense, values, [step["mean"] for step in curve["steps"]])
             style = styles[label]
             # Wide lines below narrow ones, solid ones below dashed ones: equal curves are all seen.
             order = {"linewidth": 3.2, "zorder": 1.8} if label == "none" else {"zorder": 2 + 0.1 * (not style.filled)}
             marks = {"markevery": np.searchsorted(dense, values).tolist(), "markersize": 4}
-            lines += axes.plot(dense, means, label=label, **{"linewidth": 1.5, **order}, **marks, **style.points)
+            lines_drawn += axes.plot(dense, means, label=label, **{"linewidth": 1.5, **order}, **marks, **style.points)
             if curve["crossing"] and (speed := curve["crossing"]["speed"]) is not None:
                 ring = {"markersize": 10, "markerfacecolor": "none", "color": style.color}
                 axes.plot([speed], [np.interp(speed, dense, means)], "o", **ring)
@@ -199,57 +198,72 @@ def plot_speeds(summary: Summary, folder: Path) -> list[Path]:
             axes.set_xscale("symlog", linthresh=values[1])
             axes.set_xticks(values, [f"{v:g}" for v in values])
             axes.minorticks_off()
-        axes.set(xlabel=f"{AXES[one['axis']]}, {UNITS[one['axis']]}", ylabel="mean FLIP (lower is better)")
+        axes.set(xlabel=f"{AXES[entry['axis']]}, {UNITS[entry['axis']]}", ylabel="mean FLIP (lower is better)")
         scene, _, kind = name.split("/")
-        axes.set_title(
-            as_title(f"{AXES[one['axis']].capitalize()}: scene {scene}, input {kind}"), loc="left", fontsize=11
-        )
+        plot.title(axes, f"{AXES[entry['axis']].capitalize()}: scene {scene}, input {kind}")
         axes.margins(x=0.02)
-        label_ends(axes, lines)
-    return save_figure(figure, folder / f"{PLOT_NAME}.png")
+        label_ends(axes, lines_drawn)
+    return plot.save(folder / f"{PLOT_NAME}.png")
 
 
 def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
     """The page: one file.  ``image``: the plot as PNG."""
-    suite, made = summary["suite"], summary["provenance"]
-    about = [
+    suite, made, rankings = summary["suite"], summary["provenance"], summary["rankings"]
+    intro = [
+        tag("p", "Every method renders the same frames, which are compared with a reference. A track is a group of "
+            "cases, each a scene with one input. Methods are ranked within a track, by the mean error over its cases; ",
+            tag("em", "none"), " is the method without reuse.", class_="lead"),
+        bullets((track, f": {_best(summary, track)}.") for track in rankings if rankings[track]),
+    ]  # fmt: skip
+    if failed := _failed(summary):
+        intro += [tag("p", "Failed, and therefore last:"), bullets(failed)]
+    page = Page(f"Benchmark, suite {suite['name']}", intro=tuple(intro))
+    tables = {name: to_html(each, scroll=True) for name, each in benchmark_sections(summary).items() if each}
+    if "ranks" in tables:
+        page.add("ranks", "Scorecards", tables["ranks"])
+    if image or "speeds" in tables:
+        text = tag(
+            "p", "The faster the motion, the less of the history is right. The ", tag("em", "speed"), " of a method is "
+            "where its error reaches that of ", tag("em", "none"), " (ring): faster than that, reuse makes the images "
+            "worse.",
+        )  # fmt: skip
+        plot = [picture(data_uri(image), "FLIP over the speed of each series", "plot-image")] if image else []
+        page.add("speeds", "Error against speed", text, *plot, *[tables[n] for n in ("speeds",) if n in tables])
+    if "classes" in tables:
+        page.add("classes", "Difficulty and pixel classes", tables["classes"])
+    about = (
         f"Suite {suite['name']} ({suite['version']}, {suite['sha256'][:12]}): {suite['cases']} cases, "
         f"{len(summary['methods'])} methods.",
         f"taubench-gl {made.get('version')}, {made.get('renderer')} ({made.get('driver')}).",
-    ]
-    sections = {name: to_html(tables, scroll=True) for name, tables in benchmark_sections(summary).items() if tables}
-    return render_page(
-        "benchmark.html",
-        title=f"Benchmark, suite {suite['name']}",
-        answers=[(track, _best(summary, track)) for track, rankings in summary["rankings"].items() if rankings],
-        failed=[(track, e["method"], e["reason"]) for track, e in _failed(summary)],
-        about=about,
-        image=None if image is None else data_uri(image),
-        sections=sections,
     )
+    page.add("cases", "Cases", *[tables[n] for n in ("cases",) if n in tables], text_lines(about))
+    return page.html()
 
 
 def _best(summary: Summary, track: str) -> str:
     """The methods that can be the best of a track, in words."""
-    name, found = next(iter(summary["rankings"][track].items()))
-    entries = [e for e in found["ranking"] if e["mean"] is not None]
+    name, ranking = next(iter(summary["rankings"][track].items()))
+    entries = [entry for entry in ranking["ranking"] if entry["mean"] is not None]
     if not entries:
         return "no method has a value"
     title = SHOWN[name][0]
-    if found["over"] is None:
-        return f"best mean {title}: {entries[0]['method']}; no ranks: {found['reason']}"
-    first = [entry["method"] for entry in entries if entry["rank"] == 1]
-    if len(first) == 1:
-        return f"best by {title}: {first[0]}"
-    return f"best by {title}: {', '.join(first[:-1])} or {first[-1]}; the intervals allow each"
+    if ranking["over"] is None:
+        return f"best mean {title}: {entries[0]['method']}; no ranks: {ranking['reason']}"
+    best = [entry["method"] for entry in entries if entry["rank"] == 1]
+    if len(best) == 1:
+        return f"best by {title}: {best[0]}"
+    return f"best by {title}: {', '.join(best[:-1])} or {best[-1]}; the intervals allow each"
 
 
-def _failed(summary: Summary) -> list[tuple[str, Summary]]:
-    """Track and entry of the methods that failed."""
-    found = (
-        (track, next(iter(rankings.values()))["ranking"]) for track, rankings in summary["rankings"].items() if rankings
-    )
-    return [(track, entry) for track, ranking in found for entry in ranking if entry["reason"]]
+def _failed(summary: Summary) -> list[tuple[str, str]]:
+    """Track, and the method that failed with its reason."""
+    leading = {
+        track: next(iter(rankings.values()))["ranking"] for track, rankings in summary["rankings"].items() if rankings
+    }
+    return [
+        (track, f": {entry['method']}: {entry['reason']}")
+        for track, ranking in leading.items() for entry in ranking if entry["reason"]
+    ]  # fmt: skip
 
 
 def comparison_tables(compared: Summary, measures: Summary) -> list[Table]:

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
 from taubench_gl.report.labels import lighting_text
-from taubench_gl.report.page import data_uri, render_page
-from taubench_gl.report.render import to_html
-from taubench_gl.report.tables import Column, Row, Table
+from taubench_gl.report.page import Page, data_uri, picture, text_lines
+from taubench_gl.report.plot import SERIES_COLORS, Plot
+from taubench_gl.report.table import Column, Row, Table, to_html
 
 Summary = Mapping[str, Any]
 
@@ -30,6 +29,7 @@ _COLUMNS = (
     Column("area", "", 4, "Area under the ROC curve over all thresholds; 1 is perfect, 0.5 is chance"),
     Column("time", "ms", 3, "Median time of the pass"),
 )
+NO_PIXEL = "no such pixel"
 _LINES = ("-", "--", ":", "-.")
 
 
@@ -45,13 +45,12 @@ def reject_tables(summary: Summary) -> list[Table]:
 def _scores(summary: Summary, number: int, truth: str) -> Table:
     rows = []
     for name, test in summary["tests"].items():
-        score, time = test["scores"][truth], test["milliseconds"]
-        wrong = score["false_positive_rate"]
+        score, wrong = test["scores"][truth], test["scores"][truth]["false_positive_rate"]
         values = (
             test["threshold"], score["precision"], score["recall"], None if wrong is None else 100.0 * wrong,
-            score["rejected_percent"], test["curves"][truth]["area"], time,
+            score["rejected_percent"], test["curves"][truth]["area"], test["milliseconds"],
         )  # fmt: skip
-        rows.append(Row(name, values, reasons={i: "no such pixel" for i, v in enumerate(values) if v is None}))
+        rows.append(Row.of(name, values, NO_PIXEL))
     notes = reject_notes(summary) if number == 1 else ()
     title = f"Rejection tests against {truth.replace('_', ' ')}"
     return Table(number, title, _COLUMNS, tuple(rows), notes, lead=(f"{TRUTHS[truth]}.",))
@@ -65,19 +64,19 @@ def _confusion(summary: Summary) -> Table:
 
 
 def _strata(summary: Summary, stratum: str) -> Table:
-    first = next(iter(summary["tests"].values()))["strata"][stratum]
-    labels = [label for label, entry in first.items() if entry["pixels"]]
+    tests = summary["tests"]
+    first = next(iter(tests.values()))["strata"][stratum]
+    cells = [(label, key) for label, entry in first.items() if entry["pixels"] for key in ("precision", "recall")]
     columns = tuple(
-        Column(f"{label}: {what[0].upper()}", "", 3, f"{what}, {first[label]['pixels']} pixels")
-        for label in labels for what in ("precision", "recall")
-    )  # fmt: skip
-    rows = []
-    for name, test in summary["tests"].items():
-        values = tuple(test["strata"][stratum][label][what] for label in labels for what in ("precision", "recall"))
-        rows.append(Row(name, values, reasons={i: "no such pixel" for i, v in enumerate(values) if v is None}))
+        Column(f"{label}: {key[0].upper()}", "", 3, f"{key}, {first[label]['pixels']} pixels") for label, key in cells
+    )
+    rows = tuple(
+        Row.of(name, [test["strata"][stratum][label][key] for label, key in cells], NO_PIXEL)
+        for name, test in tests.items()
+    )
     unit = (summary["strata"].get(stratum) or {}).get("unit")
     title = f"Precision (P) and recall (R) by {stratum}" + (f", {unit}" if unit else "")
-    return Table(stratum, title, columns, tuple(rows))
+    return Table(stratum, title, columns, rows)
 
 
 def reject_notes(summary: Summary) -> tuple[str, ...]:
@@ -106,31 +105,29 @@ def plot_reject(summary: Summary, folder: Path) -> list[Path]:
     }
     written = []
     for file, (x, y, title) in figures.items():
-        figure, axes = new_figure(8.0, 5.0)
+        plot = Plot(f"{summary['scene']['name']}. {title}", 8.0, 5.0)
         for i, (name, test) in enumerate(summary["tests"].items()):
             curve, score = test["curves"][test["truth"]], test["scores"][test["truth"]]
             points = [(a, b) for a, b in zip(curve[x], curve[y], strict=True) if a is not None and b is not None]
             repeat, color = divmod(i, len(SERIES_COLORS))
             style = {"color": SERIES_COLORS[color], "linestyle": _LINES[repeat % len(_LINES)]}
-            axes.plot(*np.array(points).reshape(-1, 2).T, linewidth=1.6, label=name, **style)
+            plot.axes.plot(*np.array(points).reshape(-1, 2).T, linewidth=1.6, label=name, **style)
             if None not in (score[x], score[y]):
-                axes.plot([score[x]], [score[y]], "o", color=SERIES_COLORS[color], markersize=5)
-        axes.set(xlabel=x.replace("_", " "), ylabel=y.replace("_", " "), ylim=(-0.02, 1.02))
+                plot.axes.plot([score[x]], [score[y]], "o", color=SERIES_COLORS[color], markersize=5)
+        plot.axes.set(xlabel=x.replace("_", " "), ylabel=y.replace("_", " "), ylim=(-0.02, 1.02))
         if x == "false_positive_rate":
-            axes.set_xscale("symlog", linthresh=1e-3)
-            axes.set_xlim(0, 1)
-        axes.set_title(as_title(f"{summary['scene']['name']}. {title}"), loc="left", fontsize=11)
-        legend_beside(axes)
-        written += save_figure(figure, folder / f"{file}.png")
+            plot.axes.set_xscale("symlog", linthresh=1e-3)
+            plot.axes.set_xlim(0, 1)
+        plot.legend(plot.axes)
+        written += plot.save(folder / f"{file}.png")
     return written
 
 
 def reject_html(summary: Summary, images: Mapping[str, bytes]) -> str:
     """The page.  ``images``: title -> PNG."""
-    return render_page(
-        "reject.html",
-        title=summary["scene"]["name"],
-        notes=reject_notes(summary),
-        images=[(name, data_uri(data)) for name, data in images.items()],
-        tables=to_html(reject_tables(summary), scroll=True),
-    )
+    name = summary["scene"]["name"]
+    page = Page(f"{name}: rejection tests", heading=name, intro=(text_lines(reject_notes(summary)),))
+    for title, data in images.items():
+        page.add(title.replace(" ", "-"), "", picture(data_uri(data), title), label=title)
+    page.add("tables", "Tables", to_html(reject_tables(summary), scroll=True))
+    return page.html()

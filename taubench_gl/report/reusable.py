@@ -9,7 +9,8 @@ from typing import Any
 from taubench_gl.glossary import CONCEPTS, REUSE_REASONS, STATISTICS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import run_labels
-from taubench_gl.report.tables import SAMPLING_COLUMNS, Column, Table, exact_tables, paper_tables, table_row
+from taubench_gl.report.paper import SAMPLING_COLUMNS, exact_tables, paper_tables, table_row
+from taubench_gl.report.table import Column, Table
 
 Summary = Mapping[str, Any]
 
@@ -22,7 +23,7 @@ _MOST_REASONS = 6
 
 
 def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
-    """Reusable pixels and the reasons of the others, Tables 1 to 4 (``tables.paper_tables``), exact reasons if any."""
+    """Reusable pixels and the reasons of the others, Tables 1 to 4 (``paper_tables``), exact reasons if any."""
     return [*reusable_tables(summaries), *paper_tables(summaries, paper), *exact_tables(summaries)]
 
 

@@ -1,7 +1,7 @@
-"""The report of one or several runs as one HTML file: templates/run.html and its scripts, which run.js links.
+"""The report of one or several runs as one HTML file.
 
-Figures, tables and details are HTML; the frame viewer, the plots over time and the threshold curves are drawn by the
-scripts from one block of JSON (``report_data``).
+Figures, tables and details are HTML (templates/run.html); the frame viewer, the plots over time and the threshold
+curves are drawn by the scripts, which run.js links, from one block of JSON (``report_data``).
 """
 
 from __future__ import annotations
@@ -13,20 +13,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from taubench_gl import glossary
 from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
 from taubench_gl.features import BY_BIT, COLUMN_BITS, COLUMNS, FEATURE_BIT, FEATURES, UNITS
 from taubench_gl.metrics.reuse_rate import LIGHT_REASONS, RATE_BITS, RATE_COLUMNS, RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
-from taubench_gl.report.figures import DASHES
 from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, StoredFrames, stored_frames, within_budget
 from taubench_gl.report.labels import lighting_text, run_labels
-from taubench_gl.report.page import render_page
+from taubench_gl.report.page import Page, macro, tag
 from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
-from taubench_gl.report.render import NONE, to_html
+from taubench_gl.report.paper import paper_numbers, thresholds_of, two_decimals
+from taubench_gl.report.plot import DASHES
 from taubench_gl.report.reusable import MERGED, TERMS, reprojection_of, reusable_sentence, run_tables
-from taubench_gl.report.tables import paper_numbers, thresholds_of
+from taubench_gl.report.table import NONE, to_html
 
 Summary = Mapping[str, Any]
 
@@ -64,29 +66,36 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
     if not runs:
         raise ValueError("runs is empty, expected at least one")
     summaries = [run.summary for run in runs]
-    labels = run_labels(summaries)
+    labels, several = run_labels(summaries), len(runs) > 1
+    views = [_run_view(summary, label) for summary, label in zip(summaries, labels, strict=True)]
     data = report_data(runs, labels, images)
-    return render_page(
-        "run.html",
+    title = ", ".join(labels) if len(labels) < 4 else f"{len(labels)} runs"
+    about = [Markup("<b>{}</b>: {}").format(v["label"], v["about"]) if several else v["about"] for v in views]
+    page = Page(
+        f"{title}: temporal reuse report", "temporal reuse report", heading=title,
+        intro=(tag("p", Markup("<br>").join(about), class_="about"),),
+        tools=Markup('<label id="run-choice" hidden>Run <select id="run"></select></label>'),
         styles=("stage.css", "run.css"),
-        scripts=(
-            "stage.js",
-            "planes.js",
-            "zoom.js",
-            "probe.js",
-            "headline.js",
-            "frame_viewer.js",
-            "time_plots.js",
-            "thresholds.js",
-            "run.js",
-        ),
+        scripts=("stage.js", "planes.js", "zoom.js", "probe.js", "headline.js", "frame_viewer.js", "time_plots.js",
+                 "thresholds.js", "run.js"),
         data=data,
-        live=any(run["images"] and run["images"]["planes"] for run in data["runs"]),
-        title=", ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
-        several=len(runs) > 1,
-        runs=[_run_view(s, label) for s, label in zip(summaries, labels, strict=True)],
-        tables=to_html(run_tables(summaries), scroll=True),
-    )
+    )  # fmt: skip
+    missing = tag("p", "The images and plots below need scripts. Figures, tables and details do not.", class_="missing")
+    page.add("reusable", "", macro("reusable", "run.html")(views, several), label="Reusable pixels")
+    page.add("figures", "", macro("key_figures", "run.html")(views, several), tag("noscript", missing),
+             label="Key figures")  # fmt: skip
+    page.add("frames", "Discarded pixels by reason", tag("div", id="viewer"), link="Frames")
+    page.add("time", "Over time", tag("div", id="plots"))
+    text = "The tables show one point of each curve. Drag a dot on its track, or move it with the arrow keys. The "
+    text += "triangle moves all dots."
+    if any(run["images"] and run["images"]["planes"] for run in data["runs"]):
+        text += " The sentence and bars at the top, the masks and shares of the frame and the rates over time follow; "
+        text += "the sliders next to the frame are the same."
+    curves = tag("p", text, class_="lead"), tag("div", id="curves")
+    page.add("thresholds", "Discarded pixels by threshold", *curves, link="Thresholds")
+    page.add("tables", "Comparison with the paper", to_html(run_tables(summaries), scroll=True), link="Tables")
+    page.add("details", "Details", macro("run_details", "run.html")(views, several))
+    return page.html()
 
 
 # -------------------------------------------------------------------------------------------------- values of run.html
@@ -139,14 +148,14 @@ def _rate(summary: Summary, rate: str) -> dict[str, Any]:
     """A reuse rate: mean, lowest and highest of a pair, and share of all pixels; or why it is unknown."""
     entry = (summary.get("reusable") or {}).get(rate) or {}
     mean, low, high = (entry.get(f"{key}_percent") for key in ("mean", "min", "max"))
-    found = {"name": rate, "definition": glossary.CONCEPTS[rate].tooltip, "reason": None}
+    view = {"name": rate, "definition": glossary.CONCEPTS[rate].tooltip, "reason": None}
     if mean is None:
-        return found | {"reason": entry.get("reason") or "not measured"}
+        return view | {"reason": entry.get("reason") or "not measured"}
     whole = entry.get("of_picture_percent")
-    return found | {
-        "mean": _percent(mean),
-        "range": "" if low is None else f"{_percent(low)} to {_percent(high)} %",
-        "of_all": "" if whole is None else f"{_percent(whole)} % of all pixels",
+    return view | {
+        "mean": two_decimals(mean),
+        "range": "" if low is None else f"{two_decimals(low)} to {two_decimals(high)} %",
+        "of_all": "" if whole is None else f"{two_decimals(whole)} % of all pixels",
     }
 
 
@@ -155,7 +164,7 @@ def _sky(summary: Summary) -> dict[str, Any]:
     value = (summary.get("reusable") or {}).get("sky_percent")
     return {
         "definition": glossary.STATISTICS["sky_percent"].tooltip,
-        "value": None if value is None else _percent(value),
+        "value": None if value is None else two_decimals(value),
     }
 
 
@@ -170,7 +179,7 @@ def _reason_bars(summary: Summary) -> dict[str, Any]:
     shares = {name: (block["reasons"].get(name) or {}).get("mean_percent") or 0.0 for name in TERMS}
     ranked = sorted((name for name in TERMS if shares[name] > 0.0), key=lambda name: -shares[name])
     most = shares[ranked[0]] if ranked else 1.0
-    rows = [(TERMS[name].label, _percent(shares[name]), 100.0 * shares[name] / most) for name in ranked]
+    rows = [(TERMS[name].label, two_decimals(shares[name]), 100.0 * shares[name] / most) for name in ranked]
     return {"rows": rows, "missing": None}
 
 
@@ -184,8 +193,8 @@ def _figure(summary: Summary, column: str) -> dict[str, Any]:
     end = max(40.0, 1.08 * mean)
     paper = {scene["name"]: scene["discard"].get(column) for scene in paper_numbers()["scenes"]}
     return figure | {
-        "mean": _percent(mean),
-        "highest": None if highest is None else _percent(highest),
+        "mean": two_decimals(mean),
+        "highest": None if highest is None else two_decimals(highest),
         "x": 4.0 + 112.0 * mean / end,
         "paper": [
             {"x": 4.0 + 112.0 * value / end, "text": f"{name}: {value:g} %"}
@@ -197,11 +206,11 @@ def _figure(summary: Summary, column: str) -> dict[str, Any]:
 
 def _effects(summary: Summary) -> list[dict[str, str]]:
     """Effects with the reason of each decision, the enabled ones first."""
-    found = [
+    effects = [
         {"name": name.replace("_", " "), "state": "on" if e.get("on") else "off", "reason": str(e.get("reason") or "")}
         for name, e in (summary.get("effects") or {}).items()
     ]
-    return sorted(found, key=lambda effect: effect["state"] != "on")
+    return sorted(effects, key=lambda effect: effect["state"] != "on")
 
 
 def _cuts_text(summary: Summary) -> str:
@@ -225,10 +234,6 @@ def _plain(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(map(_plain, value)) or NONE
     return str(value)
-
-
-def _percent(value: float) -> str:
-    return "<0.01" if 0 < value < 0.005 else f"{value:.2f}"
 
 
 # ----------------------------------------------------------------------------------------------- values of the scripts
@@ -334,13 +339,13 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
     details = [r for r in _DETAILS if _COLUMN_OF.get(r, "frustum") in measured]
     details += [r for r in _CLASSES if r in present]
     columns = [(COLUMN_BITS[name], "Table 4", name != "color") for name in measured]
-    found = [
+    reasons = [
         {"name": glossary.key_of(bit), "label": glossary.label_of(bit), "bits": int(bit), "group": group, "on": on,
          "color": hex_of(REASON_COLORS[bit]), "definition": glossary.REASONS[bit].tooltip}
         for bit, group, on in [*columns, *((reason, "Reason classes", False) for reason in details)]
     ]  # fmt: skip
     known = [rate for rate in RATES if set(RATE_COLUMNS[rate]) <= set(measured)]
-    return found + [
+    return reasons + [
         {"name": f"reusable_{rate}", "label": rate, "bits": int(RATE_BITS[rate]), "of": rate,
          "group": "Not reusable, for any reason", "on": False, "color": hex_of(REUSE_COLORS[rate]),
          "definition": f"Surface pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}

@@ -25,9 +25,9 @@ from taubench_gl.outputs import (
     write_png,
 )
 from taubench_gl.report.page import REPORT_FILE
-from taubench_gl.report.render import write_tables
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
 from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
+from taubench_gl.report.table import write_tables
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
 from taubench_gl.reuse.recorded import ResultWriter
 from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS

@@ -7,8 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from taubench_gl.report.cost_page import cost_html
-from taubench_gl.report.cost_tables import answer, tables
+from taubench_gl.report.cost import answer, cost_html, tables
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.datasets.registry import find_entry, load_registry, parse_registry
 from taubench_gl.errors import DatasetError
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
 from taubench_gl.settings import Settings
 
 NAMES = {

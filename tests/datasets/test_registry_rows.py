@@ -14,7 +14,7 @@ from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene, find_named, scene_text
 from taubench_gl.errors import DatasetError
 from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, blender_version
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 
 ENTRIES = load_registry()

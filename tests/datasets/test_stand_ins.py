@@ -17,7 +17,7 @@ from taubench_gl.datasets.valley import EYE_HEIGHT, FLOOR_SIDE, height, middle
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 

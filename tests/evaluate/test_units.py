@@ -13,9 +13,9 @@ from taubench_gl.apps.inspect_command import describe
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.feature_errors import FeatureErrors
 from taubench_gl.paths import ASSETS
-from taubench_gl.report.plots import plot_thresholds
+from taubench_gl.report.paper import paper_tables
 from taubench_gl.report.run_page import ReportRun, report_data
-from taubench_gl.report.tables import paper_tables
+from taubench_gl.report.run_plots import plot_thresholds
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings

@@ -20,7 +20,7 @@ from taubench_gl.paper.figures import panel_size, telling_pair
 from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
 from taubench_gl.paper.study import PaperOptions, plan
 from taubench_gl.paths import ASSETS
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
 from taubench_gl.settings import Settings
 
 DEMO = ASSETS / "demo.glb"

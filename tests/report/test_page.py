@@ -10,11 +10,18 @@ from html.parser import HTMLParser
 import pytest
 from jinja2 import UndefinedError
 
-from taubench_gl.report.page import asset, data_uri, render, render_page
+from taubench_gl.report.page import Page, asset, bullets, data_uri, macro, picture, tag, text_lines
+from taubench_gl.report.table import Column, Row, Table, to_html
 
 EVIL = """</script><script>alert("x")</script>'"&<!--{{ 7 * 7 }}"""
-COMPARISON = {"title": EVIL, "notes": [EVIL], "worst": EVIL, "image": data_uri(b"png"), "provenance": [(EVIL, EVIL)],
-              "tables": [{"title": EVIL, "heads": [EVIL, EVIL], "rows": [[EVIL, EVIL]], "notes": [EVIL]}]}  # fmt: skip
+TABLE = Table(EVIL, EVIL, (Column(EVIL, EVIL, definition=EVIL),), (Row(EVIL, (EVIL,), reasons={0: EVIL}),), (EVIL,),
+              (EVIL,))  # fmt: skip
+
+
+def evil_page(**more) -> Page:
+    page = Page(EVIL, EVIL, intro=(text_lines([EVIL, EVIL]), bullets([(EVIL, EVIL)])), **more)
+    page.add("tables", EVIL, to_html([TABLE], scroll=True), picture(data_uri(b"png"), EVIL), tag("p", EVIL, id=EVIL))
+    return page
 
 
 class Tags(HTMLParser):
@@ -35,15 +42,15 @@ class Tags(HTMLParser):
 
 
 def test_page_without_scripts_forbids_them_and_escapes_every_value():
-    tags = Tags(render_page("comparison.html", **COMPARISON))
+    tags = Tags(evil_page().html())
     assert "script" not in {tag for tag, _ in tags.tags} and "script-src" not in tags.policy()
     assert "default-src 'none'" in tags.policy()
-    assert tags.text.count(EVIL) >= 7 and "49" not in tags.text
+    assert tags.text.count(EVIL) >= 14 and "49" not in tags.text
 
 
 def test_page_with_scripts_holds_its_data_and_the_plot_module():
     data = {"text": EVIL, "numbers": [1.5, None]}
-    page = render_page("comparison.html", scripts=("cost.js",), data=data, **COMPARISON)
+    page = evil_page(scripts=("cost.js",), data=data).html()
     tags = Tags(page)
     assert [tag for tag, _ in tags.tags].count("script") == 2 and "script-src" in tags.policy()
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1]
@@ -53,9 +60,9 @@ def test_page_with_scripts_holds_its_data_and_the_plot_module():
 
 def test_values_that_json_lacks_and_missing_names_raise():
     with pytest.raises(ValueError):
-        render_page("comparison.html", scripts=("cost.js",), data={"x": float("nan")}, **COMPARISON)
+        evil_page(scripts=("cost.js",), data={"x": float("nan")}).html()
     with pytest.raises(UndefinedError):
-        render("comparison.html", style="", script="")
+        macro("run_details", "run.html")([{}], False)
 
 
 @pytest.fixture(scope="module")

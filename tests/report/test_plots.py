@@ -12,9 +12,9 @@ import pytest
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.counts import bin_of, edges
-from taubench_gl.report import plot_frames, plot_thresholds, write_report
-from taubench_gl.report.figures import spread
-from taubench_gl.report.plots import discard_curve
+from taubench_gl.report import plot_frames, plot_thresholds, run_plots, write_report
+from taubench_gl.report.plot import spread
+from taubench_gl.report.run_plots import discard_curve
 
 
 def test_curve_is_the_share_of_distances_at_or_above_each_edge():
@@ -78,13 +78,11 @@ def test_frames_plot_with_unmeasured_columns_and_one_pair(summary, frames, tmp_p
 
 
 def test_legend_of_a_sweep_is_outside_the_axes(tmp_path, monkeypatch):
-    from taubench_gl.report import plots
-
     drawn = []
-    monkeypatch.setattr(plots, "save_figure", lambda figure, path: drawn.append(figure) or [])
+    monkeypatch.setattr(run_plots.Plot, "save", lambda plot, path: drawn.append(plot.figure) or [])
     rows = [{"mean_yaw_deg": x, "frustum_percent": 2.0 * x, "color_percent": 3.0 * x} for x in (0.0, 4.0, 9.0)]
     paper = [("Slow", 0.3, 0.1), ("Fast", 8.2, 15.3), ("Beyond", 99.0, 50.0)]
-    plots.plot_sweep(rows, "yaw", "deg", "walk", paper, tmp_path / "sweep")
+    run_plots.plot_sweep(rows, "yaw", "deg", "walk", paper, tmp_path / "sweep")
     figure = drawn[0]
     figure.draw_without_rendering()
     axes = figure.axes[0]

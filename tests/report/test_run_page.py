@@ -11,8 +11,8 @@ import pytest
 
 from taubench_gl.errors import OutputError
 from taubench_gl.report.frame_store import FrameRecorder
-from taubench_gl.report.plots import discard_curve
 from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
+from taubench_gl.report.run_plots import discard_curve
 
 EVIL = """</script><script>alert("x")</script>'"&<!--${title}$"""
 

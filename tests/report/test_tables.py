@@ -16,8 +16,8 @@ from taubench_gl.glossary import CENSUS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables
 from taubench_gl.report.labels import lighting_text, run_labels
-from taubench_gl.report.render import MIN_WIDTH, format_value
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.paper import paper_numbers
+from taubench_gl.report.table import MIN_WIDTH
 
 # One row of each of the paper's Tables 1 to 4, copied by hand to verify paper.json.
 PAPER_ROWS = {
@@ -153,7 +153,7 @@ def test_runs_of_one_scene_are_named_by_the_settings_that_differ(summary):
     [(0.0, 2, "0.00"), (0.004, 2, "<0.01"), (0.006, 2, "0.01"), (12.345, 2, "12.35"), (3, None, "3"), (None, 2, "–")],
 )
 def test_small_values_are_not_shown_as_zero(number, digits, expected):
-    assert format_value(number, Column("x", "%", digits)) == expected
+    assert Column("x", "%", digits).text_of(number) == expected
 
 
 def test_text_fits_its_width_and_keeps_units_and_brackets(summary):

@@ -17,7 +17,7 @@ from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Stage
-from taubench_gl.report.figures import pareto_steps
+from taubench_gl.report.plot import pareto_steps
 from taubench_gl.scene.model import Scene
 
 Array = np.ndarray

@@ -11,7 +11,7 @@ from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Question, Result, demo, threshold_parameter
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, SEA, Props, Stage
-from taubench_gl.report.plots import discard_curve
+from taubench_gl.report.run_plots import discard_curve
 from taubench_gl.scene.model import Scene
 
 Array = np.ndarray

@@ -1,4 +1,4 @@
-"""Matplotlib figures in one style, written as PNG and SVG; used by all plots of the package."""
+"""Matplotlib plots in one style, written as PNG and SVG: all plots of the package."""
 
 from __future__ import annotations
 
@@ -21,18 +21,56 @@ SERIES_COLORS = (
 _STYLE = {"axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25, "font.size": 10}
 
 
-def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Any, Any]:
-    """A figure of ``width`` x ``height`` inches and its axes, as ``Figure.subplots(rows, columns, **grid)``."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+class Plot:
+    """A figure of panels, one above the other, with one title, legends beside them, and no state outside it.
 
-    # Without pyplot, which keeps global state and looks for a display.
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
-        figure._repr_png_ = MethodType(_png_of, figure)  # notebooks show figures of pyplot only
-        return figure, figure.subplots(rows, columns, **grid)
+    ``axes``: the Matplotlib axes of the first panel, ``panels``: of all.
+    """
+
+    def __init__(self, title: str, width: float = 7.5, height: float = 4.6, rows: int = 1, **grid: Any):
+        """``width`` x ``height`` inches; ``grid``: arguments of ``Figure.subplots``."""
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        # Without pyplot, which keeps global state and looks for a display.
+        with matplotlib.rc_context(_STYLE):
+            self.figure = Figure(figsize=(width, height), layout="constrained")
+            FigureCanvasAgg(self.figure)
+            self.figure._repr_png_ = MethodType(_png_of, self.figure)  # notebooks show figures of pyplot only
+            self.panels = list(self.figure.subplots(rows, 1, squeeze=False, **grid)[:, 0])
+        self.axes = self.panels[0]
+        self.title(self.axes, title)
+
+    def title(self, axes: Any, text: str) -> None:
+        """Title of a panel."""
+        axes.set_title(as_title(text), loc="left", fontsize=11)
+
+    def legend(self, axes: Any, *others: Any, x: float = 1.01, **options: Any) -> None:
+        """The legend of ``axes`` and ``others`` right of ``axes``, at ``x`` of its width; none without labels."""
+        entries = [entry for each in (axes, *others) for entry in zip(*each.get_legend_handles_labels(), strict=True)]
+        if entries:
+            place = {"loc": "upper left", "bbox_to_anchor": (x, 1.0), "frameon": False, "fontsize": 9}
+            axes.legend(*zip(*entries, strict=True), **place, **options)
+
+    def save(self, path: Path) -> list[Path]:
+        """Write ``path`` with the suffixes .png and .svg.  -> both files.  Raises OutputError.
+
+        The SVG holds no date and no random identifiers: the same run gives the same bytes.
+        """
+        import matplotlib
+        from matplotlib.text import Text
+
+        for text in self.figure.findobj(Text):  # file names may hold bytes that are not UTF-8
+            if (plain := plain_text(text.get_text())) != text.get_text():
+                text.set_text(plain)
+        files = [path.with_suffix(".png"), path.with_suffix(".svg")]
+        with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):
+            for file in files:
+                data, form = io.BytesIO(), file.suffix.removeprefix(".")
+                self.figure.savefig(data, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
+                write_atomically(file, data.getvalue())
+        return files
 
 
 def _png_of(figure: Any) -> bytes:
@@ -50,14 +88,6 @@ def column_style(name: str) -> dict[str, Any]:
     if name == "direct":  # yellow on white needs an outline
         style["path_effects"] = [patheffects.withStroke(linewidth=3.4, foreground="#6b6300")]
     return style
-
-
-def legend_beside(axes: Any, *others: Any, x: float = 1.01, size: float = 9, **options: Any) -> None:
-    """The legend of ``axes`` and ``others`` right of ``axes``, at ``x`` of its width; none without labels."""
-    entries = [entry for each in (axes, *others) for entry in zip(*each.get_legend_handles_labels(), strict=True)]
-    if entries:
-        place = {"loc": "upper left", "bbox_to_anchor": (x, 1.0), "frameon": False, "fontsize": size}
-        axes.legend(*zip(*entries, strict=True), **place, **options)
 
 
 def label_ends(axes: Any, lines: Sequence[Any], size: float = 8) -> None:
@@ -107,23 +137,3 @@ def pareto_steps(points: Iterable[tuple[float, float]]) -> list[tuple[float, flo
         if not out or error < out[-1][1]:
             out.append((time, error))
     return out
-
-
-def save_figure(figure: Any, path: Path) -> list[Path]:
-    """Write ``path`` with the suffixes .png and .svg.  -> both files.  Raises OutputError.
-
-    The SVG holds no date and no random identifiers: the same run gives the same bytes.
-    """
-    import matplotlib
-    from matplotlib.text import Text
-
-    for text in figure.findobj(Text):  # file names may hold bytes that are not UTF-8
-        if (plain := plain_text(text.get_text())) != text.get_text():
-            text.set_text(plain)
-    files = [path.with_suffix(".png"), path.with_suffix(".svg")]
-    with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):
-        for file in files:
-            data, form = io.BytesIO(), file.suffix.removeprefix(".")
-            figure.savefig(data, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
-            write_atomically(file, data.getvalue())
-    return files

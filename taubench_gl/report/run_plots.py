@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.features import COLUMNS, FEATURES
-from taubench_gl.report.figures import as_title, column_style, legend_beside, new_figure, save_figure
 from taubench_gl.report.palette import hex_of
-from taubench_gl.report.tables import thresholds_of
+from taubench_gl.report.paper import thresholds_of
+from taubench_gl.report.plot import Plot, column_style
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
+OF_ALL = "discarded, % of all pixels, mean"
 
 
 def discard_curve(curve: Mapping[str, Any], pixels: int) -> tuple[Array, Array]:
@@ -36,53 +37,51 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
 
     -> the PNG and SVG file; none if the run recorded no curve.  Raises OutputError.
     """
-    curves = {name: curve for name in FEATURES if (curve := (summary.get("curves") or {}).get(name))}
+    recorded = summary.get("curves") or {}
+    curves = {name: recorded[name] for name in FEATURES if (recorded.get(name) or {}).get("counts")}
     if not curves or not summary.get("pairs"):
         return []
     settings = summary["settings"]
     samples = settings.get("samples_per_pixel") or 1  # the counts are of samples
     pixels = summary["pairs"] * settings["width"] * settings["height"] * samples
-    figure, axes = new_figure(7.5, 4.6)
-    starts, ends, used_all = [], [], []
+    plot = Plot(_title(summary, "Discard rate by threshold"), width=9.0)
+    ends, marked = [1e-3, 1.0], set()
     for name, curve in curves.items():
-        if not curve.get("counts"):
-            continue
         thresholds, percent = discard_curve(curve, pixels)
         used = thresholds_of(summary).get(name)
         value = (summary.get("discard", {}).get(name) or {}).get("mean_percent")
         label = name if value is None else f"{name}: {value:.2f} % at {used:.3g}{' m' if name == 'position' else ''}"
-        axes.plot(thresholds, percent, linewidth=2, label=label, **column_style(name))
+        plot.axes.plot(thresholds, percent, linewidth=2, label=label, **column_style(name))
         if used and value is not None:
-            axes.plot([used], [value], "o", color=hex_of(name), markeredgecolor="black", markersize=7, zorder=5)
-            used_all.append(used)
+            plot.axes.plot([used], [value], "o", color=hex_of(name), markeredgecolor="black", markersize=7, zorder=5)
+            marked.add(used)
         # The axis spans the part of the curve that differs from both ends by half a percent of its height.
         falling = np.flatnonzero(np.abs(percent - percent[[0, -1], None]).min(axis=0) > 0.005 * percent[0])
-        if len(falling):
-            starts.append(thresholds[falling[0]])
-            ends.append(thresholds[falling[-1]])
-    for used in sorted(set(used_all)):
-        axes.axvline(used, color="black", linewidth=0.8, alpha=0.4, zorder=0)
-    low, high = min([1e-3, *starts, *used_all]), max([1.0, *ends, *used_all])
-    axes.set(
-        xscale="log", xlim=(low / 1.5, high * 1.5), xlabel="threshold, in the unit of the feature (position: meters)"
-    )
-    axes.set(ylabel="discarded, % of all pixels, mean", title=_title(summary, "Discard rate by threshold"))
-    axes.set_ylim(bottom=0)
-    axes.legend(frameon=False, fontsize=9, title="dots: thresholds of the run", title_fontsize=9)
-    return save_figure(figure, Path(path))
+        ends += thresholds[falling[[0, -1]]].tolist() if len(falling) else []
+    for used in sorted(marked):
+        plot.axes.axvline(used, color="black", linewidth=0.8, alpha=0.4, zorder=0)
+    ends += marked
+    plot.axes.set(
+        xscale="log", xlim=(min(ends) / 1.5, max(ends) * 1.5), ylim=(0, None), ylabel=OF_ALL,
+        xlabel="threshold, in the unit of the feature (position: meters)",
+    )  # fmt: skip
+    plot.legend(plot.axes, title="dots: thresholds of the run", title_fontsize=9)
+    return plot.save(Path(path))
 
 
 def plot_frames(summary: Summary, frames: Sequence[Mapping[str, Any]], path: str | Path) -> list[Path]:
-    """``frames_figure`` as files.
+    """``frames_plot`` as files.
 
     -> the PNG and SVG file; none if there is no pair.  Raises OutputError.
     """
-    return save_figure(frames_figure(summary, frames), Path(path)) if frames else []
+    return frames_plot(summary, frames).save(Path(path)) if frames else []
 
 
-def frames_figure(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Any:
-    """The discard rate per pair, and below it the camera motion; cuts are vertical lines.  -> Matplotlib figure."""
-    figure, (upper, lower) = new_figure(9.0, 5.6, rows=2, sharex=True, height_ratios=(3, 2))
+def frames_plot(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Plot:
+    """The discard rate per pair, and below it the camera motion; cuts are vertical lines."""
+    title = _title(summary, "Discard rate and camera motion per frame")
+    plot = Plot(title, 9.0, 5.6, rows=2, sharex=True, height_ratios=(3, 2))
+    upper, lower = plot.panels
     number = _column(frames, "frame")
     pixels = _column(frames, "pixels")
     marker = "o" if len(frames) == 1 else None
@@ -90,27 +89,24 @@ def frames_figure(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Any:
         percent = 100.0 * _column(frames, name) / np.where(pixels > 0, pixels, np.nan)
         if np.isfinite(percent).any():
             upper.plot(number, percent, linewidth=2, label=name, marker=marker, **column_style(name))
-    upper.set(ylabel="discarded, % of all pixels", title=_title(summary, "Discard rate and camera motion per frame"))
-    upper.set_ylim(bottom=0)
-    turned, moved = _column(frames, "angle_deg"), _column(frames, "translation_m")
+    upper.set(ylabel="discarded, % of all pixels", ylim=(0, None))
     style = {"linewidth": 1.4, "marker": marker}
-    lower.plot(number, turned, color="black", label="rotation (left)", **style)
-    lower.set(ylabel="rotation, degrees", xlabel="frame")
+    lower.plot(number, _column(frames, "angle_deg"), color="black", label="rotation (left)", **style)
+    lower.set(ylabel="rotation, degrees", xlabel="frame", ylim=(0, None))
     lower.xaxis.get_major_locator().set_params(integer=True)
-    lower.set_ylim(bottom=0)
     right = lower.twinx()
     right.spines["right"].set_visible(True)
     right.grid(False)
-    right.plot(number, moved, color="#0072B2", linestyle="--", label="translation (right)", **style)
-    right.set_ylabel("translation, m", color="#0072B2")
+    moved = {"color": "#0072B2", "linestyle": "--", "label": "translation (right)"}
+    right.plot(number, _column(frames, "translation_m"), **moved, **style)
+    right.set_ylabel("translation, m", color=moved["color"])
     right.set_ylim(bottom=0)
-    cuts = (summary.get("camera") or {}).get("cuts") or []
-    for axes in (upper, lower):
-        for i, cut in enumerate(cuts):
+    for axes in plot.panels:
+        for i, cut in enumerate((summary.get("camera") or {}).get("cuts") or []):
             axes.axvline(cut, color="#882255", linewidth=1, linestyle=(0, (2, 2)), label=None if i else "cut")
-    legend_beside(upper, x=1.09)
-    legend_beside(lower, right, x=1.09)
-    return figure
+    plot.legend(upper, x=1.09)
+    plot.legend(lower, right, x=1.09)
+    return plot
 
 
 def plot_sweep(
@@ -126,22 +122,20 @@ def plot_sweep(
     ``rows`` hold ``mean_{axis}_{unit}`` and ``{column}_percent``; ``paper`` holds (scene, speed, frustum percent).
     Scenes beyond the speeds of ``rows`` are left out.  -> the PNG and SVG file.  Raises OutputError.
     """
-    figure, axes = new_figure(7.5, 4.6)
+    plot = Plot(f"Discard rate by camera speed: {name}")
     speed = _column(rows, f"mean_{axis}_{unit}")
     for column in COLUMNS:
         percent = _column(rows, f"{column}_percent")
         if np.isfinite(percent).any():
-            axes.plot(speed, percent, linewidth=2, marker="o", markersize=4, label=column, **column_style(column))
+            plot.axes.plot(speed, percent, linewidth=2, marker="o", markersize=4, label=column, **column_style(column))
     sign = "°" if unit == "deg" else " m"
     within = [point for point in paper if point[1] <= 1.05 * np.nanmax(speed)]
     for (scene, at, percent), marker in zip(within, itertools.cycle("Ds^vPX")):
         style = {"color": "none", "markeredgecolor": hex_of("frustum"), "markersize": 7}
-        axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **style)
-    axes.set(xlabel=f"{axis} per frame, {sign.strip()}", ylabel="discarded, % of all pixels, mean")
-    axes.set_title("Discard rate by camera speed: " + as_title(name))
-    axes.set_ylim(bottom=0)
-    legend_beside(axes, x=1.02, title="outlined: the paper's frustum" if within else None, title_fontsize=9)
-    return save_figure(figure, Path(path))
+        plot.axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **style)
+    plot.axes.set(xlabel=f"{axis} per frame, {sign.strip()}", ylabel=OF_ALL, ylim=(0, None))
+    plot.legend(plot.axes, title="outlined: the paper's frustum" if within else None, title_fontsize=9)
+    return plot.save(Path(path))
 
 
 def _column(frames: Sequence[Mapping[str, Any]], name: str) -> Array:
@@ -149,7 +143,7 @@ def _column(frames: Sequence[Mapping[str, Any]], name: str) -> Array:
     return np.array([np.nan if row.get(name) is None else row[name] for row in frames], dtype=np.float64)
 
 
-def _title(summary: Summary, what: str) -> str:
+def _title(summary: Summary, about: str) -> str:
     settings = summary.get("settings") or {}
-    name = as_title((summary.get("scene") or {}).get("name", ""))
-    return f"{what}: {name}, {summary.get('pairs', 0)} pairs at {settings.get('fps', 0):g} fps"
+    name = (summary.get("scene") or {}).get("name", "")
+    return f"{about}: {name}, {summary.get('pairs', 0)} pairs at {settings.get('fps', 0):g} fps"

@@ -1,15 +1,21 @@
-"""A cost study in words and tables: text, CSV and HTML.  Takes the values of study.json."""
+"""A cost study in words, tables, a plot and a page.  Takes the values of study.json (schema ``taubench-gl/cost/3``)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from textwrap import wrap
 from typing import Any
+
+from markupsafe import Markup
 
 from taubench_gl.outputs import csv_text
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.numerics import recorded
-from taubench_gl.report.render import NONE, TablesView, to_text
-from taubench_gl.report.tables import Column, Row, Table
+from taubench_gl.report.page import Page, tag, text_lines
+from taubench_gl.report.palette import hex_of
+from taubench_gl.report.plot import Plot
+from taubench_gl.report.table import NONE, Column, Row, Table, TablesView, to_html, to_text
 
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
@@ -98,22 +104,21 @@ def _trust(study: Study) -> str:
 def heading(study: Study) -> list[str]:
     """What every number depends on: scene, light, machine, clock."""
     width, height = study["size"]
-    lines = [
-        f"Cost study: {study['scene']['name']}, {width}x{height}, {study['fps']:g} fps, {study['pairs']} pairs, "
-        f"{study['camera']}"
-    ]
     lighting = lighting_text({"settings": study.get("lighting") or {}})
-    lines += [f"light: {lighting}"] if lighting else []
     machine = study["machine"]
-    lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {machine['processor']}")
-    lines.append(f"clock: {study['clock']}")
-    return lines
+    return [
+        f"Cost study: {study['scene']['name']}, {width}x{height}, {study['fps']:g} fps, {study['pairs']} pairs, "
+        f"{study['camera']}",
+        *([f"light: {lighting}"] if lighting else []),
+        f"machine: {machine['renderer']}, {machine['driver']}, {machine['processor']}",
+        f"clock: {study['clock']}",
+    ]
 
 
 def tables(study: Study) -> list[Table]:
     """All tables, in reading order; those without rows are left out."""
-    found = [_front(study), _configurations(study), _effects(study), _columns(study), _storage(study), _arithmetic()]
-    return [t for t in found if t.rows]
+    every = [_front(study), _configurations(study), _effects(study), _columns(study), _storage(study), _arithmetic()]
+    return [table for table in every if table.rows]
 
 
 def _table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *notes: str) -> Table:
@@ -224,13 +229,13 @@ def _storage(study: Study) -> Table:
 
 def _arithmetic() -> Table:
     """What the renderer's arithmetic avoids on the hard cases, as recorded: no variant without it is in the package."""
-    found = recorded()
+    numerics = recorded()
     rows = tuple(
         Row(r["rule"], (*(three(r[k]) for k in ("error_without", "error", "tolerance")), ""), reasons={3: r["what"]})
-        for r in found["rows"]
+        for r in numerics["rows"]
     )
     notes = (
-        f"recorded {found['date']} on {found['renderer']}, {found['driver']} (tools/record numerics)",
+        f"recorded {numerics['date']} on {numerics['renderer']}, {numerics['driver']} (tools/record numerics)",
         "errors are in the unit of their case: pixels, relative errors or percentage points",
     )
     heads = ("error without it", "with it", "allowed", "hard case")
@@ -268,8 +273,8 @@ def three(value: float) -> str:
 def cost_text(study: Study) -> str:
     """Plain text without color: the answer, then everything else."""
     left_out = [f"not measured, {name}: {why}" for name, why in study["inapplicable"].items()]
-    lines = [*answer(study), "", *heading(study), "", to_text(tables(study), WIDTH), *left_out]
-    return "\n".join(lines).rstrip() + "\n"
+    text = [*answer(study), "", *heading(study), "", to_text(tables(study), WIDTH), *left_out]
+    return "\n".join(text).rstrip() + "\n"
 
 
 def cost_csv(study: Study) -> str:
@@ -283,8 +288,8 @@ def cost_csv(study: Study) -> str:
     out: list[Sequence[Any]] = [("configuration", "label", "role", "column", "on_front", *heads, "clock", "bytes")]
     for p in study["points"]:
         for column in (OVERALL, *study["columns"]):
-            found = {"wrong": p["masks"].get(column), "column": p["columns"].get(column), "ms": p["ms"]}
-            cells = [(found[block] or {}).get(key) for block, keys in blocks.items() for key in keys]
+            values = {"wrong": p["masks"].get(column), "column": p["columns"].get(column), "ms": p["ms"]}
+            cells = [(values[block] or {}).get(key) for block, keys in blocks.items() for key in keys]
             on_front = int(p["name"] in study["fronts"][column])
             out.append([p["name"], p["label"], p["role"], column, on_front, *cells, p["clock"], p["bytes"]])
     return csv_text(out)
@@ -303,7 +308,112 @@ class CostView(TablesView):
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        from markupsafe import Markup
+        return tag("p", Markup("<br>").join([*answer(self.study), *heading(self.study)])) + super()._repr_html_()
 
-        about = Markup("<p>{}</p>").format(Markup("<br>").join([*answer(self.study), *heading(self.study)]))
-        return about + super()._repr_html_()
+
+# ---------------------------------------------------------------------------------------------------------------- page
+
+OVERALL_COLOR = "#3b6ea8"
+
+
+def cost_html(study: Study) -> str:
+    """The page: the answer, one figure that cost.js draws, and the tables."""
+    first, *more = answer(study)
+    words = Markup("<br>").join([tag("strong", first), *more])
+    page = Page(
+        f"Cost study: {study['scene']['name']}", "cost study", intro=(tag("p", words, class_="answer"),),
+        styles=("cost.css",), scripts=("cost.js",), data=_figure_data(study),
+    )  # fmt: skip
+    column = tag("label", "error ", tag("select", id="column"), for_="column")
+    page.add(
+        "figure", "Mask error against time", tag("div", id="plot"), tag("p", id="status", aria_live="polite"),
+        tag("div", column, tag("span", id="roles", class_="controls"), class_="controls"),
+        tag("noscript", tag("p", "The figure needs scripts; the file front.svg shows the same.", class_="missing")),
+        link="Figure",
+    )  # fmt: skip
+    page.add("tables", "Tables", to_html(tables(study), scroll=True), text_lines(heading(study)))
+    return page.html()
+
+
+def _figure_data(study: Study) -> dict[str, Any]:
+    """Values of cost.js."""
+    fields = ("name", "label", "role", "ms", "clock", "against_baseline", "bytes", "masks")
+    return {
+        "columns": (OVERALL, *study["columns"]),
+        "floor": study["reference"]["floor"],
+        "chosen": (study["chosen"] or {}).get("configuration"),
+        "fronts": study["fronts"],
+        "colors": {c: hex_of(c) for c in study["columns"]} | {OVERALL: OVERALL_COLOR},
+        "points": [{k: p[k] for k in fields} for p in study["points"] if p["role"] != "effect"],
+    }
+
+
+# ---------------------------------------------------------------------------------------------------------------- plot
+
+ROLES = {
+    "baseline": ("s", "baseline"), "highest_quality": ("*", "highest quality"),
+    "single": ("o", "one parameter changed"), "combined": ("^", "several changed"),
+    "path_traced": ("D", "path-traced"), "render": ("*", "renders"),
+}  # fmt: skip
+"""Role -> marker and name."""
+
+NAMED = ("baseline", "highest_quality", "path_traced", "render")
+
+
+def plot_study(study: Study, folder: Path) -> list[Path]:
+    """``front``, the overall error against time, PNG and SVG; none where nothing is timed.  Raises OutputError."""
+    floor = study["reference"]["floor"].get(OVERALL) or 0.0
+    shown = [p for p in study["points"] if p["role"] in ROLES and p["masks"] and p["ms"]]
+    if not shown:
+        return []
+    positive = [e for e in (floor, *(p["masks"][OVERALL]["percent"] for p in shown)) if e > 0.0]
+    bottom = 0.5 * min(positive, default=0.01)  # errors of 0 are drawn here
+    places = {p["name"]: (p["ms"]["median"], max(p["masks"][OVERALL]["percent"], bottom)) for p in shown}
+    plot = Plot(_title(study), 10.5, 5.4)
+    axes = plot.axes
+    for role, (marker, name) in ROLES.items():
+        if group := [p for p in shown if p["role"] == role]:
+            x, y = zip(*(places[p["name"]] for p in group))
+            axes.errorbar(
+                x, y, xerr=[p["ms"]["spread"] or 0.0 for p in group], fmt=marker, ms=11 if marker == "*" else 6,
+                mec="black", mew=0.6, color=OVERALL_COLOR, alpha=0.85, ecolor="#888888", elinewidth=0.9,
+                label=name, zorder=3 if role in NAMED else 2,
+            )  # fmt: skip
+    chosen, front = (study["chosen"] or {}).get("configuration"), study["fronts"][OVERALL]
+    if steps := [places[name] for name in front if name in places]:  # only measured configurations are available
+        axes.step(*zip(*steps), where="post", color="black", linewidth=1.4, label="Pareto front", zorder=0)
+    if chosen in places:
+        axes.plot(*places[chosen], "o", ms=16, mfc="none", mec="black", label="recommended")
+    if floor:
+        axes.axhline(floor, color="#555555", linewidth=0.9, linestyle="--", label="noise floor of the reference")
+    axes.set(xscale="log", yscale="log", xlabel="ms per frame", ylabel="wrong masks, % of the pixels")
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        digits = "123456789" if high < 3 * low else "235" if high < 30 * low else "3" if high < 300 * low else ""
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+        axis.set_minor_formatter(lambda value, _, digits=digits: f"{value:g}" if f"{value:e}"[0] in digits else "")
+    plot.legend(axes)
+    named = [p for p in shown if p["role"] in NAMED or p["name"] in front]
+    named.sort(key=lambda p: (p["name"] != chosen, p["role"] not in NAMED))
+    _write_names(axes, {p["name"]: p["label"] for p in named}, places)
+    return plot.save(folder / "front")
+
+
+def _write_names(axes: Any, labels: Mapping[str, str], places: Mapping[str, tuple[float, float]]) -> None:
+    """Names beside their marks, without those that would cover an earlier one."""
+    style = {"textcoords": "offset points", "xytext": (6, 6), "fontsize": 7}
+    texts = [axes.annotate("\n".join(wrap(label, 36)[:2]), places[name], **style) for name, label in labels.items()]
+    axes.figure.canvas.draw()  # texts have their places from now on
+    kept: list[Any] = []
+    for text in texts:
+        box = text.get_window_extent()
+        text.set_visible(not any(box.overlaps(other) for other in kept))
+        kept += [box] * text.get_visible()
+
+
+def _title(study: Study) -> str:
+    width, height = study["size"]
+    renderer = str(study["machine"]["renderer"]).split("(")[0].strip()
+    return (
+        f"Mask error against time: {study['scene']['name']}, {width}x{height}\n"
+        f"reference: {study['reference']['kind'].replace('_', ' ')}; {renderer}; clock: {study['clock']}"
+    )
