@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from benches import ROOT, Claim, Options, Result, bench, ratios, row
 
-from taubench_gl.batch.driver import Listener
-from taubench_gl.batch.engines import THREADS_VARIABLE, available_cores
-from taubench_gl.batch.run import run_batch
 from taubench_gl.batch.spec import BatchSpec, read_spec
+from taubench_gl.batch.study import run_batch
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.study.engines import THREADS_VARIABLE, available_cores
+from taubench_gl.study.progress import Listener
 
 FRAMES = 49
 
@@ -26,7 +26,7 @@ class _Watch(Listener):
     def __init__(self) -> None:
         self.ready: float | None = None
 
-    def message(self, line: str) -> None:
+    def begin(self, jobs: int, engine: str) -> None:
         self.ready = self.ready or time.perf_counter()
 
 

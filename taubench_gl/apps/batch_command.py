@@ -11,8 +11,8 @@ from taubench_gl.apps.options import OutPath
 from taubench_gl.apps.run_by_default import RunByDefault
 
 if TYPE_CHECKING:
-    from taubench_gl.batch.driver import Outcome
     from taubench_gl.batch.spec import BatchSpec
+    from taubench_gl.batch.study import Outcome
 
 
 @click.group(
@@ -98,7 +98,7 @@ Examples:
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def status(out: Path) -> int:
     """Print the progress of the batch in DIR.  The exit code is 2 if a scene has failed."""
-    from taubench_gl.batch.run import batch_status
+    from taubench_gl.batch.study import batch_status
 
     name, driver, jobs = batch_status(out)
     running = f"run by {driver}" if driver else "not running"
@@ -120,7 +120,7 @@ Examples:
 def report(out: Path) -> None:
     """Print Tables 1 to 4 of all finished jobs in DIR, and write them there as text, Markdown, CSV and LaTeX."""
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.batch.run import batch_report
+    from taubench_gl.batch.study import batch_report
 
     tables, missing = batch_report(out)
     show_tables(tables)
@@ -130,11 +130,11 @@ def report(out: Path) -> None:
 
 
 def _run(spec: BatchSpec | None, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
-    from taubench_gl.apps.batch_screen import BatchScreen
-    from taubench_gl.batch.run import run_batch
+    from taubench_gl.apps.study_screen import StudyScreen
+    from taubench_gl.batch.study import run_batch
 
     try:
-        with BatchScreen() as screen:
+        with StudyScreen() as screen:
             outcome = run_batch(spec, out, engine=engine, workers=workers, chunk=chunk, listener=screen)
     except KeyboardInterrupt:
         _print_error(f"interrupted; finished pairs are kept: taubench-gl batch resume {out}")

@@ -78,14 +78,15 @@ def run(
     always included.  A method that fails is ranked last with its reason; the exit code is then 2.
     """
     from taubench_gl.apps.screen import show_tables
+    from taubench_gl.apps.study_screen import StudyScreen
     from taubench_gl.benchmark.run import run_benchmark
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.report.benchmark import benchmark_tables
 
+    how = {"engine": engine, "workers": workers, "limit": time_limit}
     try:
-        done = run_benchmark(
-            read_suite(suite).part(cases), methods, out, engine=engine, workers=workers, limit=time_limit, say=_say
-        )
+        with StudyScreen("images") as screen:
+            done = run_benchmark(read_suite(suite).part(cases), methods, out, **how, listener=screen)
     except KeyboardInterrupt:
         _error(f"interrupted; finished units are in {out}: the same command continues")
         raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
@@ -114,18 +115,17 @@ def plan(methods: tuple[str, ...], suite: str, cases: tuple[str, ...], timed: bo
 
     Path-traced references are traced in part for the estimate; what is traced is kept.
     """
-    from taubench_gl.batch.engines import available_cores
     from taubench_gl.benchmark.estimate import estimate_units
-    from taubench_gl.benchmark.run import entries_of
-    from taubench_gl.benchmark.run import plan as units_of
+    from taubench_gl.benchmark.run import BenchmarkStudy, entries_of
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.pathtraced.references import duration_text
+    from taubench_gl.study.engines import available_cores
 
-    found = read_suite(suite).part(cases)
+    selected = read_suite(suite).part(cases)
     entries = entries_of(methods)
-    units = units_of(found, entries, _say)
-    click.echo(f"{found.name}: {len(found.cases)} cases, {len(units)} different; {len(entries)} methods")
+    units = list(BenchmarkStudy(selected, entries, ".").units.values())
+    click.echo(f"{selected.name}: {len(selected.cases)} cases, {len(units)} different; {len(entries)} methods")
     times = estimate_units(units, _say) if timed else []
     for i, unit in enumerate(units):
         case = unit.case

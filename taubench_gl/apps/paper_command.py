@@ -69,16 +69,16 @@ def paper(
     DIR gets paper.html, paper.tex, paper.json, tables and figures.  A run that was stopped, in whatever way, continues
     where it stopped when the command is repeated.  The exit code is 2 if a scene has failed.
     """
-    from taubench_gl.apps.batch_screen import BatchScreen
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.batch.run import make_engine
+    from taubench_gl.apps.study_screen import StudyScreen
     from taubench_gl.paper.estimate import announce, estimate
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
     from taubench_gl.paper.study import PaperOptions, plan, results_of, run_jobs, run_pixels
+    from taubench_gl.study.run import make_engine
 
-    make_engine(engine, workers, out, lambda event: None)  # refuses what there is not before anything is drawn
+    make_engine(engine, workers, out)  # refuses what there is not before anything is drawn
     options = PaperOptions(size, light, spp, tuple(dict.fromkeys(lobes)), quick, pixels)
     found = find_scenes(scenes, out / "scenes", resolve)
     for name, why in found.missing.items():
@@ -90,7 +90,7 @@ def paper(
         return 0
     how: dict[str, Any] = {"engine": engine, "workers": workers, "chunk": chunk}
     try:
-        with BatchScreen() as screen:
+        with StudyScreen() as screen:
             failed = run_jobs(jobs, out, max((one.seconds for one in times), default=None), **how, listener=screen)
             runs, failed_pixels = run_pixels(jobs, out, screen)
             failed |= failed_pixels

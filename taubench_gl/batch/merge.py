@@ -1,23 +1,28 @@
-"""Merges the pairs of a job into its summary and frames.csv, with the sums of ``evaluate`` in the order of the pairs.
+"""Merges the pairs of a job into its summary and frames.csv, with the sums of ``evaluate`` in the order of the pairs,
+and the jobs of a batch into its tables.
 
 The result does not depend on which worker or chunk counted a pair: equal pairs give equal files, bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation.state import View
-from taubench_gl.batch.partition import PairRecord, frames_table
 from taubench_gl.batch.spec import BatchSpec, Job
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.units import counts_of_record, head_hash, lobes_of_record
+from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import (
     Brightness,
     assemble_summary,
+    camera_row,
     describe_brightness,
     describe_scale,
     frame_columns,
@@ -29,15 +34,33 @@ from taubench_gl.evaluation import (
 from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.sequence_stats import SequenceStats
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.report import run_tables
 from taubench_gl.report.table import write_tables as write_table_files
 from taubench_gl.run import SUMMARY_FILE, Run, RunWriter, load_run
-from taubench_gl.run_schema import CAMERA_COLUMNS, EXACT_COLUMNS
+from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS
 from taubench_gl.scene.model import Camera
+from taubench_gl.study.store import Store
 
 SCHEMA = "taubench-gl/batch/3"
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
+PROVENANCE_FILE = "provenance.json"
+
+
+def require_pyarrow() -> Any:
+    """pyarrow with its Parquet module.  Raises OutputError if it is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        hint = "pip install 'taubench-gl[batch]'"
+        raise OutputError("a batch writes a Parquet file, which requires pyarrow", hint=hint) from None
+    return pyarrow
+
+
+def job_folder(store: Store, job: str) -> Path:
+    """Folder of the results of a job."""
+    return store.out / "jobs" / job
 
 
 def job_positions(job: Job, head: Mapping[str, Any]) -> tuple[int, ...]:
@@ -46,22 +69,22 @@ def job_positions(job: Job, head: Mapping[str, Any]) -> tuple[int, ...]:
 
 
 def merge_job(
-    job: Job, head: Mapping[str, Any], records: Mapping[int, PairRecord], reports: Sequence[Mapping[str, Any]]
+    job: Job, head: Mapping[str, Any], pairs: Mapping[int, Mapping[str, Any]], reports: Sequence[Mapping[str, Any]]
 ) -> Run:
-    """The Run of a job all of whose pairs are counted.  ``reports``: of the workers, one per chunk."""
+    """The Run of a job, all of whose pairs are counted.  ``pairs``: records by position; ``reports``: one per chunk."""
     settings, frames = job.settings, range(*head["frames"])
     unmeasured = reports[0]["unmeasured"]
     measured = tuple(c for c in COLUMNS if c not in unmeasured)
     stats = SequenceStats(measured, unmeasured)
-    rows = []
-    for position in job_positions(job, head):
-        record = records[position]
-        camera = {name: record.row[name] for name in (*CAMERA_COLUMNS, "gimbal")}
-        first = {name: record.row[name] for name in ("frame", "time_s")}
-        exact = {name: record.row[name] for name in EXACT_COLUMNS} if settings.metrics.exact else {}
-        rows.append(first | stats.add(record.counts) | camera | exact)
     lens = Camera()  # camera activity depends on position and direction only
     views = [View(np.array(p), np.array(r), lens) for p, r in zip(head["positions"], head["rotations"])]
+    rows = []
+    for position in job_positions(job, head):
+        frame = frames[position + 1]
+        row = {"frame": frame, "time_s": frame / settings.sequence.fps}
+        row |= stats.add(counts_of_record(pairs[position]))
+        row |= camera_row((views[position], views[position + 1]), settings.metrics.unit_scale)
+        rows.append(row | (pairs[position]["exact"] or {}))
     summary = assemble_summary(head["facts"], frames, settings, views, stats)
     source = dict(reports[0]["source"])
     summary["notes"] += source.pop("notes")
@@ -74,11 +97,11 @@ def merge_job(
     describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
     if job.lobes:
         missing = missing_of_scene(job.lobes, unmeasured)
-        summary["lobes"] = summarize_lobes(missing, [records[p].lobes for p in job_positions(job, head)])
+        summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])
     if settings.metrics.exact:
         summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
-    summary["provenance"] = _common([one["provenance"] for one in reports])
+    summary["provenance"] = _common([report["provenance"] for report in reports])
     mark_cuts(rows, summary)
     return Run(summary, rows)
 
@@ -86,42 +109,45 @@ def merge_job(
 def _common(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Provenance of all workers together; where they differ, every value, sorted."""
     names = ("version", "backend", "renderer", "driver", "git", "python", "machine")
-    values_of = {name: sorted({str(one.get(name)) for one in provenances}) for name in names}
+    values_of = {name: sorted({str(provenance.get(name)) for provenance in provenances}) for name in names}
     out: dict[str, Any] = {name: " + ".join(values) for name, values in values_of.items()}
     return out | {"command": None, "clock": None, "reason": IN_PROVENANCE}
 
 
-def write_job(store: Store, job: Job, run: Run, reports: Sequence[Mapping[str, Any]]) -> None:
+def write_job(store: Store, job: Job, head: Mapping[str, Any], run: Run, reports: Sequence[Mapping[str, Any]]) -> None:
     """Write summary.json and frames.csv as ``evaluate`` does, and provenance.json beside them."""
+    frames = range(*head["frames"])
     chunks = [
-        {"pairs": [one["pairs"][0], one["pairs"][-1]] if one["pairs"] else [], **one["provenance"],
-         "passes_ms": one["passes_ms"], "gpu_bytes": one["source"]["memory"]["gpu_bytes"]}
-        for one in reports
+        {"pairs": [frames[report["positions"][i] + 1] for i in (0, -1) if report["positions"]], **report["provenance"],
+         "passes_ms": report["passes_ms"], "gpu_bytes": report["source"]["memory"]["gpu_bytes"]}
+        for report in reports
     ]  # fmt: skip
-    store.write_json(store.job(job.id) / "provenance.json", {"job": job.id, "chunks": chunks})
-    with RunWriter(store.job(job.id), frame_columns(job.settings)) as writer:
+    folder = job_folder(store, job.id)
+    store.write_json(folder / PROVENANCE_FILE, {"job": job.id, "head": head_hash(head), "chunks": chunks})
+    with RunWriter(folder, frame_columns(job.settings)) as writer:
         writer.rewrite_rows(run.frames)
         writer.write_summary(run.summary)
 
 
 def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
-    """Whether both files of a job are there and whole; if not, removes its summary.json, and the job is written again.
+    """Whether the files of a job are there, whole and of this head; if not, removes its summary.json, and the job is
+    written again.
 
     Files appear complete; a disk error or another program can damage them afterwards.
     """
-    frames = range(*head["frames"])
+    folder, frames = job_folder(store, job.id), range(*head["frames"])
     try:
-        run = load_run(store.job(job.id))
+        known = read_json(folder / PROVENANCE_FILE, dict[str, Any]).get("head") == head_hash(head)
+        rows = load_run(folder).frames
+        if known and [row.get("frame") for row in rows] == [frames[p + 1] for p in job_positions(job, head)]:
+            return True
     except OutputError:
-        (store.job(job.id) / SUMMARY_FILE).unlink(missing_ok=True)
-        return False
-    if [row.get("frame") for row in run.frames] == [frames[p + 1] for p in job_positions(job, head)]:
-        return True
-    (store.job(job.id) / SUMMARY_FILE).unlink()
+        pass
+    (folder / SUMMARY_FILE).unlink(missing_ok=True)
     return False
 
 
-def finish(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str, Any]:
+def write_batch(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str, Any]:
     """Write summary.json, frames.parquet and tables of the whole batch; returns the summary."""
     jobs, frames, summaries = [], [], []
     for job in spec.jobs:
@@ -129,7 +155,7 @@ def finish(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str
         if job.id in failed:
             jobs.append(entry | {"state": "failed", "reason": failed[job.id], "log": f"logs/{job.id}.log"})
             continue
-        run = load_run(store.job(job.id))
+        run = load_run(job_folder(store, job.id))
         summaries.append(labelled(job, run.summary))
         frames.append((job.id, run.summary["scene"]["name"], job.sweep, run.frames))
         kept = ("reusable", "pairs", "camera", "discard")
@@ -153,3 +179,34 @@ def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[A
     if tables:
         write_table_files(store.out, tables)
     return tables
+
+
+def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapping[str, Any]]]]) -> bytes:
+    """A Parquet file of all pairs of all jobs: ``job``, ``scene``, swept settings (as text), and frames.csv.
+
+    A count that is not measured is null.
+    """
+    pa = require_pyarrow()
+    jobs = list(jobs)
+    swept = list(dict.fromkeys(key for _, _, sweep, _ in jobs for key in sweep))
+    exact = EXACT_COLUMNS if any(row.get(EXACT_COLUMNS[0]) is not None for *_, rows in jobs for row in rows) else ()
+    fields = dict.fromkeys(("job", "scene", *(f"sweep_{key}" for key in swept)), pa.string())
+    fields |= {"frame": pa.int64(), "time_s": pa.float64(), **dict.fromkeys((*COUNT_COLUMNS, *exact), pa.int64())}
+    fields |= {**dict.fromkeys(CAMERA_COLUMNS, pa.float64()), "gimbal": pa.bool_(), "camera_cut": pa.bool_()}
+    columns: dict[str, list[Any]] = {name: [] for name in fields}
+    for job, scene, sweep, rows in jobs:
+        text = {"job": job, "scene": _text(scene)} | {f"sweep_{key}": _text(sweep.get(key)) for key in swept}
+        for row in rows:
+            values = dict.fromkeys(exact) | dict(row) | text
+            for name, kind in fields.items():
+                columns[name].append(bool(values[name]) if kind == pa.bool_() else values[name])
+    table = pa.table({name: pa.array(columns[name], type=kind) for name, kind in fields.items()})
+    sink = io.BytesIO()
+    pa.parquet.write_table(table, sink, compression="zstd")
+    return sink.getvalue()
+
+
+def _text(value: Any) -> str | None:
+    if value is None:
+        return None
+    return plain_text(value) if isinstance(value, str) else json.dumps(value)

@@ -1,135 +1,278 @@
-"""Units of work, the events they lead to, and the interface of engines.  Units and events can be pickled."""
+"""Units of a job: its head, all that needs no pair, and its pairs in chunks; and the records that they write.
+
+    head     {"stamp", "frames", "facts", "lighting", "positions", "rotations"}
+    pairs    {"report": of the worker, "pairs": [{"position", "words", "bins", "lobes", "exact"}]}
+
+Counts are sparse, [places, counts]: of reason words in ``words`` and in each of ``lobes``; of histogram bins in
+``bins``, feature * bins + bin in the order of ``features.FEATURES``.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+import os
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
-from taubench_gl.settings import Settings
+import numpy as np
 
-ATTEMPTS = 3
-"""Workers that may die in one unit before its job fails."""
+from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.batch.spec import Job
+from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.errors import SceneError
+from taubench_gl.evaluation import (
+    ResolvedLighting,
+    SceneInput,
+    Session,
+    Wants,
+    checked_frames,
+    environment_image,
+    file_hashes,
+    files_identity,
+    frame_range,
+    frame_schedule,
+    pair_schedule,
+    require_exact,
+    require_triangles,
+    resolve_lighting,
+    scene_facts,
+    with_pairs,
+)
+from taubench_gl.features import FEATURES, MASK_WORDS
+from taubench_gl.metrics.counts import Counts
+from taubench_gl.provenance import provenance
+from taubench_gl.run_schema import EXACT_COLUMNS
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import AUTO, Settings
+from taubench_gl.study.store import content_hash, json_bytes
+from taubench_gl.study.unit import Worker
+from taubench_gl.study.worker import open_context
 
-Key = tuple[str, tuple[int, ...] | None]
+Array = np.ndarray
+Sparse = tuple[list[int], list[int]]
+"""Places of the counts that are not zero, and these counts."""
+
+LIGHTING = ("light_unit", "exposure", "environment", "spp", "pairs")
+"""Settings that are resolved once for all units of a job."""
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
-    """A part of one job.
+class HeadUnit:
+    """All of a job that needs no pair.  ``stamp``: ``file_stamp`` of the scene before it is read."""
 
-    ``positions`` None: the job's head, all that needs no rendering.  Otherwise the pairs to count, as ascending
-    positions among the job's pairs; empty for a job without pairs, whose frames are rendered all the same.
-    """
-
-    job: str
-    scene: str
-    settings: Settings
-    positions: tuple[int, ...] | None = None
-    sha256: str | None = None  # of the files when the head was computed, evaluation.files_identity
-    lobes: tuple[str, ...] = ()  # of direct and indirect, to count apart
+    of: Job
+    stamp: list[int] | None
+    name: str = "head"
+    weight: int = 0
+    limit: float | None = None
 
     @property
-    def key(self) -> Key:
-        return self.job, self.positions
+    def job(self) -> str:
+        return self.of.id
+
+    @property
+    def key(self) -> str:
+        return head_key(self.job)
+
+    @property
+    def scene(self) -> str:
+        return self.of.scene
+
+    def run(self, worker: Worker) -> bytes:
+        worker.release()  # the scene may have changed
+        loaded = _loaded(worker, self.of)
+        if self.of.settings.lighting.exposure == AUTO:
+            open_context(self.of.settings)  # its exposure may have to be metered
+        return json_bytes(_head_record(loaded, self.of.settings, self.stamp))
+
+
+@dataclass(frozen=True, slots=True)
+class PairsUnit:
+    """Pairs of a job whose lighting is resolved.
+
+    ``positions``: ascending, among the job's pairs; empty for a job without pairs, whose frames are rendered all the
+    same.  ``head``: hash of the head; ``sha256``: of the files when it was made (``evaluation.files_identity``).
+    """
+
+    of: Job
+    positions: tuple[int, ...]
+    head: str
+    sha256: str | None
+    limit: float | None = None
+
+    @property
+    def job(self) -> str:
+        return self.of.id
+
+    @property
+    def key(self) -> str:
+        ends = f"{self.positions[0]:06d}-{self.positions[-1]:06d}" if self.positions else "none"
+        return pairs_key(self.job, ends, self.head)
+
+    @property
+    def scene(self) -> str:
+        return self.of.scene
 
     @property
     def name(self) -> str:
-        if self.positions is None:
-            return "head"
         return f"pairs {self.positions[0]} to {self.positions[-1]}" if self.positions else "frames without pairs"
 
+    @property
+    def weight(self) -> int:
+        return len(self.positions)
 
-class Task(Protocol):
-    """A unit of another package, which engines run as they run a Unit.  It can be pickled; ``run`` returns its result.
+    def run(self, worker: Worker) -> bytes:
+        started, settings = time.perf_counter(), self.of.settings
+        open_context(settings)
+        loaded = _loaded(worker, self.of)
+        if self.sha256 != files_identity(file_hashes(loaded.scene, settings)):
+            raise SceneError("changed while the batch was running", where=self.scene, hint="run the batch again")
+        session = loaded.opened(self.of)
+        session.timer.reset()
+        frames = session.given.frames
+        schedule = pair_schedule(frames, self.positions) if self.positions else frame_schedule(frames, settings)
+        counted = []
+        for pair in session.pairs(schedule, checked_frames(frame_schedule(frames, settings))):
+            counted.append(pair.evaluated)
+            worker.done()
+        pairs = [
+            pair_record(position, one.counts, one.lobes, row if settings.metrics.exact else None)
+            for position, one, row in zip(self.positions, counted, session.rows, strict=True)
+        ]
+        report = _report(session)
+        report["provenance"] |= {"host": platform.node(), "pid": os.getpid(), "seconds": time.perf_counter() - started}
+        return json_bytes({"report": report, "pairs": pairs})
 
-    ``job``: a worker gets units of the same one if it can; ``name`` and ``scene`` are for messages.
+
+def head_key(job: str) -> str:
+    """Of the record of a job's head."""
+    return f"{job}/head"
+
+
+def pairs_key(job: str, ends: str, head: str) -> str:
+    """Of a record of pairs.  ``ends``: first and last position, or a pattern; ``head``: hash of the job's head."""
+    return f"{job}/pairs-{ends}-{head}"
+
+
+def head_hash(head: Mapping[str, Any]) -> str:
+    """Of everything in a head that the counts of pairs depend on."""
+    return content_hash([head[name] for name in ("frames", "facts", "lighting")])
+
+
+@dataclass(slots=True)
+class _Loaded:
+    """A scene and, once it renders, its session: what a worker keeps for the next unit of a job."""
+
+    scene: Scene
+    poser: Poser
+    camera: CameraTrack
+    session: Session | None = None
+
+    def opened(self, job: Job) -> Session:
+        """The session of a job whose lighting is resolved."""
+        if self.session is None:
+            frames = frame_range(self.scene, self.camera, job.settings)
+            resolved = ResolvedLighting(job.settings)
+            scene_input = SceneInput(self.scene, self.camera, frames, resolved, self.poser)
+            self.session = Session(scene_input, Wants(lobes=job.lobes))
+        return self.session
+
+    def release(self) -> None:
+        if self.session is not None:
+            self.session.release()
+
+
+def _loaded(worker: Worker, job: Job) -> _Loaded:
+    sequence = job.settings.sequence
+
+    def load() -> _Loaded:
+        scene = load_scene(job.scene, **sequence.reading)
+        return _Loaded(scene, Poser(scene), camera_of_run(scene, sequence))
+
+    return worker.kept((job.id, job.scene, *sequence.reading.values(), sequence.camera), load)
+
+
+def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -> dict[str, Any]:
+    """All of the summary that needs no pair, and the camera poses of all frames in full precision.
+
+    ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
     """
-
-    @property
-    def job(self) -> str: ...
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def scene(self) -> str: ...
-
-    def run(self) -> bytes: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Finished:
-    unit: Unit | Task
-    data: bytes  # head: JSON; pairs: a Parquet file
-
-
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """The unit raised an exception.  It is not repeated: the result would be the same."""
-
-    unit: Unit | Task
-    message: str  # one line
-    details: str  # traceback
+    scene, poser, camera = loaded.scene, loaded.poser, loaded.camera
+    require_triangles(scene)
+    if settings.metrics.exact:
+        require_exact(settings)
+    frames = frame_range(scene, camera, settings)
+    resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
+    resolved = replace(resolved, settings=with_pairs(scene, resolved.settings, frames))
+    views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
+    # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
+    one_file = scene.files == 1 and environment_image(resolved.settings) is None
+    return {
+        "stamp": stamp if one_file else None,
+        "frames": [frames.start, frames.stop],
+        "facts": scene_facts(scene, camera, frames, resolved, poser),
+        "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},
+        "positions": [view.position for view in views],
+        "rotations": [view.world_from_view for view in views],
+    }
 
 
-@dataclass(frozen=True, slots=True)
-class Lost:
-    """The worker died while it ran the unit."""
-
-    unit: Unit | Task
-    reason: str
-    details: str = ""  # the end of the worker's output
-    attempts: int = 1  # workers that died in it
+def resolved_job(job: Job, head: Mapping[str, Any]) -> Job:
+    """``job`` with the lighting that its head resolved."""
+    lighting = {name: tuple(v) if isinstance(v, list) else v for name, v in head["lighting"].items()}
+    return replace(job, settings=job.settings.replace(**lighting))
 
 
-@dataclass(frozen=True, slots=True)
-class NoGraphics:
-    """A worker cannot open OpenGL and gets no more units.  ``unit`` goes to another worker."""
-
-    worker: str
-    message: str
-    unit: Unit | Task | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class PairDone:
-    """One pair of a unit is counted.  Optional: engines without this information send none."""
-
-    unit: Unit
-
-
-Event = Finished | Failed | Lost | NoGraphics | PairDone
+def _report(session: Session) -> dict[str, Any]:
+    """What a session measured besides the counts."""
+    with session.gpu:
+        session.gpu.check("a chunk of a batch")
+        return {
+            "source": session.source.describe(),
+            "brightness": session.brightness.as_dict(),
+            "depths": session.depths,
+            "unmeasured": dict(session.source.unmeasured),
+            "reprojection": session.source.reprojection,
+            "provenance": provenance(session.gpu, session.timer.clock),
+            "passes_ms": session.timer.median_ms(),
+        }
 
 
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """A worker that can take one more unit.  ``last_job``: the job whose scene it has loaded."""
+# --------------------------------------------------------------------------------------------------------------- counts
+def pair_record(
+    position: int, counts: Counts, lobes: Mapping[str, Array], row: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """A counted pair as its record has it.  ``row``: with EXACT_COLUMNS, or None."""
+    return {
+        "position": position,
+        "words": _sparse(counts.mask_histogram),
+        "bins": _sparse(counts.histograms),
+        "lobes": {lobe: _sparse(histogram) for lobe, histogram in lobes.items()},
+        "exact": None if row is None else {name: row[name] for name in EXACT_COLUMNS},
+    }
 
-    key: Any
-    last_job: str | None = None
+
+def counts_of_record(pair: Mapping[str, Any]) -> Counts:
+    """The inverse of ``pair_record``.  Raises IndexError or ValueError for counts in places that there are not."""
+    bins = _dense(pair["bins"], len(FEATURES) * HISTOGRAM_BINS)
+    return Counts(_dense(pair["words"], MASK_WORDS), bins.reshape(len(FEATURES), HISTOGRAM_BINS))
 
 
-class Engine(Protocol):
-    """Runs units: in this process, in worker processes or on a Dask cluster.
+def lobes_of_record(pair: Mapping[str, Any]) -> dict[str, Array]:
+    """Lobe -> mask histogram."""
+    return {lobe: _dense(words, MASK_WORDS) for lobe, words in pair["lobes"].items()}
 
-    A context manager: ``with`` starts the workers and always stops them.
-    """
 
-    def __enter__(self) -> Engine: ...
+def _sparse(counts: Array) -> tuple[Array, Array]:
+    flat = np.asarray(counts, dtype=np.int64).ravel()
+    used = np.flatnonzero(flat)
+    return used, flat[used]
 
-    def __exit__(self, *exc: object) -> None: ...
 
-    def describe(self) -> str:
-        """What runs the units, in one phrase for messages."""
-
-    def width(self) -> int:
-        """Approximate number of units that run at the same time."""
-
-    def idle(self) -> list[Slot]:
-        """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
-
-    def submit(self, slot: Slot, unit: Unit | Task) -> None:
-        """Start a unit."""
-
-    def wait(self) -> list[Event]:
-        """Block until there is an event.  Called only while units are in flight."""
+def _dense(sparse: Sparse, size: int) -> Array:
+    counts = np.zeros(size, dtype=np.int64)
+    counts[sparse[0]] = sparse[1]
+    return counts

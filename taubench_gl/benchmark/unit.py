@@ -7,19 +7,15 @@ other methods run beside it, so units merge in any order.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.batch.worker import open_context
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
 from taubench_gl.data_files import hashed
@@ -30,6 +26,9 @@ from taubench_gl.reuse.evaluate import REFERENCE_INPUT, EvaluatedFrame, Evaluati
 from taubench_gl.reuse.inputs import missing_inputs
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.study.store import content_hash, json_bytes
+from taubench_gl.study.unit import Worker
+from taubench_gl.study.worker import open_context
 
 DIVERGED = 100.0
 """A method diverges if the mean absolute radiance of an image is more than this times the largest one of any input or
@@ -79,15 +78,11 @@ def _files_sha256(path: Path, root: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkUnit:
-    """A unit as ``batch`` engines run it.  ``sha256``: of the scene's file, which the worker checks.
-
-    ``limit``: seconds without a frame after which SIGALRM ends the worker process; None: no limit.
-    """
+    """Methods on one case, a unit of a study.  ``sha256``: of the scene's file, which the worker checks."""
 
     case: Case
     entries: tuple[Entry, ...]
     sha256: str
-    positions: None = None
     limit: float | None = None
 
     @property
@@ -100,14 +95,12 @@ class BenchmarkUnit:
         return self.case.identity(self.sha256)
 
     @property
-    def key(self) -> tuple[str, str]:
-        """Also the name of its result: case and methods."""
-        methods = [[entry.label, entry.sha256] for entry in self.entries]
-        return self.identity[:16], hashlib.sha256(json.dumps(methods).encode()).hexdigest()[:16]
+    def key(self) -> str:
+        return record_key(self.identity, content_hash([[entry.label, entry.sha256] for entry in self.entries]))
 
     @property
-    def images(self) -> int:
-        """Images of the suite's size that it evaluates, without those of references."""
+    def weight(self) -> int:
+        """Images that it evaluates, without those of references."""
         return self.case.frames * self.case.seeds * len(self.entries)
 
     @property
@@ -118,45 +111,30 @@ class BenchmarkUnit:
     def name(self) -> str:
         return f"{len(self.entries)} methods" if len(self.entries) > 1 else self.entries[0].label
 
-    def run(self) -> bytes:
-        """The result as JSON.  Raises TaubenchError; NoOpenGL if no context opens."""
+    def run(self, worker: Worker) -> bytes:
         started = time.perf_counter()
         path = scene_file(self.case.scene)
         if sha256_of(path) != self.sha256:
             hint = "the files or versions of this machine are other ones; clear its cache, or run everything on one"
             raise SceneError(OTHER_SCENE, where=str(path), hint=hint)
-        with _limited(self.limit) as restart:
-            open_context(self.case.settings)
-            result = evaluate_case(self.case, self.entries, path, restart)
+        open_context(self.case.settings)
+        result = evaluate_case(self.case, self.entries, path, lambda: worker.done(len(self.entries)))
         for entry in self.entries:
             result["methods"][entry.label]["sha256"] = entry.sha256
         result["times"]["seconds"] = time.perf_counter() - started
-        return (json.dumps(result, allow_nan=False) + "\n").encode()
+        return json_bytes(result)
 
 
-@contextmanager
-def _limited(seconds: float | None) -> Iterator[Callable[[], None]]:
-    """The yielded function starts the time again.  A signal also ends a process that waits in a driver or library."""
-
-    if seconds is None:
-        yield lambda: None
-        return
-
-    def restart() -> None:
-        signal.setitimer(signal.ITIMER_REAL, seconds)
-
-    restart()
-    try:
-        yield restart
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+def record_key(identity: str, methods: str) -> str:
+    """Of a result.  ``identity``: of the case; ``methods``: hash of the methods, or a pattern."""
+    return f"{identity[:16]}-{methods}"
 
 
 @dataclass(slots=True)
 class _Divergence:
-    """Finds methods that diverge, frame by frame.  ``found``: label -> reason."""
+    """Finds methods that diverge, frame by frame.  ``reasons``: by label."""
 
-    found: dict[str, str] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
     _largest: float = 0.0
 
     def add(self, evaluated: EvaluatedFrame) -> None:
@@ -164,8 +142,8 @@ class _Divergence:
         self._largest = max(self._largest, means.pop("input"), means.pop("reference"))
         for label, mean in means.items():
             if mean > DIVERGED * self._largest > 0:
-                what = f"diverges: in frame {evaluated.frame} its mean radiance is {mean / self._largest:.3g} times "
-                self.found.setdefault(label, what + "the largest of any input or reference")
+                factor = f"in frame {evaluated.frame} its mean radiance is {mean / self._largest:.3g} times"
+                self.reasons.setdefault(label, f"diverges: {factor} the largest of any input or reference")
 
 
 def evaluate_case(
@@ -195,7 +173,7 @@ def evaluate_case(
         methods[specs[0].label] = {"state": FAILED, "reason": str(error)}
         return out
     for label, method in done.summary["methods"].items():
-        methods[label] = _method(done, label, method, divergence.found.get(label))
+        methods[label] = _method(done, label, method, divergence.reasons.get(label))
         out["times"]["methods"][label] = method.get("time_ms")
     summary = done.summary
     reference = summary["reference"]
@@ -231,7 +209,7 @@ def inapplicable(case: Case, entry: Entry) -> str | None:
     missing = missing_inputs(case.kind, traced=bool(case.kind.path_samples))
     if case.kind.upscale != 1:
         missing[REFERENCE_INPUT] = "the reference has the size of the output"
-    lost = [one for one in reads if one in missing]
+    lost = [name for name in reads if name in missing]
     return f"no {', '.join(lost)}: {missing[lost[0]]}" if lost else None
 
 

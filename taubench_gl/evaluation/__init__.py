@@ -35,7 +35,7 @@ from taubench_gl.evaluation.schedule import (
     sampled_pairs,
     with_pairs,
 )
-from taubench_gl.evaluation.session import Session, Wants, frame_columns
+from taubench_gl.evaluation.session import Session, Wants, camera_row, frame_columns
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
 __all__ = [
@@ -53,6 +53,7 @@ __all__ = [
     "Session",
     "Wants",
     "assemble_summary",
+    "camera_row",
     "checked_frames",
     "describe_brightness",
     "describe_scale",

@@ -155,7 +155,7 @@ class Session(GpuOwner):
     def _completed(self, finished: list[EvaluatedPair]) -> Iterator[Pair]:
         for one in finished:
             row = {"frame": one.frame, "time_s": one.frame / self.settings.sequence.fps}
-            row |= self.stats.add(one.counts) | _camera_row(one.views, self.settings.metrics.unit_scale)
+            row |= self.stats.add(one.counts) | camera_row(one.views, self.settings.metrics.unit_scale)
             self.rows.append(row)
             with contextlib.closing(Pair(one, row, self.evaluator)) as pair:
                 if self._images:
@@ -228,7 +228,7 @@ def _report(pair: Pair, observers: Observers, done: int, total: int) -> None:
         observers.progress(Progress(observers.scene, done, total, pair.evaluated.seconds))
 
 
-def _camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:
+def camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:
     """How the camera moved between two frames, as columns of frames.csv; ``unit_scale``: scene units per meter."""
     activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
     return {

@@ -10,7 +10,8 @@ from pathlib import Path
 from taubench_gl.animation import camera_of_run
 from taubench_gl.batch.merge import job_positions
 from taubench_gl.batch.spec import Job
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.study import batch_store, stored_pairs
+from taubench_gl.batch.units import head_key, resolved_job
 from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, frame_schedule, sampled_pairs
 from taubench_gl.paper.pixels import PixelRun
 from taubench_gl.paper.study import PIXELS, RUNS, SceneJobs
@@ -18,6 +19,7 @@ from taubench_gl.pathtraced.references import duration_text
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
+from taubench_gl.study.store import Store
 
 SMALLER = 8
 """Factor by which the images are smaller in which path-traced light is timed."""
@@ -45,7 +47,7 @@ class Estimate:
 
 def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
     """What is left of the images (Table 4).  Tables 1 to 3 take seconds and are left out.  Raises TaubenchError."""
-    store, found = Store(out / RUNS), []
+    store, found = batch_store(out / RUNS), []
     for scene in jobs:
         loaded: Scene | None = None
         raster: float | None = None
@@ -95,13 +97,12 @@ class _Counted:
 
 def _counted(store: Store, job: Job) -> _Counted | None:
     """None before the job's head is known."""
-    head = store.load_head(job)
+    head = store.load(head_key(job.id))
     if head is None:
         return None
-    records, reports = store.load_pairs(job)
-    positions = job_positions(job, head)
-    left = len([p for p in positions if p not in records])
-    done = sum(len(report["pairs"]) for report in reports)
+    reports, pairs = stored_pairs(store, job.id, head)
+    left = len([p for p in job_positions(resolved_job(job, head), head) if p not in pairs])
+    done = sum(len(report["positions"]) for report in reports)
     spent = sum(report["provenance"]["seconds"] for report in reports)
     return _Counted(left, spent / done if done else None)
 

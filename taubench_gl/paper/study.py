@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.batch.driver import Listener
-from taubench_gl.batch.run import run_batch
+from taubench_gl.batch.merge import job_folder
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.study import batch_store, run_batch
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.paper.pixels import PixelRun
 from taubench_gl.paper.scenes import Found, PaperScene
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import PAPER_SIZE, Settings
+from taubench_gl.study.progress import Listener
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
@@ -154,16 +154,16 @@ def run_pixels(jobs: list[SceneJobs], out: Path, listener: Listener) -> tuple[di
         try:
             pairs = PixelRun(job, scene.pixels, out / PIXELS)
             missing = pairs.missing
-            listener.job_known(job, pairs.total - sum(map(len, missing)), pairs.total)
+            listener.job_known(job.id, job.label, pairs.total - sum(map(len, missing)), pairs.total)
             for part in missing:
                 pairs.count(part)
-                listener.pairs_done(job, len(part))
+                listener.advanced(job.id, len(part))
             runs[job.id] = pairs.result()
         except TaubenchError as error:
             failed[job.id] = str(error)
-            listener.job_failed(job, failed[job.id])
+            listener.job_failed(job.id, job.label, failed[job.id])
         else:
-            listener.job_finished(job)
+            listener.job_finished(job.id)
     return runs, failed
 
 
@@ -174,7 +174,7 @@ def results_of(
 
     Raises OutputError for a damaged one.
     """
-    store, results = Store(out / RUNS), []
+    store, results = batch_store(out / RUNS), []
     for scene in jobs:
         result = SceneResult(scene.scene)
         for part, job in ((CAMERA, scene.camera), *scene.images.items()):
@@ -182,7 +182,7 @@ def results_of(
             if job.id in failed:
                 result.failed[part] = failed[job.id]
                 continue
-            run = runs[job.id] if job.id in runs else load_run(store.job(job.id))
+            run = runs[job.id] if job.id in runs else load_run(job_folder(store, job.id))
             if part == CAMERA:
                 result.camera = run
             else:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from batch_tools import DEMO, SMALL, final_files, write_spec
 
-from taubench_gl.batch.run import run_batch
 from taubench_gl.batch.spec import read_spec
+from taubench_gl.batch.study import run_batch
 
 
 @pytest.fixture(scope="session")

@@ -12,10 +12,13 @@ import pytest
 from batch_tools import DEMO, SMALL, spec_of, write_spec
 
 from taubench_gl.apps import cli
-from taubench_gl.batch.run import batch_status, make_engine, run_batch
+from taubench_gl.batch.study import batch_status, run_batch
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
 from taubench_gl.folder_lock import FolderLock, lock_holder
 from taubench_gl.scene import load_scene
+from taubench_gl.study import engines
+from taubench_gl.study.cluster import DaskCluster
+from taubench_gl.study.run import make_engine
 
 
 def taubench(capsys, *arguments):
@@ -61,9 +64,9 @@ def test_folders_without_a_batch_are_refused(tmp_path, capsys, command):
 
 @pytest.mark.parametrize("text", ["[]", "{", "\x00"])
 def test_damaged_spec_is_one_line(tmp_path, capsys, text):
-    (tmp_path / "spec.json").write_text(text)
+    (tmp_path / "study.json").write_text(text)
     code, _, err = taubench(capsys, "batch", "status", tmp_path)
-    assert code == 2 and "spec.json" in err and err.count("\n") == 1
+    assert code == 2 and "study.json" in err and err.count("\n") == 1
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path):
@@ -77,7 +80,7 @@ def test_a_folder_with_other_files_is_refused(tmp_path):
 def test_a_folder_of_a_driver_killed_at_its_start_is_usable(tmp_path):
     """Logs and the lock are written before the spec."""
     (tmp_path / "out" / "logs").mkdir(parents=True)
-    for name in (".lock", ".spec.json.123-0.partial"):
+    for name in (".lock", ".study.json.123-0.partial"):
         (tmp_path / "out" / name).touch()
     spec = spec_of(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:1"\n{SMALL}')
     assert run_batch(spec, tmp_path / "out").summary["done"] == 1
@@ -87,13 +90,13 @@ def test_an_engine_that_does_not_start_writes_no_spec(tmp_path):
     spec = spec_of(tmp_path, f'scenes = ["{DEMO}"]\n{SMALL}')
     with pytest.raises(TaubenchError, match="not a host"):
         run_batch(spec, tmp_path / "out", engine="dask://not a host")
-    assert not (tmp_path / "out" / "spec.json").exists()
+    assert not (tmp_path / "out" / "study.json").exists()
 
 
 def test_a_batch_of_another_version_is_refused(tmp_path, monkeypatch):
     spec = spec_of(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:1"\n{SMALL}')
     run_batch(spec, tmp_path / "out")
-    monkeypatch.setattr("taubench_gl.batch.store.__version__", "99")
+    monkeypatch.setattr("taubench_gl.study.store.__version__", "99")
     with pytest.raises(OutputError, match="99"):
         run_batch(None, tmp_path / "out")
 
@@ -120,8 +123,6 @@ def test_a_scene_added_to_the_spec_is_the_only_one_evaluated(tmp_path):
 
 
 def test_worker_processes_share_the_cores(monkeypatch):
-    from taubench_gl.batch import engines
-
     monkeypatch.setattr(engines, "available_cores", lambda: 8)
     for name in engines.THREADS_VARIABLES:
         monkeypatch.delenv(name, raising=False)
@@ -131,12 +132,10 @@ def test_worker_processes_share_the_cores(monkeypatch):
 
 
 def test_engine_names(tmp_path):
-    from taubench_gl.batch.cluster import DaskCluster
-
-    assert make_engine("dask://a:1", None, tmp_path, print)._address == "tcp://a:1"
-    assert isinstance(make_engine("dask-local", 3, tmp_path, print), DaskCluster)
+    assert make_engine("dask://a:1", None, tmp_path)._address == "tcp://a:1"
+    assert isinstance(make_engine("dask-local", 3, tmp_path), DaskCluster)
     with pytest.raises(SettingsError) as caught:
-        make_engine("dask", None, tmp_path, print)
+        make_engine("dask", None, tmp_path)
     assert "dask://HOST:PORT" in caught.value.hint
 
 

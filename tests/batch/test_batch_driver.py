@@ -2,43 +2,42 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from batch_tools import spec_of
+from batch_tools import DEMO, spec_of
 
-from taubench_gl.batch.driver import Driver, Listener
-from taubench_gl.batch.partition import PairRecord, decode, encode, frames_table, require_pyarrow
-from taubench_gl.batch.store import Store
-from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
-from taubench_gl.batch.worker import Worker
+from taubench_gl.batch.merge import frames_table
+from taubench_gl.batch.spec import Job
+from taubench_gl.batch.study import BatchStudy, about_batch, batch_store
+from taubench_gl.batch.units import HeadUnit, PairsUnit, counts_of_record, pair_record
 from taubench_gl.conventions import HISTOGRAM_BINS, Reason
-from taubench_gl.errors import GraphicsError
+from taubench_gl.errors import GraphicsError, SceneError
 from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
-from taubench_gl.metrics.counts import Counts, counts_of
-from taubench_gl.run_schema import CAMERA_COLUMNS, EXACT_COLUMNS
+from taubench_gl.metrics.counts import Counts
+from taubench_gl.settings import Settings
+from taubench_gl.study.driver import Driver
+from taubench_gl.study.progress import Listener
+from taubench_gl.study.store import json_bytes
+from taubench_gl.study.unit import ATTEMPTS, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit, Worker
 
 PIXELS = 40  # 8x5
 FRAMES = 20
 
 
-def record(position: int) -> PairRecord:
+def counts(position: int) -> Counts:
     mask_histogram = np.zeros(MASK_WORDS, dtype=np.uint32)
     mask_histogram[0], mask_histogram[int(Reason.OUTSIDE)] = PIXELS - position, position
     histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.uint32)
     histograms[1, 30 + position] = 5
-    camera = dict.fromkeys(CAMERA_COLUMNS, 0.0) | {"translation_m": 1.0}
-    row = {"frame": position + 1, "time_s": (position + 1) / 24, **counts_of(mask_histogram), **camera, "gimbal": False}
-    row |= {"direct": None, "lit": None, "shadowed": None}
-    return PairRecord(position, row, Counts(mask_histogram, histograms))
+    return Counts(mask_histogram, histograms)
 
 
 def answer(unit: Unit) -> bytes:
-    if unit.positions is None:
+    if isinstance(unit, HeadUnit):
         facts = {
             "scene": {"name": "made", "sha256": "x"},
             "census": {},
@@ -46,8 +45,9 @@ def answer(unit: Unit) -> bytes:
             "camera_source": "c",
             "notes": [],
         }
-        views = {"positions": [[0.0, 0, i] for i in range(FRAMES)], "rotations": [np.eye(3).tolist()] * FRAMES}
-        return json.dumps({"frames": [0, FRAMES], "facts": facts, **views}).encode()
+        views = {"positions": [[0.0, 0, i] for i in range(FRAMES)], "rotations": [np.eye(3)] * FRAMES}
+        head = {"stamp": unit.stamp, "frames": [0, FRAMES], "facts": facts, "lighting": {}}
+        return json_bytes(head | views)
     report = {
         "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []},
         "brightness": {},
@@ -56,7 +56,11 @@ def answer(unit: Unit) -> bytes:
         "provenance": {"host": "h"},
         "passes_ms": {},
     }
-    return encode([record(p) for p in unit.positions], report)
+    return json_bytes({"report": report, "pairs": [pair_record(p, counts(p), {}, None) for p in unit.positions]})
+
+
+def positions(unit: Unit) -> tuple[int, ...]:
+    return unit.positions if isinstance(unit, PairsUnit) else ()
 
 
 class Scripted:
@@ -78,7 +82,7 @@ class Scripted:
         self.in_flight[slot.key], self.last[slot.key] = unit, unit.job
         self.seen.append((slot.key, unit))
 
-    def wait(self) -> list[Event]:
+    def wait(self, advanced) -> list[Event]:
         worker, unit = self.in_flight.popitem()
         event = self.script(worker, unit) or Finished(unit, answer(unit))
         if isinstance(event, NoGraphics):
@@ -93,11 +97,11 @@ class Recorder(Listener):
     def message(self, line):
         self.lines.append(line)
 
-    def job_known(self, job, done, total):
-        self.pairs[job.id] = done
+    def job_known(self, job, label, done, total):
+        self.pairs[job] = done
 
-    def pairs_done(self, job, pairs):
-        self.pairs[job.id] += pairs
+    def advanced(self, job, weight):
+        self.pairs[job] = self.pairs.get(job, 0) + weight
 
 
 @pytest.fixture
@@ -110,36 +114,34 @@ def spec(tmp_path):
 @pytest.fixture
 def drive(tmp_path, spec):
     def run(engine, out="out", chunk=4, listener=None):
-        store = Store(tmp_path / out)
-        store.save_spec(spec)
-        return Driver(spec, store, listener, chunk).run(engine), store
+        store = batch_store(tmp_path / out)
+        store.write_about(about_batch(spec))
+        study = BatchStudy(spec, store, chunk)
+        Driver(study, engine, listener or Listener()).run()
+        return study.merge(), store
 
     return run
 
 
-def test_partitions_preserve_every_count():
-    """Counts that are not measured are null."""
-    records = [record(p) for p in (3, 5)]
-    data = encode(records, {"host": "h"})
-    back, report = decode(data)
-    assert report == {"host": "h"}
-    for ours, theirs in zip(records, back, strict=True):
-        assert theirs.position == ours.position and theirs.row == dict.fromkeys(EXACT_COLUMNS) | ours.row
-        np.testing.assert_array_equal(theirs.counts.mask_histogram, ours.counts.mask_histogram)
-        np.testing.assert_array_equal(theirs.counts.histograms, ours.counts.histograms)
-    table = require_pyarrow().parquet.read_table(io.BytesIO(data))
-    for name in ("frame", "pixels", "translation_m"):  # a number changed by another program, with whole metadata
-        place, values = table.column_names.index(name), table[name].to_pylist()
-        wrong = require_pyarrow().array([values[0] + 1, *values[1:]], type=table.schema.field(name).type)
-        sink = io.BytesIO()
-        require_pyarrow().parquet.write_table(table.set_column(place, table.schema.field(name), wrong), sink)
-        with pytest.raises(ValueError, match="written"):
-            decode(sink.getvalue())
-    for broken in (data[:-10], data[: len(data) // 2], b"", b"PAR1"):
-        with pytest.raises(ValueError, match="partition"):
-            decode(broken)
-    table = frames_table([])
-    assert table[:4] == b"PAR1" and require_pyarrow()
+def test_records_preserve_every_count_and_damaged_ones_are_removed(tmp_path):
+    store = batch_store(tmp_path)
+    before = counts(3)
+    data = json_bytes(pair_record(3, before, {}, None))
+    store.save("a/b", data)
+    after = counts_of_record(store.load("a/b"))
+    np.testing.assert_array_equal(after.mask_histogram, before.mask_histogram)
+    np.testing.assert_array_equal(after.histograms, before.histograms)
+    (file,) = tmp_path.glob("records/a/b.json")
+    whole = file.read_bytes()
+    # A number changed by another program, and files that a disk error cut.
+    for broken in (whole.replace(b"37", b"38"), whole[:-10], whole[: len(whole) // 2], b"", b"{}"):
+        assert broken != whole
+        file.write_bytes(broken)
+        assert store.load("a/b", remove=False) is None and file.exists()
+        assert store.load("a/b") is None and not file.exists()
+    store.save("a/b", b'{"position": "three"}')
+    assert store.load("a/b", dict[str, int]) is None
+    assert frames_table([])[:4] == b"PAR1"
 
 
 def test_every_unit_runs_once(drive, spec):
@@ -150,7 +152,7 @@ def test_every_unit_runs_once(drive, spec):
     assert recorder.pairs == {job.id: FRAMES - 1 for job in spec.jobs}
     assert len(engine.seen) == len({unit.key for _, unit in engine.seen}) == 2 * (1 + 5)
     for job in spec.jobs:
-        counted = [p for _, unit in engine.seen if unit.job == job.id for p in unit.positions or ()]
+        counted = [p for _, unit in engine.seen if unit.job == job.id for p in positions(unit)]
         assert sorted(counted) == list(range(FRAMES - 1))
     # Run again: nothing to do.
     engine = Scripted(1)
@@ -161,7 +163,7 @@ def test_every_unit_runs_once(drive, spec):
 def test_a_unit_whose_worker_died_is_repeated(drive):
     deaths = iter([True, False, True])
     recorder = Recorder()
-    script = lambda worker, unit: Lost(unit, "killed") if unit.positions and next(deaths, False) else None  # noqa: E731
+    script = lambda worker, unit: Lost(unit, "killed") if positions(unit) and next(deaths, False) else None  # noqa: E731
     outcome, _ = drive(Scripted(2, script), "lost", listener=recorder)
     expected, _ = drive(Scripted(1), "plain", chunk=7)
     assert outcome == expected
@@ -208,12 +210,12 @@ def test_pairs_of_a_damaged_partition_are_counted_again(drive, spec):
     _, store = drive(Scripted(1))
     before = (store.out / "summary.json").read_bytes()
     job = spec.jobs[0].id
-    (store.job(job) / "summary.json").unlink()
-    broken = sorted(store.pairs_folder(job).iterdir())[1]
+    (store.out / "jobs" / job / "summary.json").unlink()
+    broken = sorted((store.out / "records" / job).glob("pairs-*"))[1]
     broken.write_bytes(broken.read_bytes()[:100])
     engine = Scripted(1)
     drive(engine)
-    assert [unit.positions for _, unit in engine.seen] == [(4, 5, 6, 7)]
+    assert [positions(unit) for _, unit in engine.seen] == [(4, 5, 6, 7)]
     assert (store.out / "summary.json").read_bytes() == before
 
 
@@ -223,40 +225,35 @@ def test_a_changed_scene_is_evaluated_from_scratch(drive, spec, tmp_path):
     engine = Scripted(1)
     drive(engine)
     # Its head is the same here, so its pairs are kept; only the head is made again.
-    assert [unit.positions for _, unit in engine.seen] == [None]
+    assert [unit.name for _, unit in engine.seen] == ["head"]
 
     def other(worker, unit):
-        head = json.loads(answer(unit)) if unit.positions is None else None
-        if head is None:
+        if not isinstance(unit, HeadUnit):
             return None
+        head = json.loads(answer(unit))
         head["facts"]["scene"]["sha256"] = "y"
-        return Finished(unit, json.dumps(head).encode())
+        return Finished(unit, json_bytes(head))
 
     (tmp_path / "a.glb").write_text("a third scene")
     engine = Scripted(1, other)
     drive(engine)
-    assert sorted(p for _, unit in engine.seen for p in unit.positions or ()) == list(range(FRAMES - 1))
+    assert sorted(p for _, unit in engine.seen for p in positions(unit)) == list(range(FRAMES - 1))
 
 
 def test_a_scene_that_changes_while_its_head_is_computed_gets_a_new_head(drive, tmp_path):
     def meanwhile(worker, unit):
-        if unit.positions is None:
+        if isinstance(unit, HeadUnit):
             Path(unit.scene).write_text("another scene")
 
     drive(Scripted(1, meanwhile))
     for heads in (2, 0):  # of both scenes; then they are as they were
         engine = Scripted(1)
         drive(engine)
-        assert [unit.positions for _, unit in engine.seen] == [None] * heads
+        assert [unit.name for _, unit in engine.seen] == ["head"] * heads
 
 
-def test_a_scene_that_changes_after_its_head_is_refused(tmp_path):
-    from batch_tools import DEMO
-
-    from taubench_gl.errors import SceneError
-    from taubench_gl.settings import Settings
-
-    settings = Settings(width=8, height=8, columns=("frustum",))
+def test_a_scene_that_changes_after_its_head_is_refused():
+    unit = PairsUnit(Job("j", str(DEMO), Settings(width=8, height=8, columns=("frustum",)), {}), (0,), "h", "another")
     with pytest.raises(SceneError) as caught:
-        Worker().run(Unit("j", str(DEMO), settings, (0,), "another"))
+        unit.run(Worker())
     assert caught.value.where == str(DEMO)

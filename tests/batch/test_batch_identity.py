@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from batch_tools import DEMO, SMALL, final_files, spec_of
 
-from taubench_gl.batch.run import run_batch
 from taubench_gl.batch.spec import BatchSpec, Job, read_spec
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.study import batch_store, run_batch, stored_spec
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.run import load_run
 from taubench_gl.settings import Settings
@@ -88,7 +87,7 @@ def test_lobes_equal_those_of_evaluate(tmp_path):
     run = load_run(tmp_path / "out" / "jobs" / "demo")
     assert run.summary["lobes"] == once.summary["lobes"]
     assert run.summary["lobes"]["diffuse"]["direct"]["mean_percent"] > 0
-    assert Store(tmp_path / "out").load_spec().jobs[0].lobes == lobes
+    assert stored_spec(batch_store(tmp_path / "out")).jobs[0].lobes == lobes
 
 
 def _toml(value):
@@ -126,6 +125,11 @@ def test_results_do_not_depend_on_a_running_cluster(reference, tmp_path):
     assert final_files(tmp_path / "out") == expected
 
 
+def records(job: Path) -> Path:
+    """Of the job whose results are in the folder ``job``."""
+    return job.parents[1] / "records" / job.name
+
+
 def truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
@@ -138,9 +142,9 @@ def truncate(path: Path) -> None:
         lambda job: truncate(job / "summary.json"),
         lambda job: (job / "summary.json").write_bytes(b""),
         lambda job: (job / "frames.csv").write_text("frame\n" + "1" * 5000 + "\n"),
-        lambda job: [truncate(job / "summary.json"), truncate(next(job.glob("pairs/*.parquet")))],
-        lambda job: [truncate(job / "frames.csv"), truncate(job / "head.json")],
-        lambda job: [truncate(job / "frames.csv"), (job / "head.json").write_text("{}")],
+        lambda job: [truncate(job / "summary.json"), truncate(next(records(job).glob("pairs-*")))],
+        lambda job: [truncate(job / "frames.csv"), truncate(records(job) / "head.json")],
+        lambda job: [truncate(job / "frames.csv"), (records(job) / "head.json").write_text("{}")],
     ],
     ids=["rows-cut", "rows-gone", "summary-cut", "summary-empty", "long-number", "pairs-cut", "head-cut", "head-empty"],
 )

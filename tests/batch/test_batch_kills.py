@@ -18,7 +18,7 @@ PATIENCE = 300
 
 
 def partitions(out: Path) -> int:
-    return len(list(out.glob("jobs/*/pairs/*.parquet")))
+    return len(list(out.glob("records/*/pairs-*.json")))
 
 
 def test_killed_driver(reference, tmp_path):

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from taubench_gl.batch.partition import frames_table
+from taubench_gl.batch.merge import frames_table
 from taubench_gl.run_schema import FRAME_COLUMNS
 
 pq = pytest.importorskip("pyarrow.parquet")

@@ -8,7 +8,7 @@ import pytest
 from batch_tools import spec_of, write_spec
 
 from taubench_gl.batch.spec import read_spec
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.study import about_batch, batch_store, stored_spec
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
 
@@ -77,9 +77,9 @@ def test_entries_of_one_scene_are_labelled_by_what_differs(folder):
     ]  # fmt: skip
     assert [job.label for job in spec.jobs] == labels
     assert all(set(job.sweep) == {"size"} for job in spec.jobs)
-    store = Store(folder / "out")
-    store.save_spec(spec)
-    assert store.load_spec() == spec
+    store = batch_store(folder / "out")
+    store.write_about(about_batch(spec))
+    assert stored_spec(store) == spec
 
 
 def test_swept_settings_appear_once_in_labels(folder):

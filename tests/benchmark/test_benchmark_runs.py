@@ -12,16 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from taubench_gl.batch.engines import InProcess
-from taubench_gl.benchmark import run as run_module
 from taubench_gl.benchmark.compare import compared
 from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.output import load_benchmark
-from taubench_gl.benchmark.run import UNITS, plan, run_benchmark
+from taubench_gl.benchmark.run import BenchmarkStudy, run_benchmark
 from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import Entry
 from taubench_gl.errors import OutputError, SceneError, SettingsError
 from taubench_gl.paths import ASSETS
+from taubench_gl.study.engines import InProcess
+from taubench_gl.study.progress import Progress
+from taubench_gl.study.store import RECORDS
 
 SUITE = """schema = "suite/1"
 name = "tiny"
@@ -74,6 +75,10 @@ def command_of(suite, out, *more):
     return [*program, "--suite", str(suite), "--out", str(out), *more]
 
 
+def units_of(suite, entries):
+    return list(BenchmarkStudy(read_suite(suite), entries, "nowhere").units.values())
+
+
 @pytest.fixture(scope="module")
 def suite_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("suite") / "tiny.toml"
@@ -120,9 +125,9 @@ def test_units_of_single_methods_give_equal_bits(suite_file, whole, tmp_path):
     """As after a lost worker: another order of methods, in units of their own."""
     out, suite = tmp_path / "out", read_suite(suite_file)
     run_benchmark(suite, ("none",), out, engine=InProcess())
-    stored = {path.name for path in (out / UNITS).iterdir()}
+    stored = {path.name for path in (out / RECORDS).iterdir()}
     again = run_benchmark(suite, METHODS, out, engine=InProcess())  # adds two methods
-    assert stored < {path.name for path in (out / UNITS).iterdir()}
+    assert stored < {path.name for path in (out / RECORDS).iterdir()}
     assert values_of(again) == values_of(whole[0])
 
 
@@ -147,19 +152,19 @@ def test_a_worker_with_another_scene_is_refused(tmp_path, monkeypatch):
     """The scene changes after its hash was taken; no method is to blame."""
     (tmp_path / "scene.glb").write_bytes((ASSETS / "demo.glb").read_bytes())
     (tmp_path / "suite.toml").write_text(SUITE.replace('"demo"', '"scene.glb"').replace("rotation = [0.0, 6.0]\n", ""))
-    units = run_module.plan
+    missing = BenchmarkStudy.missing
 
-    def changed(*args):
-        found = units(*args)
+    def changed(*arguments):
+        units = missing(*arguments)
         with (tmp_path / "scene.glb").open("ab") as file:
             file.write(b" ")
-        return found
+        return units
 
-    monkeypatch.setattr(run_module, "plan", changed)
+    monkeypatch.setattr(BenchmarkStudy, "missing", changed)
     with pytest.raises(SceneError) as found:
         run_benchmark(read_suite(tmp_path / "suite.toml"), ("none",), tmp_path / "out", engine=InProcess())
     assert "scene.glb" in str(found.value) and "\n" not in str(found.value)
-    assert not list((tmp_path / "out").glob("units/*")) and not (tmp_path / "out" / "benchmark.json").exists()
+    assert not list((tmp_path / "out").glob("records/*")) and not (tmp_path / "out" / "benchmark.json").exists()
 
 
 @pytest.mark.long
@@ -179,12 +184,12 @@ def test_parts_of_two_processes_merge_in_any_order(suite_file, whole, tmp_path):
         out = tmp_path / "-".join(order)
         for name in order:
             assert load_benchmark(tmp_path / name)["suite"] != whole[0]["suite"]
-            for path in sorted((tmp_path / name / UNITS).iterdir(), reverse=name == order[0]):
-                (out / UNITS).mkdir(parents=True, exist_ok=True)
-                shutil.copy(path, out / UNITS)
+            for path in sorted((tmp_path / name / RECORDS).iterdir(), reverse=name == order[0]):
+                (out / RECORDS).mkdir(parents=True, exist_ok=True)
+                shutil.copy(path, out / RECORDS)
         lines: list[str] = []
-        found = run_benchmark(read_suite(suite_file), METHODS, out, engine=InProcess(), say=lines.append)
-        assert "3 units are stored" in lines
+        found = run_benchmark(read_suite(suite_file), METHODS, out, engine=InProcess(), listener=Progress(lines.append))
+        assert sum("of an earlier run" in line for line in lines) == 3
         assert values_of(found) == values_of(whole[0])
 
 
@@ -313,10 +318,10 @@ def test_a_benchmark_killed_twice_continues_to_the_same_bits(suite_file, whole, 
                     running.send_signal(signal.SIGKILL)
                     break
         assert not (out / "benchmark.json").exists()
-        assert len(list((out / UNITS).glob("*.json"))) == stored
+        assert len(list((out / RECORDS).glob("*.json"))) == stored
     done = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert "2 units are stored" in done.stderr
+    assert done.stderr.count("of an earlier run") == 2
     assert values_of(load_benchmark(out)) == values_of(whole[0])
 
 
@@ -324,12 +329,12 @@ def test_a_benchmark_killed_twice_continues_to_the_same_bits(suite_file, whole, 
 def test_the_estimated_time_covers_every_unit(suite_file):
     """No limits on the time itself: equal images take equal time, and a method that does not apply takes none."""
     entries = [Entry.of("none")]
-    units = plan(read_suite(suite_file), entries)
+    units = units_of(suite_file, entries)
     found = estimate_units(units)
     assert [one.unit for one in found] == units
     noisy = [one for one in found if one.unit.case.kind.noisy]
-    per_image = {one.frames / one.unit.images for one in noisy}
+    per_image = {one.frames / one.unit.weight for one in noisy}
     assert len(noisy) == 2 and len(per_image) == 1 and min(per_image) > 0.0
     assert all(one.reference == 0.0 and one.seconds == one.frames for one in found)
-    masks = estimate_units(plan(read_suite(suite_file), [Entry.of("ideal-masks")]))
+    masks = estimate_units(units_of(suite_file, [Entry.of("ideal-masks")]))
     assert {one.unit.case.track: one.frames > 0 for one in masks} == {"noisy": True, "upscaling": False}

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.batch.run import run_batch
 from taubench_gl.batch.spec import read_spec
+from taubench_gl.batch.study import run_batch
 from taubench_gl.evaluation import Brightness, checked_frames, evaluate_scene, resolve_lighting
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.paths import PACKAGE

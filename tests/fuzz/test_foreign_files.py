@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from taubench_gl import Settings, evaluate
-from taubench_gl.batch.engines import Processes
 from taubench_gl.cost.records import Records
 from taubench_gl.errors import OutputError
 from taubench_gl.export.run import ExportOptions, export_scene
@@ -18,6 +17,7 @@ from taubench_gl.folder_lock import LOCK_FILE, FolderLock, lock_holder
 from taubench_gl.outputs import folder_in, log_file, new_file, new_partial, replacing, write_arrays, write_atomically
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, RunWriter
+from taubench_gl.study.engines import Processes
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL = {"size": "32x18", "frames": range(3), "columns": "frustum,position"}

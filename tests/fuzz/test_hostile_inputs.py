@@ -19,7 +19,6 @@ import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.batch.engines import worker_environment
 from taubench_gl.data_files import MAX_VALUES, read_json, read_toml, stored_arrays
 from taubench_gl.datasets.scene_cache import unpack
 from taubench_gl.errors import DatasetError, OutputError, PathTracedError, SceneError, SettingsError, TaubenchError
@@ -31,6 +30,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.environment import environment_bytes, read_environment
 from taubench_gl.scene.files import read_image
 from taubench_gl.scene.memory import memory_of
+from taubench_gl.study.engines import worker_environment
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 NOT_UTF8 = os.fsdecode(b"caf\xe9")

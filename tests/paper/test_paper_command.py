@@ -164,7 +164,7 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
     def refuse(*_args, **_more):
         raise AssertionError("a pair was drawn again")
 
-    monkeypatch.setattr("taubench_gl.batch.worker.Worker._count", refuse)
+    monkeypatch.setattr("taubench_gl.batch.units.PairsUnit.run", refuse)
     monkeypatch.setattr(figures, "evaluate_scene", refuse)
     again = run("--out", out, *SMALL, "--lobe", "diffuse")
     assert again.exit_code == 0, again.output
@@ -181,7 +181,7 @@ def test_an_interrupted_run_continues(tmp_path, monkeypatch):
         patch.setattr(output, "write_study", interrupt)
         assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 130
     assert not (out / "paper.html").exists()
-    monkeypatch.setattr("taubench_gl.batch.worker.Worker._count", interrupt)
+    monkeypatch.setattr("taubench_gl.batch.units.PairsUnit.run", interrupt)
     assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 0
     assert (out / "paper.html").exists()
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, Queue
 from typing import Any
 
-from taubench_gl.batch.engines import THREADS_VARIABLES, available_cores
-from taubench_gl.batch.units import ATTEMPTS, Event, Lost, NoGraphics, Slot, Unit
-from taubench_gl.batch.worker import NoOpenGL, Worker, attempt, warm_up
 from taubench_gl.errors import TaubenchError
+from taubench_gl.study.engines import THREADS_VARIABLES
+from taubench_gl.study.unit import ATTEMPTS, Advanced, Event, Lost, NoGraphics, NoOpenGL, Slot, Unit, Worker
+from taubench_gl.study.worker import warm_up
 
 CONNECT_SECONDS = 30
 AHEAD = 2
@@ -23,8 +24,8 @@ UNASSIGNED = 16
 class DaskCluster:
     """``address`` of a scheduler (tcp://host:port), or None: ``workers`` local processes with one GL thread each."""
 
-    def __init__(self, address: str | None, workers: int | None = None):
-        self._address, self._count = address, workers or available_cores()
+    def __init__(self, address: str | None, workers: int = 1):
+        self._address, self._count = address, workers
         self._client: Any = None
         self._cluster: Any = None
         self._done: Queue[Any] = Queue()
@@ -42,8 +43,8 @@ class DaskCluster:
         try:
             if self._address is None:
                 # One thread of a kind per process, so that all processes together have one per core.
-                one = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREADS_VARIABLES, "1")}
-                with dask.config.set(one):
+                environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREADS_VARIABLES, "1")}
+                with dask.config.set(environment):
                     self._cluster = distributed.LocalCluster(
                         n_workers=self._count,
                         threads_per_worker=1,
@@ -88,9 +89,8 @@ class DaskCluster:
         load = Counter(worker for _, _, worker in self._in_flight.values())
         workers = self._workers()
         if not workers:
-            if self._without_gl:
-                return []
-            return [Slot(None)] * max(UNASSIGNED - len(self._in_flight), 0)
+            waiting = 0 if self._without_gl else max(UNASSIGNED - len(self._in_flight), 0)
+            return [Slot(None)] * waiting
         # Every worker gets one unit before any worker gets two.
         return [Slot(w, self._last.get(w)) for held in range(AHEAD) for w in workers if load[w] <= held]
 
@@ -104,7 +104,7 @@ class DaskCluster:
         self._in_flight[key] = (future, unit, slot.key)
         future.add_done_callback(self._done.put)
 
-    def wait(self) -> list[Event]:
+    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
         futures = [self._next()]
         while not self._done.empty():
             futures.append(self._done.get())
@@ -137,7 +137,7 @@ class DaskCluster:
         return [Lost(unit, f"its workers died or could not run it: {' '.join(str(error).split())}", attempts=ATTEMPTS)]
 
 
-_worker = Worker()
+_worker = Worker(limited=True)
 _thread = ThreadPoolExecutor(1, thread_name_prefix="taubench-gl")
 
 
@@ -151,6 +151,6 @@ def run_on_worker(unit: Unit) -> Event:
     from distributed import get_worker
 
     try:
-        return _thread.submit(attempt, _worker, unit).result()
+        return _thread.submit(_worker.attempt, unit).result()
     except NoOpenGL as error:
         return NoGraphics(str(get_worker().address), str(error), unit)

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from taubench_gl.batch.units import Event, Failed, Finished, Lost, NoGraphics, PairDone, Slot, Unit
-from taubench_gl.batch.worker import Worker, attempt
 from taubench_gl.data_files import opened
 from taubench_gl.errors import OutputError
 from taubench_gl.memory_budget import VARIABLE, limit
 from taubench_gl.outputs import folder_in, log_file
+from taubench_gl.study.unit import ATTEMPTS, Advanced, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit, Worker
 
 THREADS_VARIABLE = "LP_NUM_THREADS"
 """Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
@@ -45,11 +44,11 @@ def worker_environment(workers: int) -> dict[str, str]:
 
 
 class InProcess:
-    """Runs units here, one after another.  ``on_pair`` is called for every pair, while ``wait`` still blocks."""
+    """Runs units here, one after another."""
 
-    def __init__(self, on_pair: Callable[[PairDone], None] = lambda event: None):
-        self._worker = Worker()
-        self._on_pair = on_pair
+    def __init__(self) -> None:
+        self._worker = Worker(lambda event: self._advanced(event))
+        self._advanced: Callable[[Advanced], None] = lambda event: None
         self._unit: Unit | None = None
         self._last: str | None = None
 
@@ -71,9 +70,9 @@ class InProcess:
     def submit(self, slot: Slot, unit: Unit) -> None:
         self._unit, self._last = unit, unit.job
 
-    def wait(self) -> list[Event]:
-        unit, self._unit = self._unit, None
-        return [attempt(self._worker, unit, lambda: self._on_pair(PairDone(unit)))]
+    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
+        unit, self._unit, self._advanced = self._unit, None, advanced
+        return [self._worker.attempt(unit)]
 
 
 @dataclass(slots=True)
@@ -127,7 +126,7 @@ class Processes:
         with contextlib.suppress(OSError):  # it is dead, which ``wait`` reports
             worker.connection.send(unit)
 
-    def wait(self) -> list[Event]:
+    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
         busy = {worker.connection: worker for worker in self._workers if worker.unit is not None}
         events: list[Event] = []
         for connection in wait(list(busy)):
@@ -152,7 +151,7 @@ class Processes:
         arguments = [str(theirs.fileno()), str(self._lifeline[0])]
         with log_file(log) as output:
             process = subprocess.Popen(
-                [sys.executable, "-m", "taubench_gl.batch.worker", *arguments],
+                [sys.executable, "-m", "taubench_gl.study.worker", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
@@ -165,12 +164,12 @@ class Processes:
 
     def _replace(self, worker: _Process) -> Lost:
         """Start another process in place of one that died; returns why it died."""
-        worker.process.wait()
-        reason, tail = how_it_ended(worker.process.returncode), _end_of(worker.log)
-        unit = worker.unit
+        unit, code, tail = worker.unit, worker.process.wait(), _end_of(worker.log)
         self._reap(worker)
         self._workers[self._workers.index(worker)] = self._spawn(worker.number)
-        return Lost(unit, reason, tail)
+        if code == -signal.SIGALRM and unit.limit is not None:
+            return Lost(unit, f"a frame took longer than {unit.limit:g} s (--time-limit)", tail, ATTEMPTS)
+        return Lost(unit, how_it_ended(code), tail)
 
     def _reap(self, worker: _Process) -> None:
         worker.process.wait()

@@ -1,0 +1,285 @@
+"""A batch as a study: every job has a head, then its pairs in chunks; and the state and the tables of a batch.
+
+study.json                              the jobs of the batch spec
+records/JOB/*.json                      heads and finished pairs (``units``)
+jobs/JOB/summary.json, frames.csv       once all pairs are counted; as ``evaluate --out`` writes them
+jobs/JOB/provenance.json                worker, machine and times of each chunk
+logs/JOB.log                            why a job failed
+summary.json, frames.parquet, tables.*  of the whole batch
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from taubench_gl.batch.merge import (
+    is_written,
+    job_folder,
+    job_positions,
+    labelled,
+    merge_job,
+    require_pyarrow,
+    write_batch,
+    write_job,
+    write_tables,
+)
+from taubench_gl.batch.spec import BatchSpec, Job, with_differences
+from taubench_gl.batch.units import HeadUnit, PairsUnit, Sparse, head_hash, head_key, pairs_key, resolved_job
+from taubench_gl.data_files import checked
+from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.evaluation import files_identity
+from taubench_gl.folder_lock import lock_holder
+from taubench_gl.run import SUMMARY_FILE, load_run
+from taubench_gl.settings import Settings
+from taubench_gl.study.progress import Listener
+from taubench_gl.study.run import run_study
+from taubench_gl.study.store import STUDY_FILE, Store
+from taubench_gl.study.unit import Engine, Unit
+
+SCHEMA = "taubench-gl/batch-study/1"
+
+CHUNK_PAIRS = 32
+"""Largest chunk: the pairs per worker that a killed driver loses.  A chunk renders one frame more than its pairs."""
+
+MIN_CHUNK_PAIRS = 4
+
+
+class _Job(msgspec.Struct):
+    id: Annotated[str, msgspec.Meta(pattern=r"^[^/\0]+$", max_length=255)]
+    scene: str
+    settings: dict[str, Any]
+    sweep: dict[str, Any]
+    lobes: list[str] = []
+
+
+class _About(msgspec.Struct):
+    name: str
+    jobs: list[_Job]
+
+
+class _Head(msgspec.Struct):
+    frames: tuple[int, int]
+    facts: dict[str, Any]
+    lighting: dict[str, Any]
+    positions: list[tuple[float, float, float]]
+    rotations: list[Any]
+    stamp: list[int] | None
+
+
+class _Pair(msgspec.Struct):
+    position: int
+    words: Sparse
+    bins: Sparse
+    lobes: dict[str, Sparse]
+    exact: dict[str, int | None] | None
+
+
+class _Pairs(msgspec.Struct):
+    report: dict[str, Any]
+    pairs: list[_Pair]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """``failed``: job id -> reason."""
+
+    summary: dict[str, Any]
+    failed: dict[str, str]
+
+
+class BatchStudy:
+    """The jobs of a batch in a folder."""
+
+    def __init__(self, spec: BatchSpec, store: Store, chunk: int | None = None):
+        """``chunk``: pairs per unit; None: chosen by the number of workers.  It does not change results."""
+        if chunk is not None and chunk < 1:
+            raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
+        self.spec, self.store, self._chunk = spec, store, chunk
+        self._jobs = {job.id: job for job in spec.jobs}
+        self._heads: dict[str, dict[str, Any] | None] = {}  # asked for; None: not yet there
+        self._failed: dict[str, str] = {}
+
+    def jobs(self) -> Mapping[str, str]:
+        return {job.id: job.label for job in self.spec.jobs}
+
+    def missing(self, job: str, width: int) -> tuple[Sequence[Unit], int]:
+        head = self._head(job)
+        if head is None:
+            stamp = file_stamp(self._jobs[job].scene)
+            return [HeadUnit(self._jobs[job], stamp)], 0
+        resolved = resolved_job(self._jobs[job], head)
+        positions = job_positions(resolved, head)
+        if is_written(self.store, resolved, head):
+            return [], len(positions)
+        reports, pairs = stored_pairs(self.store, job, head)
+        left = [position for position in positions if position not in pairs]
+        # At least two chunks per worker if the job has that many pairs: it may be the only job left.
+        automatic = min(CHUNK_PAIRS, max(MIN_CHUNK_PAIRS, math.ceil(len(positions) / (2 * width))))
+        size = self._chunk or automatic
+        chunks = [tuple(left[i : i + size]) for i in range(0, len(left), size)]
+        if not positions and not reports:
+            chunks = [()]
+        sha256 = files_identity(head["facts"]["scene"])
+        return [PairsUnit(resolved, chunk, head_hash(head), sha256) for chunk in chunks], len(positions)
+
+    def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
+        return (unit,)
+
+    def finish(self, job: str) -> None:
+        head = self._heads[job]
+        resolved = resolved_job(self._jobs[job], head)
+        if not is_written(self.store, resolved, head):
+            reports, pairs = stored_pairs(self.store, job, head)
+            write_job(self.store, resolved, head, merge_job(resolved, head, pairs, reports), reports)
+
+    def fail(self, unit: Unit, message: str, details: str) -> bool:
+        self._failed[unit.job] = message
+        self.store.log_failure(unit.job, message, details)
+        return False
+
+    def merge(self) -> Outcome:
+        return Outcome(write_batch(self.store, self.spec, self._failed), self._failed)
+
+    def _head(self, job: str) -> dict[str, Any] | None:
+        """The job's head; None if it is missing, or made before the scene may have changed."""
+        if job not in self._heads:
+            self.store.log_file(job).unlink(missing_ok=True)
+            head, stamp = self.store.load(head_key(job), _Head), file_stamp(self._jobs[job].scene)
+            self._heads[job] = head if head is not None and head["stamp"] == stamp is not None else None
+        elif self._heads[job] is None:  # its unit is done
+            self._heads[job] = self.store.load(head_key(job), _Head)
+        return self._heads[job]
+
+
+def stored_pairs(
+    store: Store, job: str, head: Mapping[str, Any], *, remove: bool = True
+) -> tuple[list[dict[str, Any]], dict[int, dict[str, Any]]]:
+    """Reports of the workers in the order of the pairs, and the counted pairs by position.
+
+    ``remove``: damaged records, whose pairs are counted again.
+    """
+    reports: list[dict[str, Any]] = []
+    pairs: dict[int, dict[str, Any]] = {}
+    for record in store.find(pairs_key(job, "*", head_hash(head)), _Pairs, remove=remove):
+        reports.append(record["report"] | {"positions": [pair["position"] for pair in record["pairs"]]})
+        for pair in record["pairs"]:
+            pairs.setdefault(pair["position"], pair)
+    return reports, pairs
+
+
+def file_stamp(scene: str) -> list[int] | None:
+    """Size and modification time of a .glb file; None for other formats.
+
+    Other formats may consist of several files.  Their head is recomputed whenever a batch continues, because only
+    reading all files shows whether they have changed.
+    """
+    if not scene.lower().endswith(".glb"):
+        return None
+    try:
+        state = os.stat(scene)
+    except OSError:
+        return None
+    return [state.st_size, state.st_mtime_ns]
+
+
+def batch_store(out: str | Path) -> Store:
+    """The folder of a batch."""
+    return Store(out, "batch", SCHEMA)
+
+
+def about_batch(spec: BatchSpec) -> dict[str, Any]:
+    """The jobs as ``study.json`` has them."""
+    jobs = [
+        {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep),
+         "lobes": list(job.lobes)}
+        for job in spec.jobs
+    ]  # fmt: skip
+    return {"name": spec.name, "jobs": jobs}
+
+
+def stored_spec(store: Store) -> BatchSpec:
+    """The jobs of an earlier run.  Raises OutputError if there are none."""
+    values = store.about()
+    try:
+        checked(values, _About)
+        jobs = [
+            Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"], lobes=tuple(j.get("lobes", ())))
+            for j in values["jobs"]
+        ]
+        return BatchSpec(values["name"], with_differences(jobs))
+    except (msgspec.ValidationError, SettingsError) as error:
+        raise OutputError(f"is damaged: {error}", where=str(store.out / STUDY_FILE)) from None
+
+
+def run_batch(
+    spec: BatchSpec | None,
+    out: str | Path,
+    *,
+    engine: str | Engine | None = None,
+    workers: int | None = None,
+    chunk: int | None = None,
+    listener: Listener | None = None,
+) -> Outcome:
+    """Run the missing part of ``spec`` in the folder ``out``; None: of the spec stored there.
+
+    ``engine``, ``workers``: as of ``run_study``; results do not depend on them, or on ``chunk``.  Scenes that fail are
+    listed in the outcome.  Raises TaubenchError.
+    """
+    require_pyarrow()
+    store = batch_store(out)
+    study = BatchStudy(spec or stored_spec(store), store, chunk)
+    return run_study(study, about_batch(study.spec), engine=engine, workers=workers, listener=listener)
+
+
+@dataclass(frozen=True, slots=True)
+class JobStatus:
+    """State of one job: waiting, part, done or failed.  ``total`` None: number of pairs not known yet."""
+
+    id: str
+    label: str
+    state: str
+    done: int
+    total: int | None
+    reason: str | None
+
+
+def batch_status(out: str | Path) -> tuple[str, str | None, list[JobStatus]]:
+    """Name of the batch, the process that runs it now (None: no process), and the state of each job.
+
+    Changes nothing: a driver may be running.
+    """
+    store = batch_store(out)
+    spec = stored_spec(store)
+    states = []
+    for job in spec.jobs:
+        head, reason = store.load(head_key(job.id), _Head, remove=False), store.failure(job.id)
+        positions = () if head is None else job_positions(resolved_job(job, head), head)
+        done = 0 if head is None else len(stored_pairs(store, job.id, head, remove=False)[1])
+        state = "part" if done else "waiting"
+        if reason is not None:
+            state = "failed"
+        elif head is not None and (job_folder(store, job.id) / SUMMARY_FILE).is_file():
+            state, done = "done", len(positions)
+        states.append(JobStatus(job.id, job.label, state, done, None if head is None else len(positions), reason))
+    return spec.name, lock_holder(store.out), states
+
+
+def batch_report(out: str | Path) -> tuple[list[Any], list[str]]:
+    """Write the tables of all finished jobs; returns the tables, and the labels of jobs that are not finished."""
+    store = batch_store(out)
+    summaries, missing = [], []
+    for job in stored_spec(store).jobs:
+        if (job_folder(store, job.id) / SUMMARY_FILE).is_file():
+            summaries.append(labelled(job, load_run(job_folder(store, job.id)).summary))
+        else:
+            missing.append(job.label)
+    if not summaries:
+        raise OutputError("no job is finished yet", where=str(store.out), hint="taubench-gl batch status, or resume")
+    return write_tables(store, summaries), missing

@@ -1,0 +1,154 @@
+"""The driver: submits the units of a study to an engine, stores their results, and handles failures."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.study.progress import Listener
+from taubench_gl.study.store import Store
+from taubench_gl.study.unit import ATTEMPTS, Advanced, Engine, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
+
+
+class Study(Protocol):
+    """What a driver runs: its jobs, and the units that each of them lacks."""
+
+    store: Store
+
+    def jobs(self) -> Mapping[str, str]:
+        """Job -> label for messages, in the order of the work."""
+
+    def missing(self, job: str, width: int) -> tuple[Sequence[Unit], int]:
+        """Units of a job that have no record, and the weight of all its units; 0 while it is not known.
+
+        ``width``: units that run at the same time.  When these are done the driver asks again, until there are none.
+        """
+
+    def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
+        """Units in place of one that is about to run, or whose worker ``died``; ``(unit,)`` to run it as it is."""
+
+    def finish(self, job: str) -> None:
+        """No unit of the job is missing."""
+
+    def fail(self, unit: Unit, message: str, details: str) -> bool:
+        """The unit has no result.  -> whether the other units of its job are still of use."""
+
+    def merge(self) -> Any:
+        """Write the results of all jobs, after the last one has ended."""
+
+
+@dataclass(slots=True)
+class _JobState:
+    label: str
+    pending: deque[Unit] = field(default_factory=deque)
+    in_flight: int = 0
+    over: bool = False  # finished or failed
+
+
+class Driver:
+    """Runs what is missing of a study.  The caller holds the lock of its folder."""
+
+    def __init__(self, study: Study, engine: Engine, listener: Listener):
+        self._study, self._engine, self._listener = study, engine, listener
+        self._states = {job: _JobState(label) for job, label in study.jobs().items()}
+        self._attempts: Counter[str] = Counter()
+        self._shown: Counter[str] = Counter()  # weight of a running unit that was reported to the listener
+        self._without_gl = "all workers have ended"
+
+    def run(self) -> None:
+        """Run all jobs.  Raises GraphicsError if no worker is left; finished units are kept."""
+        for job in self._states:
+            self._plan(job)
+        while True:
+            for slot in self._engine.idle():
+                unit = self._choose(slot)
+                if unit is None:
+                    break
+                self._states[unit.job].in_flight += 1
+                self._engine.submit(slot, unit)
+            if not any(state.in_flight for state in self._states.values()):
+                break
+            for event in self._engine.wait(self._handle):
+                self._handle(event)
+        if any(state.pending for state in self._states.values()):
+            hint = "finished units are kept; continue on a machine with OpenGL"
+            raise GraphicsError(f"no worker with OpenGL is left: {self._without_gl}", hint=hint)
+
+    def _plan(self, job: str) -> None:
+        """Queue the units that are missing, or finish the job."""
+        state = self._states[job]
+        units, total = self._study.missing(job, self._engine.width())
+        if total or not units:
+            self._listener.job_known(job, state.label, total - sum(unit.weight for unit in units), total)
+        state.pending.extend(units)
+        if not units:
+            self._study.finish(job)
+            state.over = True
+            self._listener.job_finished(job)
+
+    def _choose(self, slot: Slot) -> Unit | None:
+        """The next unit for a worker: of the job it has loaded, else of a job without workers, else of any job."""
+        waiting = [state for state in self._states.values() if state.pending]
+        if not waiting:
+            return None
+        own = self._states.get(slot.last_job) if slot.last_job is not None else None
+        if own is None or not own.pending:
+            fresh = next((state for state in waiting if not state.in_flight), None)
+            own = fresh or max(waiting, key=lambda state: len(state.pending))
+        own.pending.extendleft(reversed(self._study.instead(own.pending.popleft(), False)))
+        return own.pending.popleft()
+
+    def _handle(self, event: Event) -> None:
+        unit = event.unit
+        state = self._states[unit.job]
+        if isinstance(event, Advanced):
+            self._shown[unit.key] += event.weight
+            self._listener.advanced(unit.job, event.weight)
+            return
+        state.in_flight -= 1
+        shown = self._shown.pop(unit.key, 0)
+        if isinstance(event, Finished):
+            self._study.store.save(unit.key, event.data)
+            self._listener.advanced(unit.job, unit.weight - shown)
+        elif isinstance(event, Failed):
+            self._fail(unit, event.message, event.details)
+        else:
+            self._listener.advanced(unit.job, -shown)
+            self._repeat(unit, event)
+        if not (state.pending or state.in_flight or state.over):
+            self._plan(unit.job)
+
+    def _repeat(self, unit: Unit, event: Lost | NoGraphics) -> None:
+        """Queue a unit again that has ended without a result, unless too many workers died in it."""
+        state = self._states[unit.job]
+        if isinstance(event, NoGraphics):
+            if event.worker:
+                self._listener.message(f"{event.worker} has no OpenGL and gets no more units: {event.message}")
+                self._without_gl = event.message
+            units: Sequence[Unit] = (unit,)
+        else:
+            self._attempts[unit.key] += event.attempts
+            units = self._study.instead(unit, True)
+            if len(units) == 1 and self._attempts[unit.key] >= ATTEMPTS:
+                times = f"{event.reason}, {self._attempts[unit.key]} times in {unit.name}"
+                self._fail(unit, f"{unit.scene}: {times}", event.details)
+                return
+            if not state.over:
+                self._listener.message(f"{state.label}: {event.reason}; {unit.name} is repeated")
+        if not state.over:
+            state.pending.extendleft(reversed(units))
+
+    def _fail(self, unit: Unit, message: str, details: str) -> None:
+        state = self._states[unit.job]
+        if state.over:
+            return
+        if self._study.fail(unit, message, details):
+            self._listener.message(f"{state.label}: {unit.name} failed: {message}")
+            self._listener.advanced(unit.job, unit.weight)
+            return
+        state.over = True
+        state.pending.clear()
+        self._listener.job_failed(unit.job, state.label, message)

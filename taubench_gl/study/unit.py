@@ -1,0 +1,196 @@
+"""Units of work, workers, the events that they lead to, and the interface of engines.
+
+Units and events can be pickled.
+"""
+
+from __future__ import annotations
+
+import signal
+import traceback
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from taubench_gl.errors import GraphicsError, TaubenchError
+
+ATTEMPTS = 3
+"""Workers that may die in one unit before it fails."""
+
+
+class Unit(Protocol):
+    """A part of a job.  It can be pickled, and its result depends on its fields only."""
+
+    @property
+    def job(self) -> str:
+        """The job it is part of: a worker gets units of the same job if it can."""
+
+    @property
+    def key(self) -> str:
+        """Name of its record, with a hash of everything that the result depends on."""
+
+    @property
+    def name(self) -> str:
+        """Which part of its job it is, for messages."""
+
+    @property
+    def scene(self) -> str:
+        """For messages."""
+
+    @property
+    def weight(self) -> int:
+        """Its amount of work, such as its number of pairs."""
+
+    @property
+    def limit(self) -> float | None:
+        """Seconds between two calls of ``Worker.done`` after which a worker process is ended; None: no limit."""
+
+    def run(self, worker: Worker) -> bytes:
+        """The result, a JSON value.  Raises TaubenchError; NoOpenGL if no context opens."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    unit: Unit
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The unit raised an exception.  It is not repeated: the result would be the same."""
+
+    unit: Unit
+    message: str  # one line
+    details: str  # traceback
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The worker died while it ran the unit."""
+
+    unit: Unit
+    reason: str
+    details: str = ""  # the end of the worker's output
+    attempts: int = 1  # workers that died in it
+
+
+@dataclass(frozen=True, slots=True)
+class NoGraphics:
+    """A worker cannot open OpenGL and gets no more units.  ``unit`` goes to another worker."""
+
+    worker: str
+    message: str
+    unit: Unit
+
+
+@dataclass(frozen=True, slots=True)
+class Advanced:
+    """A part of a unit is done.  Optional: engines without this information send none."""
+
+    unit: Unit
+    weight: int = 1
+
+
+Event = Finished | Failed | Lost | NoGraphics | Advanced
+
+
+class NoOpenGL(GraphicsError):
+    """This worker has no OpenGL; another worker may have it."""
+
+
+class Worker:
+    """Runs units one after another, and keeps what the next unit of the same job needs again."""
+
+    def __init__(self, report: Callable[[Advanced], None] = lambda event: None, *, limited: bool = False):
+        """``report`` is called when a part of a unit is done; ``limited``: units that exceed their limit end this
+        process."""
+        self._report, self._limited = report, limited
+        self._unit: Unit | None = None
+        self._key: Hashable = None
+        self._kept: Any = None
+
+    def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What ``make`` returned for ``key``, if that was the last key; else the last one is released and another made.
+
+        What is kept has ``release``.
+        """
+        if self._kept is None or self._key != key:
+            self.release()
+            self._key, self._kept = key, make()
+        return self._kept
+
+    def release(self) -> None:
+        """Free what is kept."""
+        kept, self._kept = self._kept, None
+        if kept is not None:
+            kept.release()
+
+    def done(self, weight: int = 1) -> None:
+        """Units call this after each part of their work; ``weight``: of the part."""
+        if self._unit is not None:
+            self._restart_limit()
+            self._report(Advanced(self._unit, weight))
+
+    def attempt(self, unit: Unit) -> Event:
+        """Run a unit and return an event, whatever it raises except NoOpenGL: the caller knows the worker's name."""
+        self._unit = unit
+        self._restart_limit()
+        try:
+            return Finished(unit, unit.run(self))
+        except NoOpenGL:
+            raise
+        except TaubenchError as error:
+            return self._failed(unit, str(error))
+        except Exception as error:
+            # A bug in this program or a library fails one job: its log has the traceback, the other jobs still run.
+            return self._failed(unit, f"{unit.scene}: internal error, {type(error).__name__}: {error}")
+        finally:
+            self._unit = None
+            if self._limited:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+    def _restart_limit(self) -> None:
+        """The signal also ends a process that waits in a driver or library."""
+        if self._limited and self._unit.limit is not None:
+            signal.setitimer(signal.ITIMER_REAL, self._unit.limit)
+
+    def _failed(self, unit: Unit, message: str) -> Failed:
+        details = traceback.format_exc()
+        self.release()
+        return Failed(unit, " ".join(message.split()), f"in {unit.name} of {unit.scene}\n\n{details}")
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A worker that can take one more unit.  ``last_job``: the job whose scene it has loaded."""
+
+    key: Any
+    last_job: str | None = None
+
+
+class Engine(Protocol):
+    """Runs units: in this process, in worker processes or on a Dask cluster.
+
+    A context manager: ``with`` starts the workers and always stops them.
+    """
+
+    def __enter__(self) -> Engine: ...
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def describe(self) -> str:
+        """What runs the units, in one phrase for messages."""
+
+    def width(self) -> int:
+        """Approximate number of units that run at the same time."""
+
+    def idle(self) -> list[Slot]:
+        """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
+
+    def submit(self, slot: Slot, unit: Unit) -> None:
+        """Start a unit."""
+
+    def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
+        """Block until there is an event.  Called only while units are in flight.
+
+        ``advanced`` gets the events that occur while this call blocks.
+        """
