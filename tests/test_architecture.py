@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -65,9 +66,15 @@ def package_of(path: Path) -> str:
     return relative.parts[0] if len(relative.parts) > 1 else relative.stem
 
 
+@cache
+def nodes(text: str) -> list[ast.AST]:
+    """Of the syntax tree of a module."""
+    return list(ast.walk(ast.parse(text)))
+
+
 def imports_in(text: str, path: Path) -> Iterator[tuple[int, str]]:
     """Line and absolute dotted name of every import, also inside functions and TYPE_CHECKING blocks."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(text):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -220,7 +227,7 @@ MAY_OPEN = {
 def stray_openings(text: str) -> list[tuple[int, str]]:
     """(line, call) of every call in FILE_FUNCTIONS or FILE_METHODS by a file's name, and of ``path.open(mode)``."""
     found = []
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(text):
         if not isinstance(node, ast.Call):
             continue
         called = ast.unparse(node.func)
@@ -324,7 +331,7 @@ def test_one_module_opens_sources_and_evaluators(made):
     makes = [
         str(path.relative_to(PACKAGE))
         for path, text in sources().items()
-        for node in ast.walk(ast.parse(text))
+        for node in nodes(text)
         if isinstance(node, ast.Call) and getattr(node.func, "id", getattr(node.func, "attr", "")) == made
     ]
     assert makes == ["evaluation/owner.py"]

@@ -61,6 +61,7 @@ def test_number_and_uniqueness_of_cases():
     assert len({c.name for c in CASES}) == len(CASES)
 
 
+@pytest.mark.long  # tests/drivers runs the quick cases on this driver
 @pytest.mark.skipif(open_library(OSMESA_LIBRARIES) is None, reason="libOSMesa is not installed")
 def test_all_cases_on_osmesa():
     """In another process: a process can use only one backend."""
