@@ -35,8 +35,8 @@ from taubench_gl.pathtraced.evaluation import (
 )
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.report import save_mask_image, write_report
-from taubench_gl.report.frame_store import FrameRecorder, PlaneRecorder
 from taubench_gl.report.page import REPORT_FILE
+from taubench_gl.report.run_frames import FrameRecorder, PlaneRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
 from taubench_gl.scene.model import Scene

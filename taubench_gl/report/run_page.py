@@ -21,13 +21,14 @@ from taubench_gl.features import BY_BIT, COLUMN_BITS, COLUMNS, FEATURE_BIT, FEAT
 from taubench_gl.metrics.reuse_rate import LIGHT_REASONS, RATE_BITS, RATE_COLUMNS, RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
-from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, StoredFrames, stored_frames, within_budget
+from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, shown_text, within_budget
 from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import Page, macro, tag
 from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
 from taubench_gl.report.paper import paper_numbers, thresholds_of, two_decimals
 from taubench_gl.report.plot import DASHES
 from taubench_gl.report.reusable import MERGED, TERMS, reprojection_of, reusable_sentence, run_tables
+from taubench_gl.report.run_frames import StoredFrames, stored_frames
 from taubench_gl.report.table import NONE, to_html
 
 Summary = Mapping[str, Any]
@@ -365,14 +366,17 @@ def _images(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | No
     def load(frame: int) -> dict[str, Any]:
         return {"n": frame, **{part: stored.uri(part, frame) for part in parts}}
 
+    index = stored.index
     try:
-        items = within_budget(stored.frames, stored.worst, most, budget - len((planes or {}).get("counts", "")), load)
+        items = within_budget(index, most, budget - len((planes or {}).get("counts", "")), load)
     except OSError as error:
         return None, f"an image cannot be read: {error.strerror}"
-    text = _images_text(run, stored, len(items))
-    size = {"width": stored.width, "height": stored.height, "step": stored.step}
-    return {**size, "worst": stored.worst, "summary": text, "items": items, "planes": planes,
-            "no_planes": no_planes}, ""  # fmt: skip
+    text = shown_text(index, len(items), run.summary.get("pairs") or 0, "pairs")
+    return {
+        "width": index.width, "height": index.height, "step": index.step, "worst": index.worst,
+        "summary": f"{text}. Percentages refer to the full frames.",
+        "items": items, "planes": planes, "no_planes": no_planes,
+    }, ""  # fmt: skip
 
 
 def _planes(run: ReportRun, stored: StoredFrames) -> tuple[dict[str, Any] | None, str]:
@@ -396,15 +400,3 @@ def _planes(run: ReportRun, stored: StoredFrames) -> tuple[dict[str, Any] | None
         "counts": base64.b64encode(zlib.compress(planes.counts.tobytes(), 9)).decode("ascii"),
         "signs": {"nearer": NEARER, "rose": ROSE, "fell": FELL},
     }, ""
-
-
-def _images_text(run: ReportRun, stored: StoredFrames, shown: int) -> str:
-    """Which pairs have images, and at what size."""
-    pairs = run.summary.get("pairs") or 0
-    text = f"{shown} of {pairs} pairs have images, evenly spaced" if shown < pairs else f"All {pairs} pairs have images"
-    if shown < pairs and stored.worst is not None:
-        text += ", including the worst frame"
-    text += f", at {stored.width}×{stored.height} pixels"
-    if stored.step > 1:
-        text += f" (one of {stored.step} rows and columns)"
-    return f"{text}. Percentages refer to the full frames."

@@ -10,7 +10,8 @@ from PIL import Image
 
 from taubench_gl.conventions import Reason
 from taubench_gl.report import frame_store
-from taubench_gl.report.frame_store import FrameRecorder, reproject_image, spread, stored_frames
+from taubench_gl.report.frame_store import spread
+from taubench_gl.report.run_frames import FrameRecorder, file_name, reproject_image, stored_frames
 
 RNG = np.random.default_rng(3)
 MASK = RNG.integers(0, 1 << 16, (12, 20)).astype(np.uint32)
@@ -36,19 +37,19 @@ def unpacked(uri: str) -> np.ndarray:
 
 def test_reason_words_survive_the_image_format(tmp_path):
     stored, why = record(tmp_path / "run", 3)
-    assert why == "" and stored.frames == (1, 2, 3)
+    assert why == "" and stored.index.frames == (1, 2, 3)
     assert (unpacked(stored.uri("mask", 2)) == MASK).all()
 
 
 def test_evenly_spaced_pairs_and_the_worst_frame_are_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(frame_store, "MAX_KEPT", 8)
     stored, _ = record(tmp_path / "run", 61, discarded=lambda i: 100 if i == 37 else i)
-    grid = [f for f in stored.frames if (f - 1) % 8 == 0]
+    grid = [f for f in stored.index.frames if (f - 1) % 8 == 0]
     assert grid == list(range(1, 62, 8))
-    assert set(stored.frames) - set(grid) == {38} and stored.worst == 38
+    assert set(stored.index.frames) - set(grid) == {38} and stored.index.worst == 38
     files = {p.name for p in stored.folder.iterdir()}
     assert files == {"index.json"} | {
-        frame_store.file_name(p, f) for f in stored.frames for p in ("frame", "previous", "mask")
+        file_name(p, f) for f in stored.index.frames for p in ("frame", "previous", "mask")
     }
 
 
@@ -56,7 +57,7 @@ def test_large_frames_are_downscaled(tmp_path, monkeypatch):
     monkeypatch.setattr(frame_store, "MAX_WIDTH", 8)
     flat = np.full((12, 20, 3), 0.5)
     stored, _ = record(tmp_path / "run", 1, image=flat)
-    assert (stored.width, stored.height, stored.step) == (7, 4, 3)
+    assert (stored.index.width, stored.index.height, stored.index.step) == (7, 4, 3)
     assert (unpacked(stored.uri("mask", 1)) == MASK[1::3, 1::3]).all()
     with Image.open(stored.folder / "frame_00001.webp") as image:
         assert image.size == (7, 4) and abs(int(np.asarray(image).mean()) - 128) < 3
@@ -66,9 +67,9 @@ def test_images_of_an_earlier_run_are_rehistory_and_other_files_kept(tmp_path):
     record(tmp_path / "run", 5)
     (tmp_path / "run" / frame_store.FOLDER / "mine.png").write_bytes(b"kept")
     FrameRecorder(tmp_path / "run")
-    assert stored_frames(tmp_path / "run")[0].frames == (1, 2, 3, 4, 5)  # unchanged before the first pair
+    assert stored_frames(tmp_path / "run")[0].index.frames == (1, 2, 3, 4, 5)  # unchanged before the first pair
     stored, _ = record(tmp_path / "run", 2)
-    assert stored.frames == (1, 2)
+    assert stored.index.frames == (1, 2)
     assert len(list(stored.folder.iterdir())) == 1 + 2 * 3 + 1
 
 

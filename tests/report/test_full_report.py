@@ -23,8 +23,8 @@ from taubench_gl.features import FEATURE_BIT, FEATURES
 from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.paths import PACKAGE
 from taubench_gl.report.distance_planes import levels_of
-from taubench_gl.report.frame_store import LEVELS, stored_frames
 from taubench_gl.report.reusable import TERMS, reusable_sentence
+from taubench_gl.report.run_frames import LEVELS, stored_frames
 from taubench_gl.report.run_page import ReportRun, report_data, write_html_report
 from taubench_gl.run import Run
 from taubench_gl.selftest.scenes import busy_room

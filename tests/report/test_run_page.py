@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.errors import OutputError
-from taubench_gl.report.frame_store import FrameRecorder
+from taubench_gl.report.run_frames import FrameRecorder
 from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
 from taubench_gl.report.run_plots import discard_curve
 

@@ -14,7 +14,7 @@ import pytest
 from page_tools import mask_pixels, opened, shown_frame
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.report.frame_store import FrameRecorder
+from taubench_gl.report.run_frames import FrameRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import Run
 
