@@ -129,6 +129,22 @@ def pose_vertices(
     return math3d.transform_points(_world_from_mesh(scene, state, node, instance), pos)
 
 
+def pose_once(
+    posed: dict[tuple, Array],
+    scene: Scene,
+    state: FrameState,
+    node: int,
+    primitive: Primitive,
+    instance: int | None = None,
+) -> Array:
+    """``pose_vertices``, kept in ``posed`` of this state: a file can give thousands of primitives the same vertices."""
+    arrays = (primitive.positions, primitive.joints, primitive.weights, *(t.positions for t in primitive.targets))
+    key = (node, instance, *map(id, arrays))
+    if key not in posed:
+        posed[key] = pose_vertices(scene, state, node, primitive, instance)
+    return posed[key]
+
+
 def pose_normals(
     scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None = None
 ) -> Array | None:

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial import ConvexHull, QhullError
 
 from taubench_gl import math3d
-from taubench_gl.animation.pose import Poser, is_skinned, pose_vertices
+from taubench_gl.animation.pose import Poser, is_skinned, pose_once
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.errors import SettingsError, printable
 from taubench_gl.scene.model import Camera, Channel, Primitive, Scene
@@ -271,13 +271,13 @@ def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, A
 
 def _drawn_points(scene: Scene, state: FrameState, node: int) -> Array:
     """Points, world, whose convex hull contains the node's mesh.  -> (P, 3) float64."""
-    clouds = [np.zeros((0, 3))]
+    clouds, posed = [np.zeros((0, 3))], {}
     instances = scene.nodes.instances.get(int(node))
     for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
         if not len(primitive.triangles):
             continue
         if primitive.targets or is_skinned(scene, node, primitive):
-            clouds.append(pose_vertices(scene, state, node, primitive))
+            clouds.append(pose_once(posed, scene, state, node, primitive))
             continue
         low, high = primitive.positions.min(axis=0), primitive.positions.max(axis=0)
         corners = np.array(np.meshgrid(*zip(low, high)), dtype=np.float64).reshape(3, 8).T
@@ -296,23 +296,29 @@ class _Subject:
     def __init__(self, poser: Poser):
         self._poser = poser
         self._hulls: dict[int, Array] = {}  # of rigid primitives, by id
+        self._used: dict[int, Array] = {}  # vertices of posed primitives, by the id of their triangles
 
     def at(self, time: float) -> Array:
         """World, scene units; vertices that are not finite are left out.  -> (P, 3) float64."""
         scene, state, clouds = self._poser.scene, self._poser.sample(float(time)), [np.zeros((0, 3))]
+        posed: dict[tuple, Array] = {}
         for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
             instances = scene.nodes.instances.get(node, np.eye(4)[None])
             for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
                 if not len(primitive.triangles):
                     continue
                 if primitive.targets or is_skinned(scene, node, primitive):
-                    posed = pose_vertices(scene, state, node, primitive)
-                    clouds.append(posed[np.unique(primitive.triangles)])
+                    clouds.append(pose_once(posed, scene, state, node, primitive)[self._used_by(primitive.triangles)])
                 else:
                     local = self._hull_of(primitive)
                     clouds += [math3d.transform_points(state.world[node] @ instance, local) for instance in instances]
         points = np.concatenate(clouds)
         return _hull(points[np.all(np.isfinite(points), axis=-1)])
+
+    def _used_by(self, triangles: Array) -> Array:
+        if id(triangles) not in self._used:
+            self._used[id(triangles)] = np.unique(triangles)
+        return self._used[id(triangles)]
 
     def _hull_of(self, primitive: Primitive) -> Array:
         if id(primitive) not in self._hulls:

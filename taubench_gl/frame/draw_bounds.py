@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from taubench_gl.animation import FrameState, skin_matrices
@@ -9,6 +11,18 @@ from taubench_gl.frame.geometry import Draw
 from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class _Skinned:
+    """The draws of one skin, with their joint spheres in one list."""
+
+    draws: Array  # (n,) rows of the draws
+    starts: Array  # (n,) first sphere of each
+    owner: Array  # (R,) row of the draw of each sphere
+    joints: Array  # (R,)
+    centers: Array  # (R, 3) in bind space
+    radii: Array  # (R,)
 
 
 class DrawBounds:
@@ -21,30 +35,33 @@ class DrawBounds:
     def __init__(self, scene: Scene, draws: tuple[Draw, ...]):
         self._scene, self._draws = scene, draws
         self._posed = [i for i, d in enumerate(draws) if d.posed]
-        spheres = [bounding_sphere_of(_positions(scene, d)) for d in draws]
-        self._centers = np.array([c for c, _ in spheres]).reshape(-1, 3)
-        self._radii = np.array([r for _, r in spheres]).reshape(-1)
-        self._joint_spheres = {i: _joint_spheres(scene, draws[i]) for i in self._posed}
-        self._reach = {i: _morph_reach(_primitive(scene, draws[i])) for i in self._posed}
+        primitives = [scene.meshes[d.mesh].primitives[d.primitive] for d in draws]
+        spheres: dict[int, tuple[Array, float]] = {}  # by the vertices, which primitives can share
+        for primitive in primitives:
+            if id(primitive.positions) not in spheres:
+                spheres[id(primitive.positions)] = bounding_sphere_of(primitive.positions)
+        self._centers = np.array([spheres[id(p.positions)][0] for p in primitives]).reshape(-1, 3)
+        self._radii = np.array([spheres[id(p.positions)][1] for p in primitives]).reshape(-1)
+        self._reach = {i: _morph_reach(primitives[i]) for i in self._posed if primitives[i].targets}
+        jointed = [i for i in self._posed if scene.nodes.skin[draws[i].node] >= 0 and primitives[i].joints is not None]
+        self._rigid = sorted(set(self._posed) - set(jointed))  # draws that only morph
+        self._skinned = _skinned(scene, draws, primitives, jointed)
 
     def at(self, state: FrameState, world: Array) -> tuple[Array, Array]:
         """Centers (D, 3) and radii (D,), world; ``world`` (D, 4, 4) float64 world_from_object."""
         centers, radii = _moved(world, self._centers, self._radii)
-        skins: dict[int, Array] = {}
-        for i in self._posed:
-            draw = self._draws[i]
-            reach = self._morph_length(state, i)
-            joints = self._joint_spheres[i]
-            if joints is None:
-                centers[i], radii[i] = _one_moved(world[i], self._centers[i], self._radii[i] + reach)
-                continue
-            skin = int(self._scene.nodes.skin[draw.node])
-            if skin not in skins:
-                skins[skin] = skin_matrices(self._scene, state, skin)
-            used, joint_centers, joint_radii = joints
-            c, r = _moved(skins[skin][used], joint_centers, joint_radii + reach)
-            low, high = (c - r[:, None]).min(axis=0), (c + r[:, None]).max(axis=0)
-            centers[i], radii[i] = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low)
+        reach = np.zeros(len(self._draws))
+        for i in self._reach:
+            reach[i] = self._morph_length(state, i)
+        moved = self._rigid
+        centers[moved], radii[moved] = _moved(world[moved], self._centers[moved], self._radii[moved] + reach[moved])
+        for skin, s in self._skinned.items():
+            palette = skin_matrices(self._scene, state, skin)
+            c, r = _moved(palette[s.joints], s.centers, s.radii + reach[s.owner])
+            low = np.minimum.reduceat(c - r[:, None], s.starts)
+            high = np.maximum.reduceat(c + r[:, None], s.starts)
+            centers[s.draws] = 0.5 * (low + high)
+            radii[s.draws] = [0.5 * np.linalg.norm(extent) for extent in high - low]
         return centers, radii
 
     def of_fixed(self, world: Array) -> tuple[Array, Array]:
@@ -56,7 +73,7 @@ class DrawBounds:
     def _morph_length(self, state: FrameState, i: int) -> float:
         weights = state.weights.get(self._draws[i].node)
         reach = self._reach[i]
-        if weights is None or not len(reach):
+        if weights is None:
             return 0.0
         return float(np.sum(np.abs(weights[: len(reach)]) * reach[: len(weights)]))
 
@@ -100,19 +117,35 @@ def bounding_sphere_of(points: Array) -> tuple[Array, float]:
     return center, float(np.linalg.norm(points - center, axis=1).max())
 
 
-def _primitive(scene: Scene, draw: Draw) -> Primitive:
-    return scene.meshes[draw.mesh].primitives[draw.primitive]
+def _skinned(
+    scene: Scene, draws: tuple[Draw, ...], primitives: list[Primitive], rows: list[int]
+) -> dict[int, _Skinned]:
+    """By skin: the skinned draws ``rows``."""
+    spheres: dict[tuple[int, ...], tuple[Array, Array, Array]] = {}
+    by_skin: dict[int, list[int]] = {}
+    for row in rows:
+        p = primitives[row]
+        if (key := _skinning(p)) not in spheres:
+            spheres[key] = _joint_spheres(p)
+        by_skin.setdefault(int(scene.nodes.skin[draws[row].node]), []).append(row)
+    out = {}
+    for skin, members in by_skin.items():
+        joints, centers, radii = zip(*(spheres[_skinning(primitives[row])] for row in members), strict=True)
+        counts = [len(j) for j in joints]
+        out[skin] = _Skinned(
+            np.array(members), np.cumsum([0, *counts[:-1]]), np.repeat(members, counts),
+            np.concatenate(joints), np.concatenate(centers), np.concatenate(radii),
+        )  # fmt: skip
+    return out
 
 
-def _positions(scene: Scene, draw: Draw) -> Array:
-    return _primitive(scene, draw).positions
+def _skinning(primitive: Primitive) -> tuple[int, ...]:
+    """Equal for primitives that share their vertices and skin weights."""
+    return id(primitive.positions), id(primitive.joints), id(primitive.weights)
 
 
-def _joint_spheres(scene: Scene, draw: Draw) -> tuple[Array, Array, Array] | None:
+def _joint_spheres(primitive: Primitive) -> tuple[Array, Array, Array]:
     """Joints that move any vertex (J,), and a sphere around the bind positions of each: (J, 3), (J,)."""
-    primitive = _primitive(scene, draw)
-    if scene.nodes.skin[draw.node] < 0 or primitive.joints is None:
-        return None
     weighted = primitive.weights > 0
     used = np.unique(primitive.joints[weighted])
     spheres = [
@@ -136,8 +169,3 @@ def _moved(matrices: Array, centers: Array, radii: Array) -> tuple[Array, Array]
     m = matrices[:, :3, :3]
     squares = np.abs(np.einsum("kji,kjl->kil", m, m)).sum(axis=2).max(axis=1)
     return out, radii * np.sqrt(squares)
-
-
-def _one_moved(matrix: Array, center: Array, radius: float) -> tuple[Array, float]:
-    centers, radii = _moved(matrix[None], center[None], np.array([radius]))
-    return centers[0], float(radii[0])

@@ -198,3 +198,14 @@ def build_geometry(scene: Scene) -> Geometry:
 def _normal_map_set(scene: Scene, primitive: Primitive) -> int | None:
     texture = scene.materials[primitive.material].normal_texture if primitive.material >= 0 else None
     return None if texture is None else texture.texcoord
+
+
+def instance_numbers(draws: tuple[Draw, ...]) -> list[int | None]:
+    """Instance number of every draw of an instanced node, None of others."""
+    seen: dict[tuple[int, int], int] = {}
+    out: list[int | None] = []
+    for d in draws:
+        key = d.node, d.primitive
+        number = seen[key] = seen.get(key, -1) + 1
+        out.append(None if d.local is None else number)
+    return out

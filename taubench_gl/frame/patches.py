@@ -66,7 +66,7 @@ class Patches:
         """``lamps``: the lights that patches are for, at some times of the animation."""
         scene = self._scene = poser.scene
         self._draws, self.count = draws, count
-        self._copies = _copies(draws)
+        self._copies = instance_numbers(draws)
         state, nowhere = poser.sample(0.0), View(np.zeros(3), np.eye(3), Camera())
         rest = state, RecordTable(draws).place(state, nowhere, np.zeros(len(draws), dtype=bool))
         points, total = self._candidates(*rest, CANDIDATES * count)
@@ -254,14 +254,3 @@ def _runs(draw: Array) -> list[tuple[int, slice]]:
     starts = np.flatnonzero(np.diff(draw, prepend=-1))
     ends = [*starts[1:], *[len(draw)] * bool(len(draw))]
     return [(int(draw[a]), slice(int(a), int(b))) for a, b in zip(starts, ends, strict=True)]
-
-
-def _copies(draws: tuple[Draw, ...]) -> list[int | None]:
-    """Instance number of every draw of an instanced node, None of others."""
-    seen: dict[tuple[int, int], int] = {}
-    out: list[int | None] = []
-    for d in draws:
-        key = d.node, d.primitive
-        number = seen[key] = seen.get(key, -1) + 1
-        out.append(None if d.local is None else number)
-    return out

@@ -251,13 +251,12 @@ def build_tables(
         first_triangle[posed] = table.add(triangles)
     extras = _Extras(table, pools)
     out = DrawTable(draws, centers)
-    colored = {d.mesh: [p.colors is not None for p in scene.meshes[d.mesh].primitives] for d in draws}
     first_emitter = {int(d): int(r) for d, r in zip(*np.unique(emitters["draw"], return_index=True), strict=True)}
     for i, d in enumerate(draws):
         m, used = materials[d.material + 1], slots[d.material + 1]
         second = any(texture_of(m, s).texcoord == 1 for s in used)
         alpha = options.alpha_test and tests_alpha(m)
-        colors = colored[d.mesh][d.primitive] and (alpha or not m.unlit)
+        colors = scene.meshes[d.mesh].primitives[d.primitive].colors is not None and (alpha or not m.unlit)
         bits = POSED * d.posed | ALPHA_TEST * alpha | UV1 * second | COLORS * colors
         out.rows[i, 3] = (
             first_triangle[d.posed] + d.first_index // 3, bits,

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taubench_gl.animation import pose_vertices
-from taubench_gl.animation.pose import LARGEST
+from taubench_gl.animation import FrameState
+from taubench_gl.animation.pose import LARGEST, pose_once
 from taubench_gl.frame.draw_bounds import DrawBounds
+from taubench_gl.frame.geometry import instance_numbers
 from taubench_gl.frame.raytracing import texels
 from taubench_gl.frame.raytracing.texels import Grid, PlacedTree, Texels
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass, Resource
@@ -66,6 +67,7 @@ class PosedTrees:
         """``rows`` (P,): posed draws; ``alpha`` (D,): whether a draw's material tests alpha."""
         self._rows, self._renderer, self._alpha = rows, renderer, alpha
         self._bounds = DrawBounds(renderer.scene, renderer.draws)
+        self._instances = instance_numbers(renderer.draws)
         self.trees: list[PlacedTree] = []
         self._leaves, self._corners = Texels(), Texels()
         self._inner: list[tuple[int, Array]] = []
@@ -78,8 +80,9 @@ class PosedTrees:
 
         by_height: dict[int, list[Array]] = {}
         self._first_slot = triangles.count // texels.TRIANGLE_TEXELS
+        state, posed = self._renderer.poser.sample(0.0), {}
         for job, row in enumerate(self._rows.tolist()):
-            corners, index = self._pose(row)
+            corners, index = self._pose(row, state, posed)
             if not len(corners):
                 self.trees.append(PlacedTree(0, 0, np.zeros(3), np.zeros(3), Grid.around(np.zeros(3), np.zeros(3))))
                 continue
@@ -105,16 +108,15 @@ class PosedTrees:
                 )
         self._inner = [np.concatenate(by_height[h]).astype(np.uint32) for h in sorted(by_height)]
 
-    def _pose(self, row: int) -> tuple[Array, Array]:
-        """Corners (T, 3, 3) of a draw's triangles at time 0, world, float64, and their vertices in the posed pool."""
+    def _pose(self, row: int, state: FrameState, posed: dict[tuple, Array]) -> tuple[Array, Array]:
+        """Corners (T, 3, 3) of a draw's triangles, world, float64, and their vertices in the posed pool.
+
+        ``posed``: vertices of this state that were posed before.
+        """
         renderer = self._renderer
         draw, scene = renderer.draws[row], renderer.scene
         primitive = scene.meshes[draw.mesh].primitives[draw.primitive]
-        instance = None
-        if draw.local is not None:
-            before = renderer.draws[:row]
-            instance = sum(d.node == draw.node and d.primitive == draw.primitive for d in before)
-        world = pose_vertices(scene, renderer.poser.sample(0.0), draw.node, primitive, instance)
+        world = pose_once(posed, scene, state, draw.node, primitive, self._instances[row])
         corners = np.nan_to_num(world[primitive.triangles], nan=0.0, posinf=1e30, neginf=-1e30)
         count = len(primitive.triangles)
         triangles = np.arange(3 * count).reshape(-1, 3) if draw.flat else primitive.triangles
