@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.animation import FrameState, Poser, View, pose_vertices
 from taubench_gl.effects.lighting import Sun
-from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.geometry import Draw, instance_numbers
 from taubench_gl.frame.materials import texels_at, transformed_uv
 from taubench_gl.frame.records import Placement, RecordTable
 from taubench_gl.gpu.layout import Field, Struct

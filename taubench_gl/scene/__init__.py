@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from taubench_gl.errors import SceneError
@@ -11,35 +12,8 @@ from taubench_gl.scene.memory import within_memory
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.obj.reader import is_sequence
 
-Reader = Callable[[Path, str | int | None, Sequence[str | int] | None, bool], Scene]
-
-
-def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool) -> Scene:
-    from taubench_gl.scene.gltf.reader import read_gltf
-
-    return read_gltf(path, scene, animation, strict)
-
-
-def _read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool) -> Scene:
-    from taubench_gl.scene.aff.reader import read_aff
-
-    return read_aff(path, scene, animation, strict)
-
-
-def _read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool) -> Scene:
-    from taubench_gl.scene.obj.reader import read_obj
-
-    return read_obj(path, scene, animation, strict)
-
-
-READERS: dict[str, Reader] = {
-    ".gltf": _read_gltf,
-    ".glb": _read_gltf,
-    ".obj": _read_obj,
-    ".aff": _read_aff,
-    ".nff": _read_aff,
-}
-"""File suffix, lower case -> reader.  A reader is imported when the first file of its format is read."""
+READERS = {".gltf": "gltf", ".glb": "gltf", ".obj": "obj", ".aff": "aff", ".nff": "aff"}
+"""File suffix, lower case -> format: its reader is imported when the first file is read."""
 
 
 CONVERTIBLE = (".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz", ".abc", ".ply", ".stl", ".dae")
@@ -77,14 +51,15 @@ def load_scene(
     path = Path(path)
     if os.path.isdir(path):  # False, not an error, for a name that is too long
         raise _no_scene_in(path)
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
+    name = READERS.get(path.suffix.lower())
+    if name is None:
         hint = f"known: {', '.join(sorted(READERS))}"
         if path.suffix.lower() in CONVERTIBLE:
             hint += f"; convert it to glTF first: taubench-gl convert {path.name} {path.stem}.glb"
         elif not path.suffix:
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
+    reader = getattr(importlib.import_module(f"taubench_gl.scene.{name}.reader"), f"read_{name}")
     return within_memory(reader(path, scene, animation, strict))
 
 

@@ -1,14 +1,15 @@
-"""Scenes without a glTF file: nodes as records."""
+"""What several readers make: nodes as records, Phong materials, and the one animation of a file without names."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taubench_gl.scene.model import Nodes
+from taubench_gl.scene.model import Animation, Channel, Material, Nodes, Texture
 
 Array = np.ndarray
 
@@ -42,24 +43,65 @@ class NodeList(list[Node]):
         return len(self) - 1
 
     def nodes(self) -> Nodes:
-        def array(field: str, width: int = 0) -> Array:
-            values = [getattr(node, field) for node in self]
+        def column(name: str, width: int = 0) -> Array:
+            values = [getattr(node, name) for node in self]
             return np.array(values, dtype=np.float64).reshape(len(self), width) if width else np.array(values, np.int32)
 
-        return Nodes(
+        out = Nodes(
             names=tuple(node.name for node in self),
-            parent=array("parent"),
-            translation=array("translation", 3),
-            rotation=array("rotation", 4),
-            scale=array("scale", 3),
+            parent=column("parent"),
+            translation=column("translation", 3),
+            rotation=column("rotation", 4),
+            scale=column("scale", 3),
             matrix=np.array([np.eye(4) if n.matrix is None else n.matrix for n in self], np.float64).reshape(-1, 4, 4),
             has_matrix=np.array([n.matrix is not None for n in self], dtype=bool),
-            mesh=array("mesh"),
-            skin=array("skin"),
-            camera=array("camera"),
-            light=array("light"),
-            visible=array("visible").astype(bool),
-            in_scene=array("in_scene").astype(bool),
+            mesh=column("mesh"),
+            skin=column("skin"),
+            camera=column("camera"),
+            light=column("light"),
+            visible=column("visible").astype(bool),
+            in_scene=column("in_scene").astype(bool),
             weights={i: node.weights for i, node in enumerate(self) if node.weights is not None},
             instances={i: node.instances for i, node in enumerate(self) if node.instances is not None},
         )
+        for part in fields(out):
+            if isinstance(array := getattr(out, part.name), np.ndarray):
+                array.flags.writeable = False
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Phong:
+    """A surface of OBJ or AFF: linear coefficients of at least 0, and an exponent ``shine``."""
+
+    diffuse: Sequence[float]
+    specular: Sequence[float]
+    shine: float
+    alpha: float
+    texture: Texture | None
+    emission: tuple[float, float, float]
+    emission_texture: Texture | None
+
+    def material(self, name: str) -> Material:
+        """Metallic-roughness: Lambertian without specular reflection, else a roughness of (2 / (shine + 2)) ^ 1/4."""
+        return Material(
+            name=name,
+            base_color=(*(min(float(c), 1.0) for c in self.diffuse), self.alpha),
+            base_color_texture=self.texture,
+            metallic=0.0,
+            roughness=float((2.0 / (max(self.shine, 0.0) + 2.0)) ** 0.25),
+            emissive=self.emission,
+            emissive_texture=self.emission_texture,
+            alpha_mode="BLEND" if self.alpha < 1.0 else "OPAQUE",
+            double_sided=True,
+            specular=1.0 if any(self.specular) else 0.0,
+        )
+
+
+def only_animation(name: str, channels: list[Channel], plays: bool) -> dict[str, Any]:
+    """Fields of a Scene whose file has at most one animation."""
+    if not channels:
+        return {}
+    animation = Animation(name, tuple(channels))
+    playing = {"channels": animation.channels, "playing": (name,)} if plays else {}
+    return {"animations": (animation,), **playing}

@@ -21,7 +21,7 @@ import PIL.Image
 
 from taubench_gl.data_files import hashed, opened, read_bytes
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.model import Image
+from taubench_gl.scene.model import Image, Texture
 from taubench_gl.scene.notes import Notes
 
 Array = np.ndarray
@@ -67,11 +67,11 @@ def read_any_text(path: Path, notes: Notes, where: str | None = None) -> tuple[b
     data = read_file(path, where)
     text, place = data, where or path.name
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        notes.repair("text-encoding", lambda: _no_text(path, where), where=place)
+        notes.repair("text-encoding", _no_text(path, where), where=place)
         text = str(data, "utf-16", "replace").encode("utf-8")
     elif data.startswith(b"\xef\xbb\xbf"):
         fault = SceneError("begins with a byte order mark", where=place, hint="save as UTF-8 without BOM")
-        notes.repair("byte-order-mark", lambda: fault, where=place)
+        notes.repair("byte-order-mark", fault, where=place)
         text = data[3:]
     if b"\0" in text[:4096]:
         raise _no_text(path, where)
@@ -187,6 +187,34 @@ def read_image(path: Path, check: bool = False) -> Image:
     if check:
         check_image(path, TEXT_SCENE_IMAGES, error)
     return Image(path.stem, size, partial(decode_image, path, TEXT_SCENE_IMAGES, error))
+
+
+class ImagePool:
+    """The images of an OBJ or AFF scene, in the order of first use."""
+
+    def __init__(self, notes: Notes):
+        self._notes = notes
+        self._index: dict[Path, int | None] = {}  # None: unreadable
+        self.images: list[Image] = []
+
+    @property
+    def files(self) -> list[Path]:
+        """The files of ``images``."""
+        return [path for path, index in self._index.items() if index is not None]
+
+    def texture(self, path: Path) -> Texture | None:
+        """The texture in a file; None for one that is damaged, which is a repair."""
+        if path not in self._index:
+            self._index[path] = None
+            try:
+                image = read_image(path, check=not self._notes.strict)
+            except SceneError as error:
+                self._notes.repair("texture-unreadable", error, detail=path.name)
+            else:
+                self._index[path] = len(self.images)
+                self.images.append(image)
+        index = self._index[path]
+        return None if index is None else Texture(index)
 
 
 class Identity:

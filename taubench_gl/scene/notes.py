@@ -6,7 +6,7 @@ raise instead.  A *remark* is allowed by the format and noted by both.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from taubench_gl.errors import SceneError
@@ -223,18 +223,16 @@ class Notes:
         assert kind in REMARKS, kind
         self._tally(kind, where, count, detail, key or where)
 
-    def repair(
-        self, kind: str, error: Callable[[], SceneError], count: int = 1, detail: str = "", where: str | None = None
-    ) -> None:
-        """Count ``count`` departures of a kind of ``REPAIRS``; strict: raise ``error()`` instead.
+    def repair(self, kind: str, error: SceneError, count: int = 1, detail: str = "", where: str | None = None) -> None:
+        """Count ``count`` departures of a kind of ``REPAIRS``; strict: raise ``error`` instead.
 
         ``where``: as in notes; None: that of the error.
         """
         assert kind in REPAIRS, kind
         if self.strict:
-            raise error()
+            raise error
         if where is None:
-            where = error().where or ""
+            where = error.where or ""
         self._tally(kind, where, count, detail, where)
 
     def _tally(self, kind: str, where: str, count: int, detail: str, key: str) -> None:

@@ -181,15 +181,12 @@ class DeformPass:
         pool: Mapping[str, moderngl.Buffer],
     ) -> Array:
         """Pose everything into ``pool``, as it is ``now`` and was ``before``.  (D_posed,) bool: which poses mirror."""
-        palettes, mirrored = self._palettes(*now)
-        prev_palettes, _ = self._palettes(*before) if self._previous else ([], None)
-        offset = 0
-        for name, group in (("palette", palettes), ("prev_palette", prev_palettes)):
-            for row, matrices in enumerate(group):
-                self._jobs[name][row] = offset
-                offset += len(matrices)
+        matrices, self._jobs["palette"], mirrored = self._palettes(*now)
+        if self._previous:
+            prev_matrices, first, _ = self._palettes(*before)
+            self._jobs["prev_palette"] = len(matrices) + first
+            matrices = np.concatenate([matrices, prev_matrices])
         self._jobs["mirror"] = np.where(mirrored, -1.0, 1.0)
-        matrices = np.concatenate([*palettes, *prev_palettes])
         for name, rows in (
             ("palettes", matrices[:, :3].astype(np.float32)),
             ("morphs", self._morph_uses(now[0], before[0])),
@@ -200,25 +197,31 @@ class DeformPass:
             compiled.run(None, {**self._tables, **pool})
         return mirrored
 
-    def _palettes(self, state: FrameState, view: View) -> tuple[list[Array], Array]:
-        """Camera-relative matrices of every posed draw, float64 (J, 4, 4) each, and whether they mirror."""
-        skins: dict[int, Array] = {}
-        out, mirrored = [], np.zeros(len(self._draws), dtype=bool)
+    def _palettes(self, state: FrameState, view: View) -> tuple[Array, Array, Array]:
+        """Camera-relative matrices (J, 4, 4) float64; of every posed draw, its first one and whether it mirrors.
+
+        The draws of one skin share its matrices.
+        """
+        parts: list[Array] = []
+        part_of: dict[int, int] = {}  # skin -> index in ``parts``
+        used = np.zeros(len(self._draws), dtype=np.int64)  # index in ``parts``
         for row, (_, draw) in enumerate(self._draws):
             skin = int(self._scene.nodes.skin[draw.node])
-            if skin >= 0 and self._jobs["influences"][row]:
-                if skin not in skins:
-                    skins[skin] = skin_matrices(self._scene, state, skin)
-                matrices = skins[skin].copy()
-            else:
-                matrices = state.world[draw.node][None].copy()
-                if draw.local is not None:
-                    matrices = matrices @ draw.local
-            mirrored[row] = np.linalg.det(matrices[0, :3, :3]) < 0
-            # Weights sum to 1, so shifting every matrix shifts the blended point by the same.
-            matrices[:, :3, 3] -= view.position
-            out.append(matrices)
-        return out, mirrored
+            if skin < 0 or not self._jobs["influences"][row]:
+                used[row] = len(parts)
+                matrix = state.world[draw.node][None]
+                parts.append(matrix.copy() if draw.local is None else matrix @ draw.local)
+                continue
+            if skin not in part_of:
+                part_of[skin] = len(parts)
+                parts.append(skin_matrices(self._scene, state, skin))
+            used[row] = part_of[skin]
+        mirrored = np.array([np.linalg.det(part[0, :3, :3]) < 0 for part in parts], dtype=bool)
+        first = np.cumsum([0, *(len(part) for part in parts)])
+        matrices = np.concatenate(parts)
+        # Weights sum to 1, so shifting every matrix shifts the blended point by the same.
+        matrices[:, :3, 3] -= view.position
+        return matrices, first[used], mirrored[used]
 
     def _morph_uses(self, state: FrameState, before: FrameState) -> Array:
         rows = []

@@ -18,8 +18,9 @@ from taubench_gl import math3d
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.aff import splines
 from taubench_gl.scene.aff.parser import AffFile, Fill, Motion, Parser
-from taubench_gl.scene.files import read_image, shortened
-from taubench_gl.scene.model import Animation, Camera, Channel, Image, Light, Material, Mesh, Scene, Texture
+from taubench_gl.scene.build import Phong, only_animation
+from taubench_gl.scene.files import ImagePool, shortened
+from taubench_gl.scene.model import Camera, Channel, Light, Material, Mesh, Scene
 from taubench_gl.scene.notes import Notes
 
 Array = np.ndarray
@@ -45,8 +46,7 @@ class _Assembly:
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []
         self.channels: list[Channel] = []
-        self.image_index: dict[Path, int] = {}
-        self.images: list[Image] = []
+        self.images = ImagePool(file.notes)
         self.plays = animation is None or len(animation) > 0
         self.window = self._window()
 
@@ -60,19 +60,17 @@ class _Assembly:
         if self.channels and self.duration > 0:
             # The root's visibility is constant; its last key sets the duration of the scene.
             self._channel(0, "visible", "STEP", np.array([0.0, self.duration]), np.ones((2, 1)))
-        played = Animation("keyframes", tuple(self.channels))
-        playing = self.plays and bool(self.channels)
+        for image in self.images.files:
+            file.identity.add_file(image)
         return Scene(
             name=self.path.stem,
             nodes=file.nodes.nodes(),
             meshes=tuple(self.meshes),
             materials=materials,
-            images=tuple(self.images),
+            images=tuple(self.images.images),
             cameras=tuple(self.cameras),
             lights=lights,
-            animations=(played,) if self.channels else (),
-            channels=played.channels if playing else (),
-            playing=(played.name,) if playing else (),
+            **only_animation("keyframes", self.channels, self.plays),
             notes=file.notes.all(),
             path=self.path,
             sha256=file.identity.hexdigest(),
@@ -114,43 +112,15 @@ class _Assembly:
                     keys = splines.linear_keys(np.array(times), weights, self.window)
                     self._channel(child, "weights", "LINEAR", *keys)
 
-    def _texture(self, path: Path) -> Texture | None:
-        """The texture in this file; None for one that is damaged, which is a repair."""
-        if path not in self.image_index:
-            notes = self.file.notes
-            try:
-                image = read_image(path, check=not notes.strict)
-            except SceneError as error:
-                fault = error
-                notes.repair("texture-unreadable", lambda: fault, detail=path.name)
-                self.image_index[path] = -1
-            else:
-                self.image_index[path] = len(self.images)
-                self.file.identity.add_file(path)
-                self.images.append(image)
-        index = self.image_index[path]
-        return None if index < 0 else Texture(index)
-
     def _material(self, fill: Fill, index: int) -> Material:
-        texture = None
-        if fill.texture is not None:
-            texture = self._texture(fill.texture)
+        texture = None if fill.texture is None else self.images.texture(fill.texture)
         alpha = float(np.clip(1.0 - fill.transmittance, 0.0, 1.0))
         # A surface without diffuse and specular parts has only its ambient color.
         only_ambient = not any(fill.diffuse) and not any(fill.specular)
         emission = self.file.ambient * fill.ambient if only_ambient else np.zeros(3)
-        return Material(
-            name=f"fill {index}",
-            base_color=(*np.clip(fill.diffuse, 0.0, 1.0).tolist(), alpha),
-            base_color_texture=texture,
-            metallic=0.0,
-            roughness=float((2.0 / (max(fill.shine, 0.0) + 2.0)) ** 0.25),
-            emissive=tuple(emission.tolist()),
-            emissive_texture=texture if np.any(emission) else None,
-            alpha_mode="BLEND" if alpha < 1.0 else "OPAQUE",
-            double_sided=True,
-            specular=1.0 if any(fill.specular) else 0.0,
-        )
+        glow = texture if np.any(emission) else None
+        look = Phong(fill.diffuse, fill.specular, fill.shine, alpha, texture, tuple(emission.tolist()), glow)
+        return look.material(f"fill {index}")
 
     # ----------------------------------------------------------------------------------------------- view and light
     def _add_camera(self) -> None:

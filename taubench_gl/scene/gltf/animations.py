@@ -54,25 +54,19 @@ def _resolve(
     document: Document, owner: str, index: int, path: str, weight_count: Callable[[int], int], pointer: str
 ) -> list[Target]:
     if owner == "/nodes/":
-        if index >= len(document.root.nodes or []):
-            what = f"refers to nodes[{index}]; the file has {len(document.root.nodes or [])}"
-            document.repair("channel-ignored", what, pointer)
+        if not document.has("nodes", index, pointer, "channel-ignored"):
             return []
         if path == "weights" and weight_count(index):
             return [Target("node", index, "weights", weight_count(index))]
         return [Target("node", index, *_NODE[path])] if path in _NODE else []
     if owner == "/meshes/":
-        if index >= len(document.root.meshes or []):
-            what = f"refers to meshes[{index}]; the file has {len(document.root.meshes or [])}"
-            document.repair("channel-ignored", what, pointer)
+        if not document.has("meshes", index, pointer, "channel-ignored"):
             return []
         # A node with weights does not use those of its mesh.
         users = [i for i, n in enumerate(document.root.nodes or []) if n.mesh == index and n.weights is None]
         return [Target("node", i, "weights", weight_count(i)) for i in users if path == "weights" and weight_count(i)]
     if owner == "/cameras/":
-        if index >= len(document.root.cameras or []):
-            what = f"refers to cameras[{index}]; the file has {len(document.root.cameras or [])}"
-            document.repair("channel-ignored", what, pointer)
+        if not document.has("cameras", index, pointer, "channel-ignored"):
             return []
         known = path in _CAMERA and path.startswith(document.root.cameras[index].type)
         return [Target("camera", index, _CAMERA[path], 1)] if known else []
@@ -147,9 +141,7 @@ class AnimationReader:
         if target.node is None:
             document.remark("channel-without-target", pointer)
             return []
-        if target.node >= len(document.root.nodes or []):
-            what = f"refers to nodes[{target.node}]; the file has {len(document.root.nodes or [])}"
-            document.repair("channel-ignored", what, f"{pointer}/target/node")
+        if not document.has("nodes", target.node, f"{pointer}/target/node", "channel-ignored"):
             return []
         if target.path == "weights":
             count = self._weight_count(target.node)

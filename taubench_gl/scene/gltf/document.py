@@ -75,17 +75,26 @@ class Document:
 
         Raises SceneError where the document is read strictly.
         """
-        self.notes.repair(
-            kind, lambda: self.error(what, pointer, hint), count=count, detail=detail, where=pointer or self.path.name
-        )
+        error = self.error(what, pointer, hint)
+        self.notes.repair(kind, error, count=count, detail=detail, where=pointer or self.path.name)
 
     def item(self, collection: str, index: int, pointer: str) -> Any:
         """The object ``root.<collection>[index]``.  Raises SceneError at ``pointer``, where the reference is."""
         items = getattr(self.root, collection) or []
         if index >= len(items):
-            name = re.sub(r"_(.)", lambda m: m[1].upper(), collection)
-            raise self.error(f"refers to {name}[{index}]; the file has {len(items)}", pointer)
+            raise self.error(self._missing(collection, index), pointer)
         return items[index]
+
+    def has(self, collection: str, index: int, pointer: str, repair: str) -> bool:
+        """Whether there is an object ``root.<collection>[index]``; without it, the reference is a ``repair``."""
+        there = index < len(getattr(self.root, collection) or [])
+        if not there:
+            self.repair(repair, self._missing(collection, index), pointer)
+        return there
+
+    def _missing(self, collection: str, index: int) -> str:
+        name = re.sub(r"_(.)", lambda m: m[1].upper(), collection)
+        return f"refers to {name}[{index}]; the file has {len(getattr(self.root, collection) or [])}"
 
     def extension(self, owner: schema.Property, name: str, kind: type[T], pointer: str) -> T | None:
         """One extension object of ``owner``, which is at ``pointer``, decoded as ``kind``; None where it is absent."""
@@ -258,10 +267,8 @@ def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.
     """The document, and its JSON where that had to be repaired."""
     written = data
     if bytes(data[:3]) == b"\xef\xbb\xbf":
-        fault = SceneError(
-            "begins with a byte order mark, which glTF forbids", where=path.name, hint="save as UTF-8 without BOM"
-        )
-        notes.repair("byte-order-mark", lambda: fault)
+        fault = "begins with a byte order mark, which glTF forbids"
+        notes.repair("byte-order-mark", SceneError(fault, where=path.name, hint="save as UTF-8 without BOM"))
         data = data[3:]
     data = _utf8(data, path, notes)
     try:
@@ -290,7 +297,7 @@ def _utf8(data: bytes | memoryview, path: Path, notes: Notes) -> bytes | memoryv
         str(data, "utf-8")
     except UnicodeDecodeError:
         text = str(data, "utf-8", "replace")
-        notes.repair("text-encoding", lambda: SceneError("is not UTF-8", where=path.name))
+        notes.repair("text-encoding", SceneError("is not UTF-8", where=path.name))
         return text.encode("utf-8")
     return data
 

@@ -52,7 +52,7 @@ class Lenient:
 
     def _repaired(self, kind: str, pointer: str, detail: str) -> None:
         # Only lenient documents come here, so the error is never raised.
-        self.notes.repair(kind, lambda: SceneError(kind, where=pointer), detail=detail, where=pointer or "/")
+        self.notes.repair(kind, SceneError(kind, where=pointer), detail=detail, where=pointer or "/")
 
     def _walk(self, value: Any, kind: types.Type, pointer: str) -> tuple[Any, str]:
         """The repaired value, and a kind of repair if it does not fit and the member must be left out."""

@@ -112,8 +112,8 @@ class MaterialReader:
         except OverMemory:
             raise
         except SceneError as error:
-            pointer, fault = f"/images/{index}", error
-            document.notes.repair("texture-unreadable", lambda: fault, detail=self._label(index), where=pointer)
+            label = self._label(index)
+            document.notes.repair("texture-unreadable", error, detail=label, where=f"/images/{index}")
             self._unreadable.add(index)
             return unused_image(document, index)
 
@@ -236,12 +236,8 @@ class MaterialReader:
 
     def _resolved(self, collection: str, index: int | None, pointer: str) -> int | None:
         """``index`` if there is such an object, else None."""
-        items = getattr(self.document.root, collection) or []
-        if index is None or index < len(items):
-            return index
-        what = f"refers to {collection}[{index}]; the file has {len(items)}"
-        self.document.repair("texture-reference", what, pointer)
-        return None
+        usable = index is not None and self.document.has(collection, index, pointer, "texture-reference")
+        return index if usable else None
 
     def _sampler(self, texture: schema.Texture) -> Sampler:
         if texture.sampler is None or texture.sampler >= len(self.document.root.samplers or []):

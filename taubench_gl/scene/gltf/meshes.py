@@ -276,12 +276,7 @@ class MeshReader:
         if len(targets) > 1:
             what = f"primitives have different numbers of morph targets {sorted(targets)}"
             document.repair("morph-count", what, pointer)
-        weights = np.zeros(count)
-        if mesh.weights is not None:
-            if len(mesh.weights) != count:
-                what = f"{len(mesh.weights)} weights for {count} morph targets"
-                document.repair("morph-weights", what, f"{pointer}/weights")
-            weights[: len(mesh.weights)] = mesh.weights[:count]
+        weights = np.zeros(count) if mesh.weights is None else morph_weights(document, mesh.weights, count, pointer)
         read = (self._primitive(p, f"{pointer}/primitives/{i}") for i, p in enumerate(mesh.primitives))
         return Mesh(mesh.name, tuple(_padded(p, count) for p in read if p is not None), weights)
 
@@ -355,14 +350,9 @@ class MeshReader:
 
     def _material(self, primitive: schema.Primitive, pointer: str) -> int:
         """Index of the primitive's material; -1 for glTF's default one."""
-        index = primitive.material
-        if index is None:
-            return -1
-        if index >= len(self.materials):
-            what = f"refers to materials[{index}]; the file has {len(self.materials)}"
-            self.document.repair("material-reference", what, f"{pointer}/material")
-            return -1
-        return index
+        index, where = primitive.material, f"{pointer}/material"
+        usable = index is not None and self.document.has("materials", index, where, "material-reference")
+        return index if usable else -1
 
     def _bad_normals(self, arrays: dict[str, Array], pointer: str) -> Array | None:
         """Which normals have another length than 1, (V,) bool; None: none."""
@@ -547,6 +537,16 @@ class MeshReader:
                 self.document.remark("draco-indices", pointer)
         key = (packed.buffer_view, tuple(sorted(packed.attributes.items())))
         return DracoData(key, faces.reshape(-1), attributes)
+
+
+def morph_weights(document: Document, weights: list[float], count: int, pointer: str) -> Array:
+    """Weights of ``count`` morph targets, of the mesh or node at ``pointer``; missing ones are 0.  (count,)."""
+    if len(weights) != count:
+        what = f"{len(weights)} weights for {count} morph targets"
+        document.repair("morph-weights", what, f"{pointer}/weights")
+    out = np.zeros(count)
+    out[: len(weights)] = weights[:count]
+    return out
 
 
 def _padded(primitive: Primitive, count: int) -> Primitive:

@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.scene.build import Node, NodeList
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import FLOAT, Accessors
 from taubench_gl.scene.gltf.document import Document
+from taubench_gl.scene.gltf.meshes import morph_weights
 from taubench_gl.scene.model import Camera, Light, Mesh, Nodes, Skin
 
 Array = np.ndarray
@@ -245,14 +247,13 @@ def choose_scene(document: Document, requested: str | int | None, parent: Array)
             if node in listed:
                 document.repair("scene-roots", f"nodes[{node}] is listed twice", pointer)
             listed.add(node)
-    if root.scene is not None and root.scene >= len(scenes):
-        what = f"refers to scenes[{root.scene}]; the file has {len(scenes)}"
-        document.repair("default-scene", what, "/scene")
+    default = 0
+    if root.scene is not None and document.has("scenes", root.scene, "/scene", "default-scene"):
+        default = root.scene
     names = tuple(scene.name or f"scene {i}" for i, scene in enumerate(scenes))
+    index = default
     if requested is not None:
         index = pick(document, requested, [s.name for s in scenes], "scene", "/scenes")
-    else:
-        index = root.scene if root.scene is not None and root.scene < len(scenes) else 0
     roots = scenes[index].nodes or [] if scenes else np.flatnonzero(parent < 0).tolist()
     in_scene = np.zeros(len(nodes), dtype=bool)
     in_scene[_reach(nodes, roots)] = True
@@ -288,55 +289,37 @@ class NodeTargets(NamedTuple):
 
 def read_nodes(document: Document, accessors: Accessors, parent: Array, in_scene: Array, targets: NodeTargets) -> Nodes:
     """All nodes as arrays.  Raises SceneError for invalid references."""
-    nodes = document.root.nodes or []
-    n = len(nodes)
-    out = Nodes(
-        names=tuple(node.name for node in nodes),
-        parent=parent,
-        translation=np.zeros((n, 3)),
-        rotation=np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)),
-        scale=np.ones((n, 3)),
-        matrix=np.tile(np.eye(4), (n, 1, 1)),
-        has_matrix=np.zeros(n, dtype=bool),
-        mesh=np.full(n, -1, np.int32),
-        skin=np.full(n, -1, np.int32),
-        camera=np.full(n, -1, np.int32),
-        light=np.full(n, -1, np.int32),
-        visible=np.ones(n, dtype=bool),
-        in_scene=in_scene,
-    )
+    out = NodeList()
     shared: dict[tuple[tuple[str, int], ...], Array] = {}  # instances, by their accessors
     unknown = unknown_lights(document)
     animated = animated_nodes(document)
-    for i, node in enumerate(nodes):
+    for i, node in enumerate(document.root.nodes or []):
         pointer = f"/nodes/{i}"
-        _transform(document, node, out, i)
-        if out.has_matrix[i] and i in animated:
-            _decompose(document, out, i, animated[i])
-        _references(document, node, out, i, targets)
+        new = out[out.add(node.name, int(parent[i]), in_scene=bool(in_scene[i]))]
+        _transform(document, node, new, pointer)
+        if new.matrix is not None and i in animated:
+            document.repair("animated-matrix", f"nodes[{i}] has a matrix and cannot be animated", animated[i])
+            _decompose(new)
+        _references(document, node, new, targets, pointer)
         light = document.extension(node, LIGHTS, schema.LightReference, pointer)
         if light is not None and light.light >= len(targets.lights):
             what = f"refers to lights[{light.light}]; the file has {len(targets.lights)}"
             document.repair("light-reference", what, f"{pointer}/extensions/{LIGHTS}/light")
         elif light is not None and light.light not in unknown:
-            out.light[i] = light.light
+            new.light = light.light
         visibility = document.extension(node, VISIBILITY, schema.Visibility, pointer)
         if visibility is not None:
-            out.visible[i] = visibility.visible
+            new.visible = visibility.visible
         instancing = document.extension(node, INSTANCING, schema.Instancing, pointer)
         if instancing is not None:
             where, key = f"{pointer}/extensions/{INSTANCING}/attributes", tuple(sorted(instancing.attributes.items()))
             if key not in shared:
                 shared[key] = _instances(document, accessors, instancing, where)
-            out.instances[i] = shared[key]
-    for array in (out.parent, out.translation, out.rotation, out.scale, out.matrix, out.has_matrix, out.mesh, out.skin,
-                  out.camera, out.light, out.visible, out.in_scene):  # fmt: skip
-        array.flags.writeable = False
-    return out
+            new.instances = shared[key]
+    return out.nodes()
 
 
-def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> None:
-    pointer = f"/nodes/{i}"
+def _transform(document: Document, node: schema.Node, new: Node, pointer: str) -> None:
     if node.matrix is not None:
         if not (node.translation is None and node.rotation is None and node.scale is None):
             document.repair("matrix-and-parts", "has both a matrix and translation, rotation or scale", pointer)
@@ -347,44 +330,33 @@ def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> Non
             what, hint = "matrix is not a translation, rotation and scale", "it shears or projects"
             document.repair("matrix-shear", what, f"{pointer}/matrix", hint)
             matrix[3] = (0, 0, 0, 1)
-        out.matrix[i], out.has_matrix[i] = matrix, True
+        new.matrix = matrix
         return
     if node.translation is not None:
-        out.translation[i] = node.translation
+        new.translation = node.translation
     if node.rotation is not None:
         length = math.hypot(*node.rotation)
-        out.rotation[i] = node.rotation
+        new.rotation = node.rotation
         if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
             what = f"quaternion has length {length:.6g}, must be 1"
             document.repair("quaternion-length", what, f"{pointer}/rotation")
-            out.rotation[i] = unit_quaternions(out.rotation[i])
+            new.rotation = unit_quaternions(np.array(node.rotation))
     if node.scale is not None:
-        out.scale[i] = node.scale
+        new.scale = node.scale
 
 
-def _references(document: Document, node: schema.Node, out: Nodes, i: int, targets: NodeTargets) -> None:
-    pointer = f"/nodes/{i}"
-    if node.camera is not None:
-        count = len(document.root.cameras or [])
-        if node.camera < count:
-            out.camera[i] = node.camera
-        else:
-            what = f"refers to cameras[{node.camera}]; the file has {count}"
-            document.repair("camera-reference", what, f"{pointer}/camera")
+def _references(document: Document, node: schema.Node, new: Node, targets: NodeTargets, pointer: str) -> None:
+    if node.camera is not None and document.has("cameras", node.camera, f"{pointer}/camera", "camera-reference"):
+        new.camera = node.camera
     if node.mesh is None:
         if node.skin is not None or node.weights is not None:
             document.repair("skin-ignored", "has a skin or weights but no mesh", pointer)
         return
     declared = document.item("meshes", node.mesh, f"{pointer}/mesh")
     mesh = targets.meshes[node.mesh]
-    out.mesh[i] = node.mesh
+    new.mesh = node.mesh
     if node.weights is not None:
-        weights = np.zeros(len(mesh.weights))
-        if len(node.weights) != len(weights):
-            what = f"{len(node.weights)} weights for {len(weights)} morph targets"
-            document.repair("morph-weights", what, f"{pointer}/weights")
-        weights[: len(node.weights)] = node.weights[: len(weights)]
-        out.weights[i] = weights
+        new.weights = morph_weights(document, node.weights, len(mesh.weights), pointer)
     if node.skin is None:
         return
     document.item("skins", node.skin, f"{pointer}/skin")
@@ -393,14 +365,11 @@ def _references(document: Document, node: schema.Node, out: Nodes, i: int, targe
         document.repair("skin-ignored", "has a skin, and its mesh has no joints and weights", pointer)
     if not joints or all(p.joints is None for p in mesh.primitives):
         return
-    out.skin[i] = node.skin
+    new.skin = node.skin
     for k, primitive in enumerate(mesh.primitives):
-        if primitive.joints is not None and int(primitive.joints.max()) >= joints:
-            raise document.error(
-                f"joint {int(primitive.joints.max())} in primitives[{k}] of meshes[{node.mesh}]; "
-                f"skins[{node.skin}] has {joints} joints",
-                pointer,
-            )
+        if primitive.joints is not None and (last := int(primitive.joints.max())) >= joints:
+            what = f"joint {last} in primitives[{k}] of meshes[{node.mesh}]; skins[{node.skin}] has {joints} joints"
+            raise document.error(what, pointer)
 
 
 def _instances(document: Document, accessors: Accessors, instancing: schema.Instancing, pointer: str) -> Array:
@@ -473,15 +442,12 @@ def _pointer_of(target: schema.ChannelTarget) -> str:
     return pointer if isinstance(pointer, str) else ""
 
 
-def _decompose(document: Document, out: Nodes, i: int, pointer: str) -> None:
+def _decompose(node: Node) -> None:
     """Replace the matrix of an animated node by translation, rotation and scale."""
-    document.repair("animated-matrix", f"nodes[{i}] has a matrix and cannot be animated", pointer)
-    matrix = out.matrix[i]
+    matrix, node.matrix = node.matrix, None
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:
         scale[0] = -scale[0]
-    out.translation[i], out.scale[i] = matrix[:3, 3], scale
+    node.translation, node.scale = matrix[:3, 3], scale
     if np.all(scale != 0.0):
-        out.rotation[i] = math3d.quat_from_mat3(matrix[:3, :3] / scale)
-    out.has_matrix[i] = False
-    out.matrix[i] = np.eye(4)
+        node.rotation = math3d.quat_from_mat3(matrix[:3, :3] / scale)

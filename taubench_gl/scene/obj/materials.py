@@ -8,14 +8,14 @@ ignored, with a note.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.files import find_referenced, read_any_text, read_image
-from taubench_gl.scene.model import Image, Material, Texture
+from taubench_gl.scene.build import Phong
+from taubench_gl.scene.files import ImagePool, find_referenced, read_any_text
+from taubench_gl.scene.model import Material, Texture
 from taubench_gl.scene.notes import Notes
 
 OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
@@ -23,23 +23,15 @@ OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-mm": 2, "-bm": 1
 """Options of map statements -> number of arguments; -o, -s and -t can have fewer."""
 
 
-@dataclass
 class Library:
     """Materials and images of all material libraries of a scene, in the order of first use."""
 
-    folder: Path
-    materials: list[Material] = field(default_factory=list)
-    images: list[Image] = field(default_factory=list)
-    index: dict[str, int] = field(default_factory=dict)
-    notes: Notes = field(default_factory=Notes)
-    data: list[bytes] = field(default_factory=list)  # contents of the libraries, in order
-    image_index: dict[Path, int] = field(default_factory=dict)  # file -> index in ``images``
-    unreadable: set[Path] = field(default_factory=set)  # images
-    _read: set[Path] = field(default_factory=set)
-
-    def note(self, message: str, where: str = "") -> None:
-        """Record a decision that concerns the whole scene."""
-        self.notes.add(message, where)
+    def __init__(self, folder: Path, notes: Notes):
+        self.folder, self.notes = folder, notes
+        self.materials: list[Material] = []
+        self.images = ImagePool(notes)
+        self.index: dict[str, int] = {}  # of materials, by name
+        self.data: dict[Path, bytes] = {}  # contents of the libraries, in order
 
     def read(self, names: str, where: str) -> None:
         """``mtllib``: one file name, which can contain spaces, or several.  Missing files get a note."""
@@ -49,10 +41,8 @@ class Library:
             found = find_referenced(self.folder, name)
             if isinstance(found, str):
                 self.notes.remark("library-missing", where, detail=found)
-            elif found not in self._read:
-                self._read.add(found)
-                data, text = read_any_text(found, self.notes, where)
-                self.data.append(data)
+            elif found not in self.data:
+                self.data[found], text = read_any_text(found, self.notes, where)
                 self._parse(found, text)
 
     def use(self, name: str) -> int:
@@ -85,7 +75,7 @@ class Library:
 
     def _skipped(self, error: SceneError) -> None:
         """A statement that cannot be read: ignored, or the error where the scene is read strictly."""
-        self.notes.repair("mtl-statement", lambda: error)
+        self.notes.repair("mtl-statement", error)
 
     def _statement(self, words: list[str], values: dict, where: str) -> None:
         kind = words[0]
@@ -115,40 +105,16 @@ class Library:
         if color is None or (texture is not None and not any(color)):
             color = (1.0, 1.0, 1.0) if texture is not None else (0.8, 0.8, 0.8)
         emission = values.get("Ke", (0.0, 0.0, 0.0))
-        self.materials.append(
-            Material(
-                name=name,
-                base_color=(*(min(c, 1.0) for c in color), alpha),
-                base_color_texture=texture,
-                metallic=0.0,
-                roughness=float((2.0 / (max(values.get("Ns", 0.0), 0.0) + 2.0)) ** 0.25),
-                emissive=emission,
-                emissive_texture=self._texture(*values["map_Ke"]) if "map_Ke" in values and any(emission) else None,
-                alpha_mode="BLEND" if alpha < 1.0 else "OPAQUE",
-                double_sided=True,
-                specular=1.0 if any(values.get("Ks", ())) else 0.0,
-            )
-        )
+        glow = self._texture(*values["map_Ke"]) if "map_Ke" in values and any(emission) else None
+        look = Phong(color, values.get("Ks", ()), values.get("Ns", 0.0), alpha, texture, emission, glow)
+        self.materials.append(look.material(name))
 
     def _texture(self, words: list[str], where: str) -> Texture | None:
-        words, name = _without_options(words), ""
-        if words:
-            name = " ".join(words)
-        found = find_referenced(self.folder, name)
+        found = find_referenced(self.folder, " ".join(_without_options(words)))
         if isinstance(found, str):
             self.notes.remark("texture-missing", where, detail=found)
             return None
-        if found not in self.image_index and found not in self.unreadable:
-            try:
-                image = read_image(found, check=not self.notes.strict)
-            except SceneError as error:
-                fault = error
-                self.notes.repair("texture-unreadable", lambda: fault, detail=found.name)
-                self.unreadable.add(found)
-            else:
-                self.image_index[found] = len(self.images)
-                self.images.append(image)
-        return None if found in self.unreadable else Texture(self.image_index[found])
+        return self.images.texture(found)
 
 
 def _without_options(words: list[str]) -> list[str]:

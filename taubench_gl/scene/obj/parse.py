@@ -114,7 +114,7 @@ class _Lines:
     def repair(self, kind: str, rows: Array, what: str, hint: str | None = None, detail: str = "") -> None:
         """Count the used lines ``rows`` as departures; strict: raise the error of the first."""
         row = int(rows[0])
-        self.notes.repair(kind, lambda: self.error(row, what, hint), count=len(rows), detail=detail)
+        self.notes.repair(kind, self.error(row, what, hint), count=len(rows), detail=detail)
 
     def rest(self, row: int) -> str:
         """The text after the keyword of a used line."""

@@ -21,9 +21,9 @@ import numpy as np
 from taubench_gl.errors import SceneError
 from taubench_gl.math3d import normalize
 from taubench_gl.memory_budget import require
-from taubench_gl.scene.build import NodeList
+from taubench_gl.scene.build import NodeList, only_animation
 from taubench_gl.scene.files import Identity
-from taubench_gl.scene.model import Animation, Channel, Mesh, MorphTarget, Primitive, Scene
+from taubench_gl.scene.model import Channel, Mesh, MorphTarget, Primitive, Scene
 from taubench_gl.scene.notes import Notes
 from taubench_gl.scene.obj.materials import Library
 from taubench_gl.scene.obj.parse import MISSING, ObjFile, Part, parse_obj
@@ -149,8 +149,8 @@ def read_obj_sequence(
     files, fps, warnings = find_frames(text)
     assembly = _Assembly(files, fps, Notes(strict))
     for warning in warnings:
-        assembly.library.note(warning)
-    assembly.library.note(f"{len(files)} files at {fps:g} frames per second, the first at 0 s")
+        assembly.notes.add(warning)
+    assembly.notes.add(f"{len(files)} files at {fps:g} frames per second, the first at 0 s")
     return assembly.scene(files[0].stem.rstrip("0123456789") or files[0].stem, files[0], animation)
 
 
@@ -183,7 +183,7 @@ class _Track:
 class _Assembly:
     def __init__(self, files: list[Path], fps: float, notes: Notes):
         self.files, self.fps, self.notes = files, fps, notes
-        self.library = Library(files[0].parent, notes=notes)
+        self.library = Library(files[0].parent, notes)
         self.identity = Identity()
         self.tracks: list[_Track] = []
         self._read()
@@ -247,21 +247,17 @@ class _Assembly:
             # The root's visibility is constant; its last key sets the duration of the sequence.
             times = np.array([0.0, (count - 1) / self.fps])
             channels.append(Channel("node", root, "visible", "STEP", times, np.ones((2, 1))))
-        for data in self.library.data:
+        for data in self.library.data.values():
             self.identity.add(data)
-        for image in self.library.image_index:
+        for image in self.library.images.files:
             self.identity.add_file(image)
-        played = Animation("sequence", tuple(channels))
-        playing = bool(channels) and (animation is None or len(animation) > 0)
         return Scene(
             name=name,
             nodes=nodes.nodes(),
             meshes=tuple(meshes),
             materials=tuple(self.library.materials),
-            images=tuple(self.library.images),
-            animations=(played,) if channels else (),
-            channels=played.channels if playing else (),
-            playing=(played.name,) if playing else (),
+            images=tuple(self.library.images.images),
+            **only_animation("sequence", channels, animation is None or len(animation) > 0),
             notes=self.notes.all(),
             path=path,
             sha256=self.identity.hexdigest(),
