@@ -124,7 +124,7 @@ def _rates(
         sample = None
     found = stats.rates(mode, cuts, sample)
     if ((summary.get("sampling") or {}).get("pixels")) is not None:
-        del found["sampling"]  # its intervals are of random pixels too
+        found.pop("sampling", None)  # its intervals are of random pixels too
     for key in ("reasons_of", "reasons", "color_only"):
         del found["reusable"][key]
     return found

@@ -119,27 +119,19 @@ def plan(methods: tuple[str, ...], suite: str, cases: tuple[str, ...], timed: bo
     from taubench_gl.benchmark.run import BenchmarkStudy, entries_of
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
-    from taubench_gl.pathtraced.references import duration_text
     from taubench_gl.study.engines import available_cores
+    from taubench_gl.study.estimate import announce
 
     selected = read_suite(suite).part(cases)
     entries = entries_of(methods)
     units = list(BenchmarkStudy(selected, entries, ".").units.values())
     click.echo(f"{selected.name}: {len(selected.cases)} cases, {len(units)} different; {len(entries)} methods")
-    times = estimate_units(units, _say) if timed else []
-    for i, unit in enumerate(units):
+    for unit in units:
         case = unit.case
-        what = f"{case.track}, {case.frames} frames, {case.seeds} seeds, reference {case.reference}"
-        about = f"about {duration_text(times[i].seconds)}, " if timed else ""
-        click.echo(f"  {unit.identity[:8]}  {case.id}: {about}{what}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
+        facts = f"{case.track}, {case.frames} frames, {case.seeds} seeds, reference {case.reference}"
+        click.echo(f"  {unit.identity[:8]}  {case.id}: {facts}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
     if timed:
-        count = workers or available_cores()
-        total, longest = sum(one.seconds for one in times), max(one.seconds for one in times)
-        traced = sum(one.reference for one in times)
-        click.echo(
-            f"about {duration_text(max(total / count, longest))} on {count} workers like this process: "
-            f"{duration_text(total)} of worker time, {duration_text(traced)} of it for path-traced references"
-        )
+        announce(estimate_units(units, _say), "frames", workers or available_cores(), click.echo)
 
 
 @benchmark.command(

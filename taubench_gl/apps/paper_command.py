@@ -72,10 +72,11 @@ def paper(
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.apps.study_screen import StudyScreen
-    from taubench_gl.paper.estimate import announce, estimate
+    from taubench_gl.paper.estimate import estimate
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
-    from taubench_gl.paper.study import PaperOptions, plan, results_of, run_jobs, run_pixels
+    from taubench_gl.paper.study import PaperOptions, plan, run_jobs
+    from taubench_gl.study.estimate import announce
     from taubench_gl.study.run import make_engine
 
     make_engine(engine, workers, out)  # refuses what there is not before anything is drawn
@@ -83,18 +84,16 @@ def paper(
     found = find_scenes(scenes, out / "scenes", resolve)
     for name, why in found.missing.items():
         _say(f"not measured: {name}: {why}")
-    jobs = plan(found, options)
+    jobs = plan(found.scenes, options)
     times = estimate(jobs, out)
-    announce(times, workers, _say)
+    announce(times, "pairs", workers, _say)
     if only_estimate:
         return 0
-    how: dict[str, Any] = {"engine": engine, "workers": workers, "chunk": chunk}
+    slowest = max((each.seconds for each in times), default=None)
     try:
         with StudyScreen() as screen:
-            failed = run_jobs(jobs, out, max((one.seconds for one in times), default=None), **how, listener=screen)
-            runs, failed_pixels = run_pixels(jobs, out, screen)
-            failed |= failed_pixels
-        results = results_of(jobs, out, failed, runs)
+            how: dict[str, Any] = {"engine": engine, "workers": workers, "chunk": chunk, "listener": screen}
+            results = run_jobs(jobs, out, slowest, **how)
         tables, files = write_study(results, jobs, found, options, out)
     except KeyboardInterrupt:
         _say("interrupted; finished pairs are kept: repeat the command to continue")
@@ -104,7 +103,7 @@ def paper(
     for result in results:
         for part, why in result.failed.items():
             _say(f"error: {result.scene.label}, {part}: {why}")
-    return 2 if failed else 0
+    return 2 if any(result.failed for result in results) else 0
 
 
 def _say(line: str) -> None:

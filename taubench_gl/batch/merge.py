@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation.state import View
+from taubench_gl.batch.pixels import describe_pixels
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.units import counts_of_record, head_hash, lobes_of_record
 from taubench_gl.data_files import read_json
@@ -88,13 +89,16 @@ def merge_job(
     summary = assemble_summary(head["facts"], frames, settings, views, stats)
     source = dict(reports[0]["source"])
     summary["notes"] += source.pop("notes")
-    brightness = Brightness()
-    for report in reports:
-        brightness.add(report["brightness"])
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
     summary |= source
-    describe_brightness(summary, brightness, settings)
-    describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
+    if job.pixels is None:
+        brightness = Brightness()
+        for report in reports:
+            brightness.add(report["brightness"])
+        describe_brightness(summary, brightness, settings)
+        describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
+    else:
+        describe_pixels(summary, stats, settings, frames, job.pixels)
     if job.lobes:
         missing = missing_of_scene(job.lobes, unmeasured)
         summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])

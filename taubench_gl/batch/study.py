@@ -30,9 +30,9 @@ from taubench_gl.batch.merge import (
     write_job,
     write_tables,
 )
+from taubench_gl.batch.pixels import MOST_PAIRS
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
 from taubench_gl.batch.units import HeadUnit, PairsUnit, Sparse, head_hash, head_key, pairs_key, resolved_job
-from taubench_gl.data_files import checked
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import files_identity
 from taubench_gl.folder_lock import lock_holder
@@ -57,6 +57,7 @@ class _Job(msgspec.Struct):
     settings: dict[str, Any]
     sweep: dict[str, Any]
     lobes: list[str] = []
+    pixels: Annotated[int, msgspec.Meta(ge=2)] | None = None
 
 
 class _About(msgspec.Struct):
@@ -123,6 +124,8 @@ class BatchStudy:
         # At least two chunks per worker if the job has that many pairs: it may be the only job left.
         automatic = min(CHUNK_PAIRS, max(MIN_CHUNK_PAIRS, math.ceil(len(positions) / (2 * width))))
         size = self._chunk or automatic
+        if resolved.pixels is not None:
+            size = min(size, MOST_PAIRS)
         chunks = [tuple(left[i : i + size]) for i in range(0, len(left), size)]
         if not positions and not reports:
             chunks = [()]
@@ -198,7 +201,7 @@ def about_batch(spec: BatchSpec) -> dict[str, Any]:
     """The jobs as ``study.json`` has them."""
     jobs = [
         {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep),
-         "lobes": list(job.lobes)}
+         "lobes": list(job.lobes), "pixels": job.pixels}
         for job in spec.jobs
     ]  # fmt: skip
     return {"name": spec.name, "jobs": jobs}
@@ -208,10 +211,9 @@ def stored_spec(store: Store) -> BatchSpec:
     """The jobs of an earlier run.  Raises OutputError if there are none."""
     values = store.about()
     try:
-        checked(values, _About)
         jobs = [
-            Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"], lobes=tuple(j.get("lobes", ())))
-            for j in values["jobs"]
+            Job(job.id, job.scene, Settings.from_dict(job.settings), job.sweep, {}, tuple(job.lobes), job.pixels)
+            for job in msgspec.convert(values, _About).jobs
         ]
         return BatchSpec(values["name"], with_differences(jobs))
     except (msgspec.ValidationError, SettingsError) as error:

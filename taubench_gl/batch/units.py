@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.batch.pixels import count_at_pixels
 from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import SceneError
@@ -130,21 +131,32 @@ class PairsUnit:
         loaded = _loaded(worker, self.of)
         if self.sha256 != files_identity(file_hashes(loaded.scene, settings)):
             raise SceneError("changed while the batch was running", where=self.scene, hint="run the batch again")
-        session = loaded.opened(self.of)
+        count = self._count if self.of.pixels is None else self._count_at_pixels
+        pairs, report = count(loaded, worker)
+        report["provenance"] |= {"host": platform.node(), "pid": os.getpid(), "seconds": time.perf_counter() - started}
+        return json_bytes({"report": report, "pairs": pairs})
+
+    def _count(self, loaded: _Loaded, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        session, settings = loaded.opened(self.of), self.of.settings
         session.timer.reset()
         frames = session.given.frames
         schedule = pair_schedule(frames, self.positions) if self.positions else frame_schedule(frames, settings)
-        counted = []
+        evaluated = []
         for pair in session.pairs(schedule, checked_frames(frame_schedule(frames, settings))):
-            counted.append(pair.evaluated)
+            evaluated.append(pair.evaluated)
             worker.done()
         pairs = [
-            pair_record(position, one.counts, one.lobes, row if settings.metrics.exact else None)
-            for position, one, row in zip(self.positions, counted, session.rows, strict=True)
+            pair_record(position, pair.counts, pair.lobes, row if settings.metrics.exact else None)
+            for position, pair, row in zip(self.positions, evaluated, session.rows, strict=True)
         ]
-        report = _report(session)
-        report["provenance"] |= {"host": platform.node(), "pid": os.getpid(), "seconds": time.perf_counter() - started}
-        return json_bytes({"report": report, "pairs": pairs})
+        return pairs, _report(session)
+
+    def _count_at_pixels(self, loaded: _Loaded, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        settings = self.of.settings
+        frames = frame_range(loaded.scene, loaded.camera, settings)
+        later = [frames[position + 1] for position in self.positions]
+        counts, report = count_at_pixels(loaded.scene, loaded.camera, settings, self.of.pixels, later)
+        return [pair_record(p, c, {}, None) for p, c in zip(self.positions, counts, strict=True)], report
 
 
 def head_key(job: str) -> str:

@@ -20,6 +20,7 @@ from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.path_traced import PREFIX, reference_samples
 from taubench_gl.scene import load_scene
+from taubench_gl.study.estimate import Estimate
 
 WIDTH = 160
 """Frames are measured at about this width; their time is taken to be proportional to the number of pixels."""
@@ -28,38 +29,27 @@ FRAMES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class UnitTime:
-    """``frames``: seconds of all frames, seeds and methods; ``reference``: of tracing what is not stored of it."""
-
-    unit: BenchmarkUnit
-    frames: float
-    reference: float
-
-    @property
-    def seconds(self) -> float:
-        return self.frames + self.reference
-
-
-@dataclass(frozen=True, slots=True)
-class _Cost:
+class Cost:
     """Seconds to begin a unit, to begin each further seed, and per pixel of a frame."""
 
     begin: float = 0.0
     seed: float = 0.0
     pixel: float = 0.0
 
-    def of(self, case: Case) -> float:
-        per_frame = self.pixel * case.size[0] * case.size[1]
-        return self.begin + (case.seeds - 1) * self.seed + case.seeds * case.frames * per_frame
+    def of(self, case: Case, traced: float = 0.0) -> Estimate:
+        """Of all frames; ``traced``: seconds for the path-traced reference."""
+        frame = self.pixel * case.size[0] * case.size[1]
+        begin = self.begin + (case.seeds - 1) * self.seed + traced
+        return Estimate(case.id, case.seeds * case.frames, frame, begin=begin)
 
 
-def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[UnitTime]:
+def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[Estimate]:
     """One entry per unit, in their order, for one worker.
 
     What is traced for the estimate is stored and counts.  Raises TaubenchError.
     """
-    of_kind: dict[tuple[object, ...], _Cost] = {}
-    out = []
+    of_kind: dict[tuple[object, ...], Cost] = {}
+    estimates = []
     for unit in units:
         case = unit.case
         kind = (case.scene.source, case.input, case.light_samples, case.vpl_samples, case.reference_samples)
@@ -68,15 +58,16 @@ def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = 
             if not of_kind:
                 _measured(unit)  # a worker loads libraries once, not for every unit
             of_kind[kind] = _measured(unit)
-        out.append(UnitTime(unit, of_kind[kind].of(case) if applicable(case, unit.entries) else 0.0, _tracing(case)))
-    return out
+        cost = of_kind[kind] if applicable(case, unit.entries) else Cost()
+        estimates.append(cost.of(case, _tracing(case)))
+    return estimates
 
 
-def _measured(unit: BenchmarkUnit) -> _Cost:
+def _measured(unit: BenchmarkUnit) -> Cost:
     """Costs of all methods of ``unit`` that apply, from a few small frames."""
     specs = applicable(unit.case, unit.entries)
     if not specs:
-        return _Cost()
+        return Cost()
     case = _small(unit.case)
     times = [time.perf_counter()]
     evaluate_methods(
@@ -89,14 +80,14 @@ def _measured(unit: BenchmarkUnit) -> _Cost:
     return cost_of(times, time.perf_counter(), case)
 
 
-def cost_of(times: Sequence[float], end: float, case: Case) -> _Cost:
+def cost_of(times: Sequence[float], end: float, case: Case) -> Cost:
     """``times``: when the evaluation began, and when each frame of each seed was done; ``end``: when all was."""
     spent = [after - before for before, after in itertools.pairwise(times)]
     # Of the last frames: shaders are compiled, and the reference of a second seed is in memory.
     frame = min(spent[-(case.frames - 1) :])
     seed = spent[case.frames] - frame if case.seeds > 1 else 0.0
     begin = spent[0] - frame + end - times[-1]
-    return _Cost(max(begin, 0.0), max(seed, 0.0), frame / (case.size[0] * case.size[1]))
+    return Cost(max(begin, 0.0), max(seed, 0.0), frame / (case.size[0] * case.size[1]))
 
 
 def _small(case: Case) -> Case:

@@ -52,7 +52,7 @@ def write_study(
     files = {
         PAGE: page(tables, figures, _about(results, found, options) + notes),
         LATEX: latex(tables, figures, folder),
-        VALUES: json.dumps(values_of(results, found, fitted, options), indent=2, ensure_ascii=False) + "\n",
+        VALUES: json.dumps(values_of(results, jobs, found, fitted, options), indent=2, ensure_ascii=False) + "\n",
     }
     for name, text in files.items():
         write_atomically(folder / name, text)
@@ -76,7 +76,7 @@ def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: 
     for result, scene in zip(results, jobs, strict=True):
         if not result.images:
             continue
-        whole = [light for light in result.images if scene.images[light] is not scene.at_pixels]
+        whole = [light for light in result.images if scene.images[light].pixels is None]
         if not whole:
             notes.append(f"No figures of {result.scene.label}: they are of whole images, as of --light raster.")
             continue
@@ -125,15 +125,19 @@ def latex(tables: Sequence[Table], figures: Sequence[Figure], folder: Path) -> s
 
 
 def values_of(
-    results: Sequence[SceneResult], found: Found, fitted: Mapping[str, Fitted], options: PaperOptions
+    results: Sequence[SceneResult],
+    scenes: Sequence[SceneJobs],
+    found: Found,
+    fitted: Mapping[str, Fitted],
+    options: PaperOptions,
 ) -> dict[str, Any]:
     """The contents of paper.json (docs/paper.md)."""
-    scenes = []
-    for result in results:
+    blocks = []
+    for result, jobs in zip(results, scenes, strict=True):
         camera = {} if result.camera is None else _camera_values(result)
         images = {
             light: {
-                "job": result.jobs[light],
+                "job": jobs.images[light].id,
                 "pairs": run.summary["pairs"],
                 "settings": run.summary["settings"],
                 "discard": {name: run.summary["discard"][name] for name in COLUMNS},
@@ -143,7 +147,7 @@ def values_of(
             }
             for light, run in result.images.items()
         }
-        scenes.append(
+        blocks.append(
             {
                 "name": result.scene.name,
                 "paper_row": result.scene.row,
@@ -162,7 +166,7 @@ def values_of(
         "quick": options.quick,
         "size": list(options.size),
         "pixels": options.pixels,
-        "scenes": scenes,
+        "scenes": blocks,
         "missing": found.missing,
         "thresholds": {
             name: {"threshold": f.threshold, "rms": f.rms, "residuals": f.residuals} for name, f in fitted.items()

@@ -1,8 +1,8 @@
-"""The jobs of the paper's tables as one batch, and their results: what is finished is kept, whatever ends the run."""
+"""The paper's tables as a preset of a batch: its jobs, and their runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,18 +10,13 @@ from typing import Any
 from taubench_gl.batch.merge import job_folder
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
 from taubench_gl.batch.study import batch_store, run_batch
-from taubench_gl.errors import SettingsError, TaubenchError
-from taubench_gl.paper.pixels import PixelRun
-from taubench_gl.paper.scenes import Found, PaperScene
+from taubench_gl.errors import SettingsError
+from taubench_gl.paper.scenes import PaperScene
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import PAPER_SIZE, Settings
-from taubench_gl.study.progress import Listener
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
-
-PIXELS = "pixels"
-"""The pairs at random pixels, there too."""
 
 LIGHTS = ("raster", "path-traced")
 CAMERA = "camera"
@@ -69,29 +64,15 @@ class PaperOptions:
 
 @dataclass(frozen=True, slots=True)
 class SceneJobs:
-    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by light.
-
-    ``pixels``: of path-traced light, which is then no part of the batch.
-    """
+    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by light."""
 
     scene: PaperScene
     camera: Job
     images: dict[str, Job]
-    pixels: int | None = None
 
     @property
     def all(self) -> tuple[Job, ...]:
         return (self.camera, *self.images.values())
-
-    @property
-    def at_pixels(self) -> Job | None:
-        """The job at random pixels."""
-        return None if self.pixels is None else self.images["path-traced"]
-
-    @property
-    def batch(self) -> tuple[Job, ...]:
-        """The jobs of whole images."""
-        return tuple(job for job in self.all if job is not self.at_pixels)
 
 
 @dataclass(slots=True)
@@ -101,95 +82,54 @@ class SceneResult:
     scene: PaperScene
     camera: Run | None = None
     images: dict[str, Run] = field(default_factory=dict)
-    jobs: dict[str, str] = field(default_factory=dict)  # CAMERA or the light -> id of its job
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def jobs_of(scene: PaperScene, options: PaperOptions) -> SceneJobs:
-    """Raises SettingsError for settings that are out of range."""
-    width, height = CAMERA_SIZE
-    activity = Settings(**scene.camera_settings | {
-        "width": width, "height": height, "columns": ("frustum",), "pairs": ONE_PAIR,
-    })  # fmt: skip
+def plan(scenes: Sequence[PaperScene], options: PaperOptions) -> list[SceneJobs]:
+    """The jobs of every scene.  Raises SettingsError for settings that are out of range."""
     width, height = options.size
-    images = {}
-    for light in options.lights:
-        own: dict[str, Any] = {"width": width, "height": height, "light": light}
-        own |= {"pairs": QUICK_PAIRS if options.quick else "all"}
-        own |= {"spp": options.spp} if light == "path-traced" and options.spp is not None else {}
-        of_pixels = options.pixels if light == "path-traced" else None
-        images[light] = _job(scene, f"table 4, {light}", Settings(**scene.settings | own), options.lobes, of_pixels)
-    return SceneJobs(scene, _job(scene, "tables 1 to 3", activity), images, options.pixels)
+    jobs = []
+    for scene in scenes:
+        activity = {"width": CAMERA_SIZE[0], "height": CAMERA_SIZE[1], "columns": ("frustum",), "pairs": ONE_PAIR}
+        camera = _job(scene, "tables 1 to 3", scene.camera_settings | activity)
+        images = {}
+        for light in options.lights:
+            own: dict[str, Any] = {"width": width, "height": height, "light": light}
+            own |= {"pairs": QUICK_PAIRS if options.quick else "all"}
+            traced = light == "path-traced"
+            own |= {"spp": options.spp} if traced and options.spp is not None else {}
+            pixels = options.pixels if traced else None
+            images[light] = _job(scene, f"table 4, {light}", scene.settings | own, options.lobes, pixels)
+        jobs.append(SceneJobs(scene, camera, images))
+    return jobs
 
 
 def _job(
-    scene: PaperScene, part: str, settings: Settings, lobes: tuple[str, ...] = (), pixels: int | None = None
+    scene: PaperScene, part: str, settings: dict[str, Any], lobes: tuple[str, ...] = (), pixels: int | None = None
 ) -> Job:
-    written = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}" + ("" if pixels is None else f"{pixels}-pixels")
-    return Job(job_id(written, settings), scene.path, settings, {"part": part}, lobes=lobes)
+    name = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}" + ("" if pixels is None else f"{pixels}-pixels")
+    checked = Settings(**settings)
+    return Job(job_id(name, checked), scene.path, checked, {"part": part}, lobes=lobes, pixels=pixels)
 
 
-def spec_of(jobs: list[SceneJobs]) -> BatchSpec:
-    return BatchSpec("paper", tuple(job for scene in jobs for job in scene.batch))
-
-
-def run_jobs(jobs: list[SceneJobs], out: Path, seconds: float | None, **how: Any) -> dict[str, str]:
-    """Run what is not finished in the batch of ``out``.  -> job -> why it failed.  Raises TaubenchError.
+def run_jobs(jobs: Sequence[SceneJobs], out: Path, seconds: float | None, **how: Any) -> list[SceneResult]:
+    """Run what is not finished in the batch of ``out``.  Raises TaubenchError.
 
     ``seconds``: of the slowest pair, which limits the pairs of a unit; ``how``: arguments of ``run_batch``.
     """
     if how.get("chunk") is None and seconds is not None:
         how["chunk"] = max(1, min(32, int(UNIT_SECONDS / max(seconds, 1e-3))))
-    return run_batch(spec_of(jobs), out / RUNS, **how).failed
-
-
-def run_pixels(jobs: list[SceneJobs], out: Path, listener: Listener) -> tuple[dict[str, Run], dict[str, str]]:
-    """Count what is missing of the jobs at random pixels, in this process.  -> job -> run, job -> why it failed."""
-    runs: dict[str, Run] = {}
-    failed: dict[str, str] = {}
-    for scene in jobs:
-        job = scene.at_pixels
-        if job is None:
-            continue
-        try:
-            pairs = PixelRun(job, scene.pixels, out / PIXELS)
-            missing = pairs.missing
-            listener.job_known(job.id, job.label, pairs.total - sum(map(len, missing)), pairs.total)
-            for part in missing:
-                pairs.count(part)
-                listener.advanced(job.id, len(part))
-            runs[job.id] = pairs.result()
-        except TaubenchError as error:
-            failed[job.id] = str(error)
-            listener.job_failed(job.id, job.label, failed[job.id])
-        else:
-            listener.job_finished(job.id)
-    return runs, failed
-
-
-def results_of(
-    jobs: list[SceneJobs], out: Path, failed: Mapping[str, str], runs: Mapping[str, Run]
-) -> list[SceneResult]:
-    """The finished runs of ``jobs``: those at random pixels are ``runs``, the others are in the batch of ``out``.
-
-    Raises OutputError for a damaged one.
-    """
+    spec = BatchSpec("paper", tuple(job for scene in jobs for job in scene.all))
+    failed = run_batch(spec, out / RUNS, **how).failed
     store, results = batch_store(out / RUNS), []
     for scene in jobs:
         result = SceneResult(scene.scene)
         for part, job in ((CAMERA, scene.camera), *scene.images.items()):
-            result.jobs[part] = job.id
             if job.id in failed:
                 result.failed[part] = failed[job.id]
-                continue
-            run = runs[job.id] if job.id in runs else load_run(job_folder(store, job.id))
-            if part == CAMERA:
-                result.camera = run
+            elif part == CAMERA:
+                result.camera = load_run(job_folder(store, job.id))
             else:
-                result.images[part] = run
+                result.images[part] = load_run(job_folder(store, job.id))
         results.append(result)
     return results
-
-
-def plan(found: Found, options: PaperOptions) -> list[SceneJobs]:
-    return [jobs_of(scene, options) for scene in found.scenes]

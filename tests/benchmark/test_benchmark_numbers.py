@@ -245,7 +245,7 @@ def test_estimated_costs_of_known_times():
     frames = [3.5, 0.5, 0.5, 2.5, 0.5, 0.5]
     times = np.cumsum([0.0, *frames])
     cost = cost_of(times, times[-1] + 1.0, small)
-    assert cost.of(small) == pytest.approx(sum(frames) + 1.0)
-    assert cost.of(case) == pytest.approx(3.0 + 1.0 + 4 * 2.0 + 5 * 8 * 0.5 * 4)  # four times the pixels
+    assert cost.of(small).total == pytest.approx(sum(frames) + 1.0)
+    assert cost.of(case).total == pytest.approx(3.0 + 1.0 + 4 * 2.0 + 5 * 8 * 0.5 * 4)  # four times the pixels
     alone = dataclasses.replace(small, seeds=1)
-    assert cost_of(times[:4], times[3] + 1.0, alone).of(alone) == pytest.approx(5.5)
+    assert cost_of(times[:4], times[3] + 1.0, alone).of(alone).total == pytest.approx(5.5)

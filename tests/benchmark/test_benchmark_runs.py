@@ -331,10 +331,11 @@ def test_the_estimated_time_covers_every_unit(suite_file):
     entries = [Entry.of("none")]
     units = units_of(suite_file, entries)
     found = estimate_units(units)
-    assert [one.unit for one in found] == units
-    noisy = [one for one in found if one.unit.case.kind.noisy]
-    per_image = {one.frames / one.unit.weight for one in noisy}
-    assert len(noisy) == 2 and len(per_image) == 1 and min(per_image) > 0.0
-    assert all(one.reference == 0.0 and one.seconds == one.frames for one in found)
+    assert [estimate.label for estimate in found] == [unit.job for unit in units]
+    of_frame = {estimate.seconds for estimate in found if estimate.label.endswith("/noisy")}
+    assert len(found) == 3 and len(of_frame) == 1 and min(of_frame) > 0.0
+    assert all(estimate.total == estimate.begin + estimate.weight * estimate.seconds for estimate in found)
     masks = estimate_units(units_of(suite_file, [Entry.of("ideal-masks")]))
-    assert {one.unit.case.track: one.frames > 0 for one in masks} == {"noisy": True, "upscaling": False}
+    assert {estimate.label.split("/")[-1]: estimate.total > 0 for estimate in masks} == {
+        "noisy": True, "jittered+upscale@3": False,
+    }  # fmt: skip

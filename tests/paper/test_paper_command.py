@@ -71,7 +71,7 @@ def test_datasets_come_before_stand_ins(tmp_path):
     assert vr.fitted == frozenset() and "counts" in fps.fitted
     assert vr.settings["fps"] == 24.0 and vr.camera_settings["fps"] == 60.0
     assert vr.settings["exposure"] == 1.0 and "exposure" not in fps.settings
-    jobs = plan(found, PaperOptions(lights=("raster", "path-traced"), spp=3))
+    jobs = plan(found.scenes, PaperOptions(lights=("raster", "path-traced"), spp=3))
     assert [job.settings.sequence.fps for job in jobs[0].all] == [60.0, 24.0, 24.0]
     assert jobs[0].images["path-traced"].settings.lighting.spp == 3
     assert len({job.id for scene in jobs for job in scene.all}) == 6
@@ -211,10 +211,10 @@ def test_the_estimate_counts_frames(tmp_path, monkeypatch):
     """All pairs share their frames, those of a sample do not."""
     monkeypatch.setattr(estimate, "_slowest", lambda _scene, _settings: 2.0)
     found = find_scenes(("eternal-valley-fps",), tmp_path, resolved)
-    (every,) = estimate.estimate(plan(found, PaperOptions()), tmp_path / "every")
-    assert every.total == pytest.approx(2.0 * (every.pairs + 1))
-    (some,) = estimate.estimate(plan(found, PaperOptions(quick=True)), tmp_path / "some")
-    assert some.pairs == 8 and 2.0 * 9 < some.total <= 2.0 * 16
+    (every,) = estimate.estimate(plan(found.scenes, PaperOptions()), tmp_path / "every")
+    assert every.total == pytest.approx(2.0 * (every.weight + 1))
+    (some,) = estimate.estimate(plan(found.scenes, PaperOptions(quick=True)), tmp_path / "some")
+    assert some.weight == 8 and 2.0 * 9 < some.total <= 2.0 * 16
 
 
 @pytest.mark.parametrize(
@@ -247,3 +247,12 @@ def test_the_registry_has_every_row_of_the_paper_and_others_are_left_out():
     names = {scene["name"] for scene in paper_numbers()["scenes"]}
     own = {"mine": Entry(title="mine", format="gltf", paper="another paper's row")}
     assert {entry.paper for entry in scenes.paper_entries(entries | own).values()} == names
+
+
+@pytest.mark.parametrize(
+    "options", [{"pixels": 100}, {"pixels": 1, "lights": ("path-traced",)},
+                {"pixels": 100, "lights": ("path-traced",), "lobes": ("diffuse",)}],
+)  # fmt: skip
+def test_pixels_are_of_path_traced_light(options):
+    with pytest.raises(SettingsError):
+        PaperOptions(**options)

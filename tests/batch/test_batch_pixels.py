@@ -1,19 +1,17 @@
-"""Table 4 at random pixels: with all pixels it is that of whole images; with some, the truth lies in its interval."""
+"""Pairs at random pixels: all of them give the rates of whole images; the interval of some holds the truth."""
 
 from __future__ import annotations
-
-import json
 
 import numpy as np
 import pytest
 
-from taubench_gl.batch.spec import Job
-from taubench_gl.errors import SettingsError
+from taubench_gl.batch.pixels import random_pixels
+from taubench_gl.batch.spec import BatchSpec, Job
+from taubench_gl.batch.study import run_batch
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.features import COLUMNS
-from taubench_gl.paper.pixels import PixelRun, random_pixels
-from taubench_gl.paper.study import PaperOptions
 from taubench_gl.paths import ASSETS
+from taubench_gl.run import load_run
 from taubench_gl.settings import Settings
 
 DEMO = str(ASSETS / "demo.glb")
@@ -21,12 +19,9 @@ SIZE = (32, 18)
 SETTINGS = Settings(width=SIZE[0], height=SIZE[1], frames=(18, 23), light="path-traced", spp=2, bounces=2, exposure=1.0)
 
 
-def counted(folder, count, settings=SETTINGS):
-    job = Job(f"demo-{count}", DEMO, settings, {})
-    pairs = PixelRun(job, count, folder)
-    for part in pairs.missing:
-        pairs.count(part)
-    return pairs.result()
+def counted(folder, count, **how):
+    run_batch(BatchSpec("pixels", (Job("demo", DEMO, SETTINGS, {}, pixels=count),)), folder, **how)
+    return load_run(folder / "jobs" / "demo")
 
 
 @pytest.fixture(scope="module")
@@ -60,18 +55,9 @@ def test_some_pixels_give_an_interval_that_holds_the_rate(whole, tmp_path):
         assert run.summary["discard"][name]["mean_percent"] == pytest.approx(one["mean_percent"])
 
 
-def test_counted_pairs_are_kept(tmp_path, monkeypatch):
-    first = counted(tmp_path, 20)
-    place = tmp_path / "demo-20"
-    (place / "20.json").write_text("{")  # damaged: counted again
-    job = Job("demo-20", DEMO, SETTINGS, {})
-    pairs = PixelRun(job, 20, tmp_path)
-    assert pairs.missing == [[20]] and pairs.total == 4 and len(pairs.seconds) == 3
-    pairs.count([20])
-    assert pairs.result().summary["discard"] == first.summary["discard"]
-    values = json.loads((place / "21.json").read_text())
-    (place / "21.json").write_text(json.dumps(values | {"scene": "another"}))
-    assert PixelRun(job, 20, tmp_path).missing == [[21]]
+def test_counts_do_not_depend_on_chunks(tmp_path):
+    runs = [counted(tmp_path / str(chunk), 20, chunk=chunk) for chunk in (1, 4)]
+    assert runs[0].summary == runs[1].summary and runs[0].frames == runs[1].frames
 
 
 def test_pixels_differ_between_pairs_and_none_is_twice():
@@ -80,12 +66,3 @@ def test_pixels_differ_between_pairs_and_none_is_twice():
     assert np.array_equal(a, random_pixels(5, 400, (64, 36)))
     assert a.max(axis=0).tolist() <= [63, 35] and np.abs(a.mean(axis=0) - (31.5, 17.5)).max() < 4.0
     assert len(random_pixels(5, 400, (6, 4))) == 24
-
-
-@pytest.mark.parametrize(
-    "options", [{"pixels": 100}, {"pixels": 1, "lights": ("path-traced",)},
-                {"pixels": 100, "lights": ("path-traced",), "lobes": ("diffuse",)}],
-)  # fmt: skip
-def test_pixels_are_of_path_traced_light(options):
-    with pytest.raises(SettingsError):
-        PaperOptions(**options)
