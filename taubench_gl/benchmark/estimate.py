@@ -18,7 +18,7 @@ from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.path_traced import PREFIX, reference_samples
+from taubench_gl.reuse.references import PREFIX, reference_samples
 from taubench_gl.scene import load_scene
 from taubench_gl.study.estimate import Estimate
 

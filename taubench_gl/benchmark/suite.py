@@ -24,8 +24,8 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.path_traced import FITTED
 from taubench_gl.reuse.quality import DEFAULT_METRICS
+from taubench_gl.reuse.references import FITTED
 from taubench_gl.settings import Settings, parse_size
 
 SCHEMA = "suite/1"

@@ -49,7 +49,7 @@ from taubench_gl.gpu.timing import WALL_CLOCK
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
-from taubench_gl.reuse.path_traced import reference_samples
+from taubench_gl.reuse.references import reference_samples
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings

@@ -105,6 +105,12 @@ class Gpu:
         define_image(_GL_TEXTURE_2D, 0, _GL_DEPTH_COMPONENT32F, *size, 0, _GL_DEPTH_COMPONENT, _GL_FLOAT, None)
         return texture
 
+    def texture(self, size: tuple[int, int], components: int = 4, dtype: str = "f4") -> moderngl.Texture:
+        """A texture whose texels are read one by one, not filtered.  ``dtype``: as in moderngl."""
+        texture = self.ctx.texture(size, components, dtype=dtype)
+        texture.filter = (self.ctx.NEAREST, self.ctx.NEAREST)
+        return texture
+
     def unbind_framebuffer(self) -> None:
         """Bind framebuffer 0: moderngl re-binds what was bound before it made one, and a deleted one is an error."""
         if self._nothing is None:

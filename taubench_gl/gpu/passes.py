@@ -44,9 +44,7 @@ class GpuContext:
             return self.gpu.ctx.buffer(reserve=resource.bytes)
         if resource.dtype == "depth":
             return self.gpu.depth_texture(resource.size)
-        texture = self.gpu.ctx.texture(resource.size, resource.components, dtype=resource.dtype)
-        texture.filter = (self.gpu.ctx.NEAREST, self.gpu.ctx.NEAREST)
-        return texture
+        return self.gpu.texture(resource.size, resource.components, resource.dtype)
 
     def allocate_all(self, passes: Iterable[Pass]) -> dict[str, Any]:
         """Everything that ``passes`` own, by name."""

@@ -95,9 +95,7 @@ class PathTracedSource:
             channel = name if name in CHANNELS else "direct"  # lobes have the format of direct
             if name not in self._textures[0]:
                 info = CHANNELS[channel]
-                texture = self._gpu.ctx.texture(self.size, info.components, dtype=info.dtype)
-                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-                self._textures[0][name] = texture
+                self._textures[0][name] = self._gpu.texture(self.size, info.components, info.dtype)
             write_channel(self._textures[0][name], channel, arrays[name])
         return view
 

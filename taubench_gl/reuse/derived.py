@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.animation.pairs import sky_directions
+from taubench_gl.effects.lighting import environment_of
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.environment import declare_environment
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.tuning import Tuning
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.declare import WRITE, ComputePass
-from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.metrics.lighting import albedo_table
-from taubench_gl.reuse.frame import INPUTS, MAX_REACTIVE, MIN_ALBEDO
+from taubench_gl.metrics.shading_rate import RATES, phase
+from taubench_gl.reuse.frame import INPUTS, MAX_REACTIVE, MIN_ALBEDO, input_texture
 from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+LIGHT_CHANNELS = ("direct", "indirect", "emission")
+"""Channels that ``radiance`` is the sum of."""
 
 NEEDS: dict[str, tuple[str, ...]] = {
     "diffuse_demodulated": ("diffuse", "diffuse_albedo"),
@@ -50,26 +59,84 @@ def channels_for(reads: Collection[str]) -> tuple[str, ...]:
     return tuple(sorted(out))
 
 
-def input_texture(gpu: Gpu, name: str, size: tuple[int, int]) -> moderngl.Texture:
-    """A texture for input ``name``, without filtering."""
-    info = INPUTS[name]
-    texture = gpu.ctx.texture(size, info.components, dtype=info.dtype)
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+class ComposePass:
+    """``radiance`` = (direct + indirect + emission, or the sky) times exposure; unshaded pixels are filled.
+
+    ``textures``: it, and those of COMPOSED that are asked for.
+    """
+
+    def __init__(
+        self,
+        owner: GpuOwner,
+        source: RasterSource,
+        settings: Settings,
+        *,
+        rate: str = "full",
+        accumulate: bool = False,
+        derived: Collection[str] = (),
+        samples: int = 1,
+    ):
+        """``owner``: frees it; ``accumulate``: sum weighted samples of one frame; ``derived``: inputs to write, of
+        COMPOSED; ``samples``: of light in a shaded pixel."""
+        self._hazards, self._source, self._settings = owner.gpu.hazards, source, settings
+        self._rate, self._accumulate, self._samples = rate, accumulate, samples
+        self._environment = environment_of(settings)
+        lit = tuple(name for name in LIGHT_CHANNELS if source.effects[name].enabled)
+        composed = tuple(name for name in COMPOSED if name in derived)
+        lobes = {channel for name in LOBES if name in composed for channel in LOBES[name]} & set(source.channels)
+        declaration = ComputePass("reuse compose", ("reuse/compose.comp.glsl",))
+        declaration.define(**{f"HAS_{name.upper()}": name in lit for name in LIGHT_CHANNELS})
+        declaration.define(SHADING_RATE=RATES.index(rate), ACCUMULATE=accumulate)
+        for name in ("position", *lit):
+            declaration.texture(name)
+        declare_environment(declaration, self._environment, lobes=False, owned=False)
+        declaration.image("radiance_out", access=UPDATE if accumulate else WRITE)
+        declaration.define(**{f"HAS_{name.upper()}": name in lobes for pair in LOBES.values() for name in pair})
+        for name in sorted(lobes):
+            declaration.texture(name)
+        if {"hit_distance", "variance"} & set(composed):
+            declaration.texture("path_info")
+        _writing(declaration, composed, COMPOSED)
+        declaration.dispatch(source.size, Tuning(owner.gpu.software).shading_group)
+        self._pass = owner.own(owner.context.compute(declaration))
+        self.textures = {n: owner.own(input_texture(owner.gpu, n, source.size)) for n in ("radiance", *composed)}
+
+    def run(self, frame: int = 0, share: float = 1.0) -> None:
+        """Write the textures for the current frame of the source.
+
+        ``share``: weight of this sample if samples add up, negative for the first sample.
+        """
+        source = self._source
+        values: dict[str, Any] = {"size": source.size, "exposure": self._settings.lighting.exposure_factor}
+        if self._environment.kind == "image":
+            rays = sky_directions(source.renderer.frame.view, *source.size)
+            values |= zip(("sky_origin", "sky_dx", "sky_dy"), map(tuple, rays), strict=True)
+        else:
+            values["sky"] = self._environment.radiance
+        if self._rate != "full":
+            values["phase"] = phase(self._rate, frame)
+        if self._accumulate:
+            values["share"] = share
+        if "sample_count" in self.textures:
+            values["samples"] = float(self._samples)
+        resources = {**source.renderer.frame.tables, **source.current, **_images(self.textures)}
+        self._pass.run(None, resources, **values)
+        self._hazards.publish()
 
 
 class DerivedInputs:
-    """Textures of albedos, masks and demodulated light; ``composed``: textures of diffuse and specular light."""
+    """``textures`` of albedos, masks and demodulated light."""
 
-    def __init__(self, context: GpuContext, size: tuple[int, int], reads: Collection[str], scene: Scene):
-        self._hazards, self._size = context.gpu.hazards, size
+    def __init__(self, owner: GpuOwner, size: tuple[int, int], reads: Collection[str], scene: Scene):
+        """``owner``: frees them."""
+        gpu, self._hazards, self._size = owner.gpu, owner.gpu.hazards, size
         wanted = with_needs(reads)
         surface = tuple(name for name in SURFACE if name in wanted)
         demodulated = tuple(name for name in NEEDS if name in wanted)
-        self.textures = {name: input_texture(context.gpu, name, size) for name in (*surface, *demodulated)}
+        self.textures = {name: owner.own(input_texture(gpu, name, size)) for name in (*surface, *demodulated)}
         self._tables: dict[str, moderngl.Texture | moderngl.Buffer] = {}
         self._surface = self._demodulate = None
-        group = Tuning(context.gpu.software).shading_group
+        group = Tuning(gpu.software).shading_group
         if surface:
             declaration = ComputePass("reuse surface", ("reuse/surface.comp.glsl",))
             for name in (*_SURFACE_CHANNELS, "albedo_table"):
@@ -77,22 +144,23 @@ class DerivedInputs:
             if "reactive" in surface:
                 declaration.texture("ids", "usampler2D").buffer("blended", "uint")
                 flags = [0, *(m.alpha_mode == "BLEND" for m in scene.materials)]
-                self._tables["blended"] = context.gpu.ctx.buffer(np.array(flags, dtype=np.uint32).tobytes())
+                self._tables["blended"] = owner.own(gpu.ctx.buffer(np.array(flags, dtype=np.uint32).tobytes()))
             declaration.glsl(f"const float MIN_ALBEDO = {MIN_ALBEDO}, MAX_REACTIVE = {MAX_REACTIVE};")
-            self._surface = context.compute(_writing(declaration, surface, SURFACE).dispatch(size, group))
+            declaration = _writing(declaration, surface, SURFACE).dispatch(size, group)
+            self._surface = owner.own(owner.context.compute(declaration))
             table = albedo_table()
-            texture = context.gpu.ctx.texture(table.shape[1::-1], 4, table.tobytes(), dtype="f4")
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            self._tables["albedo_table"] = texture
+            self._tables["albedo_table"] = owner.own(gpu.texture(table.shape[1::-1]))
+            self._tables["albedo_table"].write(table.tobytes())
         if demodulated:
             declaration = ComputePass("reuse demodulate", ("reuse/demodulate.comp.glsl",))
             for name in (need for output in demodulated for need in NEEDS[output]):
                 declaration.texture(name)
-            self._demodulate = context.compute(_writing(declaration, demodulated, tuple(NEEDS)).dispatch(size, group))
+            declaration = _writing(declaration, demodulated, tuple(NEEDS)).dispatch(size, group)
+            self._demodulate = owner.own(owner.context.compute(declaration))
 
     def run(self, channels: Mapping[str, moderngl.Texture], view: View) -> None:
         """``channels``: of the current frame, and the composed light."""
-        resources = {**channels, **self._tables, **self.textures, **written(self.textures)}
+        resources = {**channels, **self._tables, **self.textures, **_images(self.textures)}
         if self._surface is not None:
             values = {"size": self._size}
             if {"specular_albedo", "transparency"} & self.textures.keys():  # GL removes unused uniforms
@@ -102,31 +170,10 @@ class DerivedInputs:
             self._demodulate.run(None, resources, size=self._size)
         self._hazards.publish()
 
-    @property
-    def bytes(self) -> int:
-        pixels = self._size[0] * self._size[1]
-        return sum(pixels * INPUTS[name].components * int(INPUTS[name].dtype[1]) for name in self.textures)
 
-    def release(self) -> None:
-        for item in (self._surface, self._demodulate, *self.textures.values(), *self._tables.values()):
-            if item is not None:
-                item.release()
-
-
-def written(textures: Mapping[str, moderngl.Texture]) -> dict[str, moderngl.Texture]:
+def _images(textures: Mapping[str, moderngl.Texture]) -> dict[str, moderngl.Texture]:
     """``textures`` by the names of images in shaders: an input can have the name of a channel."""
     return {f"{name}_out": texture for name, texture in textures.items()}
-
-
-def declare_composed(declaration: ComputePass, wanted: Collection[str], channels: Collection[str]) -> ComputePass:
-    """What the pass that writes ``radiance`` reads and writes for those of COMPOSED that are ``wanted``."""
-    lobes = {c for name in LOBES if name in wanted for c in LOBES[name]}
-    declaration.define(**{f"HAS_{c.upper()}": c in lobes and c in channels for pair in LOBES.values() for c in pair})
-    for name in sorted(lobes & set(channels)):
-        declaration.texture(name)
-    if {"hit_distance", "variance"} & set(wanted):
-        declaration.texture("path_info")
-    return _writing(declaration, tuple(n for n in COMPOSED if n in wanted), COMPOSED)
 
 
 def _writing(declaration: ComputePass, outputs: Collection[str], every: Collection[str]) -> ComputePass:

@@ -19,7 +19,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
-from taubench_gl.evaluation import frame_range, resolve_lighting
+from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.targets import read_channel
@@ -32,13 +32,18 @@ from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FrameInputs, read_result, write_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import InputRequest, Inputs, RasterInputs
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.path_traced import FITTED, PathTracedReference, reference_samples
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import CHOICES, DEFAULT_METRICS, MEASURES, display, fixed_gain, reusable, warp_error
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
-from taubench_gl.reuse.references import FileReference, SupersampledReference
+from taubench_gl.reuse.references import (
+    FITTED,
+    FileReference,
+    PathTracedReference,
+    SupersampledReference,
+    reference_samples,
+)
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.scores import CLASSES, Displayed, FrameReference, MethodRecord, classify
 from taubench_gl.run import Progress
@@ -221,15 +226,16 @@ def evaluate_methods(
         resolved = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera)
         settings, reasons = resolved.settings.replace(columns=settings.metrics.columns), resolved.reasons
     with opened_gpu(settings) as owner:
-        inputs = InputRequest(owner.gpu, scene, camera, settings, options.kind, Poser(scene))
-        run = _Evaluator(owner, inputs, specs, options, announce)
-        run.run(progress, on_frame)
+        inputs = InputRequest(owner.gpu, scene, camera, settings, options.kind, Poser(scene), options.mapping)
+        evaluator = _Evaluator(owner, inputs, specs, options, announce)
+        evaluator.run(progress, on_frame)
         owner.gpu.check("reuse evaluation")
-        rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
-        counted = run.frames[options.warmup :]
+        records = [run.record for run in evaluator.runs if not run.record.failed]
+        rows = [row for step in zip(*(record.rows for record in records)) for row in step]
+        counted = evaluator.frames[options.warmup :]
         statistics = {"statistics": compare_methods(rows, counted, options.cuts) if options.statistics else None}
         further = {"lighting": reasons, "provenance": provenance(owner.gpu, PassTimer.clock)}
-        summary = run.summary() | statistics | further
+        summary = evaluator.summary() | statistics | further
     return Evaluation(summary, rows)
 
 
@@ -241,12 +247,56 @@ def _check_labels(labels: Sequence[str]) -> None:
         raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")
 
 
-@dataclass(frozen=True, slots=True)
-class _Output:
-    """What a method made of one frame: its result (h, w, 4) and its reports, of ``MethodRunner.reported``."""
+@dataclass(slots=True)
+class _MethodRun:
+    """One method of an evaluation: what it is, its runner while a sequence is open, and its scores."""
 
-    result: Array
-    reported: Mapping[str, Array]
+    spec: MethodSpec
+    record: MethodRecord
+    method: Method | RecordedFrames | None = None  # None: it could not be loaded
+    facts: dict[str, Any] = field(
+        default_factory=lambda: {"title": None, "cite": [], "settings": None, "memory_bytes": None}
+    )
+    runner: MethodRunner | RecordedRunner | None = None
+
+    @contextmanager
+    def isolated(self) -> Iterator[None]:
+        """A MethodError, or a lack of GPU memory, ends this method only."""
+        try:
+            yield
+        except (MethodError, GraphicsError) as error:
+            self.record.failed = str(error)
+            self.release()
+
+    def load(self) -> None:
+        source = self.spec.method
+        if is_sequence(source):
+            self.method = RecordedFrames.parse(str(source), self.spec.settings)
+            self.facts["title"] = "frames made elsewhere"
+        else:
+            self.method = load_method(source)
+            self.facts |= {"title": self.method.title, "cite": list(self.method.cite)}
+
+    def open(self, inputs: Inputs, seed: int) -> None:
+        """The runner for ``inputs``, whose random numbers are those of ``seed``."""
+        gpu, size, method = inputs.gpu, inputs.output_size, self.method
+        if isinstance(method, RecordedFrames):
+            self.runner = RecordedRunner(gpu, method, size, inputs.frames, mapping=inputs.request.mapping, seed=seed)
+        else:
+            values = method_settings(method, self.spec.settings)
+            timer = PassTimer(gpu)
+            self.runner = MethodRunner(gpu, method, size, values, input_size=inputs.size, timer=timer)
+        self.facts |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
+
+    def step(self, inputs: FrameInputs) -> tuple[Array, Mapping[str, Array]]:
+        """The result of a frame (h, w, 4), and what the method reports of it (``MethodRunner.reported``)."""
+        return read_result(self.runner.step(inputs)), self.runner.reported(inputs)
+
+    def release(self) -> None:
+        """Free the runner."""
+        if self.runner is not None:
+            self.runner.release()
+            self.runner = None
 
 
 class _Evaluator:
@@ -262,43 +312,49 @@ class _Evaluator:
     ):
         """``owner``: frees everything."""
         self._owner, self._sequence = owner, owner.own(GpuOwner(inputs.gpu))  # of one seed
-        self._gpu, self._scene, self._settings = inputs.gpu, inputs.scene, inputs.settings
-        self._input_request, self._request = inputs, request
+        self._input_request, self._request, self._settings = inputs, request, inputs.settings
         self._reference_texture = None
         self._images: dict[int, Array] = {}
         self._shading: list[float] = []
-        self.runners: dict[str, MethodRunner | RecordedRunner] = {}
-        self._seed = inputs.kind.seed  # of the sequence that is open
-        self.records: dict[str, MethodRecord] = {}
-        self._facts: dict[str, dict[str, Any]] = {}
-        self._perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
         self._gain: float | None = None
         self._warp_errors: list[float] = []
-        self._loaded = self._load(specs, frozenset(request.metrics), request.warmup)
-        self._require(len(self._loaded) > 0)
+        perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
+        records = (MethodRecord(s.label, frozenset(request.metrics), True, request.warmup, perceptual) for s in specs)
+        self.runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
+        for run in self.runs:
+            with run.isolated():
+                run.load()
+        self._require(any(run.method is not None for run in self.runs))
         self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
-        traced = reference_samples(request.reference)
-        self._reference = None
+        traced, self._reference = reference_samples(request.reference), None
         if traced is not None:
             self._reference = owner.own(PathTracedReference(inputs, traced, request.exact_samples))
         self._open_inputs(self.seeds[0])
         self._check_frames()
-        if isinstance(self._reference, PathTracedReference):
-            fitted = request.reference == FITTED
-            estimate = self._reference.prepare(self.frames, request.reference_time if fitted else None)
-            if announce is not None and (fitted or estimate.seconds is not None):
+        if traced is not None:
+            seconds = request.reference_time if request.reference == FITTED else None
+            estimate = self._reference.prepare(self.frames, seconds)
+            if announce is not None and (seconds is not None or estimate.seconds is not None):
                 announce(estimate.text)
         elif request.reference == "max":
             self._reference = owner.own(SupersampledReference(inputs, request.reference_samples))
         else:
-            self._reference = FileReference(
-                request.reference, self._inputs.output_size, self.frames, self._settings, request.mapping
-            )
-        self._open_runners()
-        self._require(len(self.runners) > 0)
+            self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
+        self._open_runners(self.seeds[0])
+        self._require(bool(self.running))
         self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
-        for record in self.records.values():
-            record.exact_mask = self._mask_source == "exact"
+        for run in self.runs:
+            run.record.exact_mask = self._mask_source == "exact"
+
+    @property
+    def running(self) -> list[_MethodRun]:
+        """The methods that have not failed."""
+        return [run for run in self.runs if run.runner is not None]
+
+    def _require(self, some: bool) -> None:
+        """Raises MethodError with the failures of all methods if none is left."""
+        if not some:
+            raise MethodError("; ".join(str(run.record.failed) for run in self.runs))
 
     def _check_frames(self) -> None:
         if unknown := sorted(set(self._request.cuts) - set(self.frames)):
@@ -307,136 +363,107 @@ class _Evaluator:
         if len(self.frames) < 2:
             raise SettingsError("one frame has no history to reuse", hint="select at least two --frames")
         if len(self.frames) <= self._request.warmup:
-            what = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
-            raise SettingsError(what, hint="select more --frames or a smaller --warmup")
-
-    def _load(
-        self, specs: Sequence[MethodSpec], metrics: frozenset[str], warmup: int
-    ) -> list[tuple[MethodSpec, Method | RecordedFrames]]:
-        loaded = []
-        for spec in specs:
-            self.records[spec.label] = MethodRecord(spec.label, metrics, True, warmup, self._perceptual)
-            self._facts[spec.label] = {"title": None, "cite": [], "settings": None, "memory_bytes": None}
-            with self._isolated(spec.label):
-                if is_sequence(spec.method):
-                    loaded.append((spec, RecordedFrames.parse(str(spec.method), spec.settings)))
-                    self._facts[spec.label] |= {"title": "frames made elsewhere"}
-                    continue
-                method = load_method(spec.method)
-                self._facts[spec.label] |= {"title": method.title, "cite": list(method.cite)}
-                loaded.append((spec, method))
-        return loaded
+            message = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
+            raise SettingsError(message, hint="select more --frames or a smaller --warmup")
 
     def _open_inputs(self, seed: int) -> None:
-        request, self._seed = self._request, seed
-        inputs = replace(self._input_request, kind=replace(self._input_request.kind, seed=seed))
-        wanted = {name for _, method in self._loaded if isinstance(method, Method) for name in method.reads}
-        reads = (wanted | set(_EVALUATION_READS)) - {REFERENCE_INPUT}
-        if inputs.kind.files is not None:
-            files = FileInputs(inputs, reads, cuts=request.cuts, exact=request.reference, mapping=request.mapping)
-            self._inputs = self._sequence.own(files)
-            self.frames = self._inputs.frames(self._settings.sequence.frames)
+        request = replace(self._input_request, kind=replace(self._input_request.kind, seed=seed))
+        wanted = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
+        reads, cuts = (wanted | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
+        if request.kind.files is not None:
+            inputs = FileInputs(request, reads, cuts=cuts, exact=self._request.reference)
         else:
-            self.frames = frame_range(inputs.scene, inputs.camera, self._settings)
-            exact = self._reference if inputs.kind.path_samples else True
-            self._inputs = self._sequence.own(RasterInputs(inputs, reads, cuts=request.cuts, exact=exact))
-        same = self._inputs.size == self._inputs.output_size  # else methods that read the reference fail with its name
+            exact = self._reference if request.kind.path_samples else True
+            inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
+        self._inputs = self._sequence.own(inputs)
+        self.frames = inputs.frames
+        same = inputs.size == inputs.output_size  # else methods that read the reference fail with its name
         if REFERENCE_INPUT in wanted and self._reference_texture is None and same:
-            self._reference_texture = self._owner.own(self._gpu.ctx.texture(self._inputs.size, 4, dtype="f4"))
+            self._reference_texture = self._owner.own(inputs.gpu.texture(inputs.size))
 
-    def _open_runners(self) -> None:
-        self._sequence.own(self)
-        for spec, method in self._loaded:
-            if self.records[spec.label].failed is not None:
-                continue
-            with self._isolated(spec.label):
-                runner = self._runner(spec, method)
-                self.runners[spec.label] = runner
-                self._facts[spec.label] |= {"settings": dict(runner.values), "memory_bytes": runner.bytes}
-
-    def _runner(self, spec: MethodSpec, method: Method | RecordedFrames) -> MethodRunner | RecordedRunner:
-        size, input_size = self._inputs.output_size, self._inputs.size
-        if isinstance(method, RecordedFrames):
-            return RecordedRunner(self._gpu, method, size, self.frames, mapping=self._request.mapping, seed=self._seed)
-        values = method_settings(method, spec.settings)
-        return MethodRunner(self._gpu, method, size, values, input_size=input_size, timer=PassTimer(self._gpu))
-
-    def _require(self, some: bool) -> None:
-        """Raises MethodError with the failures of all methods if none is left."""
-        if not some:
-            raise MethodError("; ".join(str(record.failed) for record in self.records.values()))
-
-    @contextmanager
-    def _isolated(self, label: str) -> Iterator[None]:
-        """A MethodError, or a lack of GPU memory, ends this method only."""
-        try:
-            yield
-        except (MethodError, GraphicsError) as error:
-            self.records[label].failed = str(error)
-            runner = self.runners.pop(label, None)
-            if runner is not None:
-                runner.release()
+    def _open_runners(self, seed: int) -> None:
+        for run in self.runs:
+            if run.record.failed is None:
+                self._sequence.own(run)
+                with run.isolated():
+                    run.open(self._inputs, seed)
 
     def run(
         self, progress: Callable[[Progress], None] | None, on_frame: Callable[[EvaluatedFrame], None] | None
     ) -> None:
         """All frames with every seed.  The inputs and runners of the first seed are open already."""
+        pairs = len(self.frames) - 1
         for repetition, seed in enumerate(self.seeds):
             if repetition:
                 self._sequence.release()
                 self._open_inputs(seed)
-                self._open_runners()
-            self._run_sequence(repetition, progress, on_frame)
+                self._open_runners(seed)
+            previous: Displayed | None = None
+            for run in self.runs:
+                run.record.begin(seed)
+            for turn, frame in enumerate(self.frames):
+                if not self.running:
+                    break  # all methods have failed
+                started = time.perf_counter()
+                evaluated, previous = self._evaluate(frame, turn, previous, repetition)
+                if on_frame is not None:
+                    on_frame(evaluated)
+                if progress is not None and turn:
+                    done, seconds = repetition * pairs + turn, time.perf_counter() - started
+                    progress(Progress(self._input_request.scene.name, done, len(self.seeds) * pairs, seconds))
+            for run in self.running:
+                run.record.end()
 
-    def _run_sequence(
-        self,
-        repetition: int,
-        progress: Callable[[Progress], None] | None,
-        on_frame: Callable[[EvaluatedFrame], None] | None,
-    ) -> None:
-        previous: Displayed | None = None
-        pairs = len(self.frames) - 1
-        for record in self.records.values():
-            record.begin(self.seeds[repetition])
-        for done, frame in enumerate(self.frames):
-            if not self.runners:
-                return  # all methods have failed
-            started = time.perf_counter()
-            inputs = self._inputs.advance(frame)
-            shading = self._inputs.shading_ms()
-            if shading is not None and done:
-                self._shading.append(shading)
-            reference = self._frame_reference(frame, inputs, previous)
-            previous = reference.image
-            outputs = self._step_all(self._with_reference(inputs, reference), done)
-            evaluated = self._score(reference, inputs, outputs, repetition)
-            if on_frame is not None:
-                on_frame(evaluated)
-            if progress is not None and done:
-                seconds = time.perf_counter() - started
-                progress(Progress(self._scene.name, repetition * pairs + done, len(self.seeds) * pairs, seconds))
-        for label in self.runners:
-            self.records[label].end()
+    def _evaluate(
+        self, frame: int, turn: int, previous: Displayed | None, repetition: int
+    ) -> tuple[EvaluatedFrame, Displayed]:
+        """One frame, from the source through every method to the scores; and its reference image.
 
-    def _with_reference(self, inputs: FrameInputs, reference: FrameReference) -> FrameInputs:
-        """``inputs`` and the reference image, where a method reads it."""
-        if self._reference_texture is None:
-            return inputs
-        image = np.concatenate([reference.image.radiance, reference.image.valid[..., None]], axis=-1)
-        write_input(self._reference_texture, REFERENCE_INPUT, image)
-        return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
+        ``turn``: place of the frame in its sequence; ``previous``: reference image of the frame before.
+        """
+        inputs = self._inputs.advance(frame)
+        shading = self._inputs.shading_ms()
+        if shading is not None and turn:
+            self._shading.append(shading)
+        reference = self._frame_reference(frame, inputs, previous, repetition)
+        outputs = self._step_all(self._with_reference(inputs, reference), turn)
+        curve, radiance = self._settings.lighting.tone_map, read_result(inputs.textures["radiance"])
+        images, errors, rows, linear = {}, {}, {}, {"input": radiance[..., :3]}
+        for run in self.running:
+            label = run.spec.label
+            result, reported = outputs[label]
+            blended = Blended.of(radiance, reported)
+            images[label], errors[label] = run.record.add(reference, result, curve, run.runner.time_ms, blended)
+            rows[label], linear[label] = run.record.rows[-1], result[..., :3]
+        shown = display(np.nan_to_num(_nearest(radiance[..., :3], self._inputs.output_size)), curve)
+        return EvaluatedFrame(
+            frame,
+            shown,
+            reference.image.colors,
+            images,
+            errors,
+            rows,
+            linear | {"reference": reference.image.radiance},
+            reference.classes,
+            inputs.exposure,
+            self.seeds[repetition],
+            repetition,
+        ), reference.image
 
-    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Output]:
-        """Outputs of all methods.  The order rotates by one method per frame."""
-        labels = list(self.runners)
-        shift = turn % len(labels)
-        out = {}
-        for label in labels[shift:] + labels[:shift]:
-            with self._isolated(label):
-                runner = self.runners[label]
-                result = read_result(runner.step(inputs))
-                out[label] = _Output(result, runner.reported(inputs))
-        return out
+    def _frame_reference(
+        self, frame: int, inputs: FrameInputs, previous: Displayed | None, repetition: int
+    ) -> FrameReference:
+        radiance = self._reference_image(frame)
+        valid = np.isfinite(radiance).all(axis=-1)
+        mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
+        motion = read_channel(self._inputs.exact_motion or inputs.textures["motion"], "motion")
+        image = Displayed.of(radiance, valid, self._settings.lighting.tone_map)
+        if previous is None and self._gain is None:
+            self._gain = fixed_gain(image.radiance)
+        if previous is not None and not repetition:
+            error = warp_error(image.colors, previous.colors, motion, reusable(mask))
+            self._warp_errors += [] if error is None else [error]
+        return FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain)
 
     def _reference_image(self, frame: int) -> Array:
         if frame in self._images:
@@ -446,62 +473,33 @@ class _Evaluator:
             self._images[frame] = image
         return image
 
-    def _frame_reference(self, frame: int, inputs: FrameInputs, previous: Displayed | None) -> FrameReference:
-        radiance = self._reference_image(frame)
-        valid = np.isfinite(radiance).all(axis=-1)
-        mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
-        motion = read_channel(self._inputs.exact_motion or inputs.textures["motion"], "motion")
-        image = Displayed.of(radiance, valid, self._settings.lighting.tone_map)
-        if previous is None and self._gain is None:
-            self._gain = fixed_gain(image.radiance)
-        if previous is not None and self._seed == self.seeds[0]:
-            error = warp_error(image.colors, previous.colors, motion, reusable(mask))
-            self._warp_errors += [] if error is None else [error]
-        return FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain)
+    def _with_reference(self, inputs: FrameInputs, reference: FrameReference) -> FrameInputs:
+        """``inputs`` and the reference image, where a method reads it."""
+        if self._reference_texture is None:
+            return inputs
+        image = np.concatenate([reference.image.radiance, reference.image.valid[..., None]], axis=-1)
+        write_input(self._reference_texture, REFERENCE_INPUT, image)
+        return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
-    def _score(
-        self, reference: FrameReference, inputs: FrameInputs, outputs: Mapping[str, _Output], repetition: int
-    ) -> EvaluatedFrame:
-        curve = self._settings.lighting.tone_map
-        given = read_result(inputs.textures["radiance"])
-        scored = {}
-        for label in self.runners:
-            output = outputs[label]
-            blended = Blended.of(given, output.reported)
-            scored[label] = self.records[label].add(reference, output.result, curve, self._time_ms(label), blended)
-        linear = {label: outputs[label].result[..., :3] for label in scored}
-        return EvaluatedFrame(
-            reference.frame,
-            display(np.nan_to_num(_nearest(given[..., :3], self._inputs.output_size)), curve),
-            reference.image.colors,
-            {label: colors for label, (colors, _) in scored.items()},
-            {label: error for label, (_, error) in scored.items()},
-            {label: self.records[label].rows[-1] for label in scored},
-            {"input": given[..., :3], **linear, "reference": reference.image.radiance},
-            reference.classes,
-            inputs.exposure,
-            self.seeds[repetition],
-            repetition,
-        )
-
-    def _time_ms(self, label: str) -> float | None:
-        runner = self.runners[label]
-        if isinstance(runner, RecordedRunner):
-            return None  # another program ran
-        samples = runner.timer.samples_ms().get(runner.method.name)
-        return None if samples is None or not len(samples) else float(samples[-1])
+    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, tuple[Array, Mapping[str, Array]]]:
+        """``_MethodRun.step`` of all methods, by label.  The order rotates by one method per frame."""
+        runs, out = self.running, {}
+        shift = turn % len(runs)
+        for run in runs[shift:] + runs[:shift]:
+            with run.isolated():
+                out[run.spec.label] = run.step(inputs)
+        return out
 
     def summary(self) -> dict[str, Any]:
         width, height = self._inputs.output_size
-        scene, settings = self._scene, self._settings.replace(width=width, height=height)
-        methods = {label: self._facts[label] | record.summary() for label, record in self.records.items()}
+        scene, settings = self._input_request.scene, self._settings.replace(width=width, height=height)
         clock = PassTimer.clock
+        described = self._inputs.describe()
+        if described["seed"] is not None:
+            described["seed"] = self.seeds[0]
         shading = float(np.median(self._shading)) if self._shading else None
-        given = self._inputs.describe()
         counted = self._warp_errors[self._request.warmup - 1 :]
         warped = float(np.mean(counted)) if counted else None
-        if given["seed"] is not None:
-            given["seed"] = self.seeds[0]
         return {
             "schema": SCHEMA,
             "scene": {"name": scene.name, "path": None if scene.path is None else str(scene.path),
@@ -511,20 +509,14 @@ class _Evaluator:
             "evaluated_frames": len(self.frames) - self._request.warmup,
             "seeds": list(self.seeds),
             "warmup": self._request.warmup,
-            "input": given | {"shading_ms": shading, "clock": clock},
+            "input": described | {"shading_ms": shading, "clock": clock},
             "reference": self._reference.describe() | {"warp_error": warped, "gain": self._gain},
             "mask_source": self._mask_source,
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "clock": clock,
-            "methods": methods,
+            "methods": {run.spec.label: run.facts | run.record.summary() for run in self.runs},
         }  # fmt: skip
-
-    def release(self) -> None:
-        """Free the runners of a seed."""
-        for runner in self.runners.values():
-            runner.release()
-        self.runners = {}
 
 
 def _nearest(image: Array, size: tuple[int, int]) -> Array:

@@ -5,27 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-import moderngl
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, View
-from taubench_gl.animation.pairs import reprojection
-from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
-from taubench_gl.reuse.derived import input_texture
-from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, FrameInputs, write_input
-from taubench_gl.reuse.inputs import (
-    CHANNEL_INPUTS,
-    HISTORY_INPUTS,
-    InputRequest,
-    MaskInputs,
-    declared_reason,
-)
+from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, input_texture, texture_bytes, write_input
+from taubench_gl.reuse.inputs import CHANNEL_INPUTS, HISTORY_INPUTS, InputRequest, Inputs, MaskInputs, Textures
+from taubench_gl.reuse.reshade import RESHADED
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -42,7 +34,7 @@ UPLOADED = ("direct", *LIGHT_INPUTS, *ALBEDOS)
 """Inputs besides radiance that are computed here from the passes of the files."""
 
 
-class FileInputs(GpuOwner):
+class FileInputs(Inputs):
     """Inputs from path-traced files ``exr:DIR``, whose noise is that of a real renderer.
 
     Geometry comes from the passes of the files.  Surfaces are followed by their pass of previous positions, else by
@@ -52,74 +44,59 @@ class FileInputs(GpuOwner):
     noise would count as change.
     """
 
-    exact_mask = exact_motion = None
-
     def __init__(
-        self,
-        request: InputRequest,
-        reads: Collection[str],
-        *,
-        cuts: Collection[int] = (),
-        exact: str | None = None,
-        mapping: str | None = None,
+        self, request: InputRequest, reads: Collection[str], *, cuts: Collection[int] = (), exact: str | None = None
     ):
-        """``exact``: ``exr:DIR`` of noise-free frames; ``mapping``: names of passes, as for ``load_mapping``.
-
-        Raises PathTracedError.
-        """
-        super().__init__(request.gpu)
-        gpu, scene, camera, kind = request.gpu, request.scene, request.camera, request.kind
-        sequence = PathTracedSequence.open(kind.files, mapping=mapping)
+        """``exact``: ``exr:DIR`` of noise-free frames.  Raises PathTracedError."""
+        super().__init__(request, reads, cuts)
+        gpu, scene, camera = request.gpu, request.scene, request.camera
+        sequence = PathTracedSequence.open(self.kind.files, mapping=request.mapping)
         width, height = self.size = self.output_size = sequence.size
-        self.kind, self._cuts, self._index_of_passes = kind, frozenset(cuts), sequence.index
+        self._passes = sequence.index
         self.motion_from = _motion_source(sequence, scene, request.settings)
         settings = request.settings.replace(width=width, height=height)
         if self.motion_from == "camera":
             settings = settings.replace(reprojection="camera")
-        self.settings, self.reads = settings, frozenset(reads)
-        self.missing = self._missing_inputs()
+        self.settings, self.missing = settings, self._missing_inputs()
         track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
+        # Whether a method reads the lobes apart, and the files have them.
+        self._splits_light = bool(set(LIGHT_INPUTS) & self.reads - set(self.missing))
         lobes = tuple(name for names in LOBES.values() for name in names) if self._splits_light else ()
-        options = {"follow": self._previous_positions}
-        source = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, **options)
-        self.source = self.own(source)
+        follow = self._previous_positions
+        files = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, follow=follow)
+        self.source = self.own(files)
         self._rasterized = None if scene is None else self._missing_channels(scene, camera, settings)
         self._masks = MaskInputs(self, self.source, settings, ())
         uploaded = ("radiance", *(n for n in UPLOADED if n in self.reads and n not in self.missing))
-        if self._albedo_from == "file":
-            uploaded += ("base_color",)
+        uploaded += ("base_color",) if self._albedo_from == "file" else ()
         self._uploaded = {name: self.own(input_texture(gpu, name, self.size)) for name in uploaded}
-        self.exact = self._exact_masks = None
+        self.exact = None
         if exact is not None:
-            files = PathTracedSequence.open(exact, mapping=mapping)
-            files.require(self.size, of="the input")
-            self.exact = self.own(PathTracedSource(gpu, files, track, settings, **options))
+            noise_free = PathTracedSequence.open(exact, mapping=request.mapping)
+            noise_free.require(self.size, of="the input")
+            self.exact = self.own(PathTracedSource(gpu, noise_free, track, settings, follow=follow))
             self._exact_masks = MaskInputs(self, self.exact, settings, self.exact.radiance)
-            self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
-        self._index, self._previous = 0, None
 
     # -------------------------------------------------------------------------------------------- what there is
     @property
-    def _splits_light(self) -> bool:
-        """Whether a method reads the lobes apart, and the files have them."""
-        return bool(set(LIGHT_INPUTS) & self.reads - set(self.missing))
+    def frames(self) -> range:
+        return self.source.sequence.select(self.settings.sequence.frames)
 
     @property
     def _albedo_from(self) -> str | None:
         """Where the input base_color is from: file (the color of the diffuse lobe), or else the scene."""
         if "base_color" not in self.reads:
             return None
-        return "file" if "diffuse_color" in self._index_of_passes else "scene"
+        return "file" if "diffuse_color" in self._passes else "scene"
 
     def _missing_inputs(self) -> dict[str, str]:
-        index, name_of = self._index_of_passes, self._index_of_passes.mapping.file_name
-        out = {}
-        lobes = [f"{lobe}_{what}" for lobe in ("diffuse", "glossy") for what in ("direct", "indirect", "color")]
-        lacking = [name_of(name) for name in lobes if name not in index]
-        if lacking:
+        name_of, out = self._passes.mapping.file_name, {}
+        lobes = [f"{lobe}_{part}" for lobe in ("diffuse", "glossy") for part in ("direct", "indirect", "color")]
+        if lacking := [name_of(name) for name in lobes if name not in self._passes]:
             out |= dict.fromkeys(LIGHT_INPUTS, f"the files lack {', '.join(lacking)}")
-        out |= {name: f"the files lack {name_of(field)}" for name, field in ALBEDOS.items() if field not in index}
-        others = ("hit_distance", "sample_count", "variance", "reactive", "transparency", "reshaded", "reshaded_before")
+        lost = {name: field for name, field in ALBEDOS.items() if field not in self._passes}
+        out |= {name: f"the files lack {name_of(field)}" for name, field in lost.items()}
+        others = ("hit_distance", "sample_count", "variance", "reactive", "transparency", *RESHADED)
         return out | dict.fromkeys(others, "files do not have it")
 
     def _missing_channels(self, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:
@@ -133,52 +110,34 @@ class FileInputs(GpuOwner):
         geometry = settings.replace(columns=("frustum",), textures="finest")
         return self.open_source(scene, camera, geometry, SourceOptions(extra=tuple(sorted(missing))))
 
-    def frames(self, requested: tuple[int | None, int | None]) -> range:
-        """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
-        return self.source.sequence.select(requested)
-
     # -------------------------------------------------------------------------------------------- frame by frame
     def _previous_positions(self, passes: PathTracedFrame, position: Array, view: View, previous: View) -> Array:
         """``pathtraced.source.Follow``, for the input and for noise-free files of the same frames."""
         if self.motion_from == "rasterized":
-            found = (self._rasterized.read(name) for name in ("position", "prev_position"))
+            points = (self._rasterized.read(name) for name in ("position", "prev_position"))
             tolerance = self.settings.metrics.threshold("position")
-            return position_from_scene(position, *found, view, previous, tolerance)
+            return position_from_scene(position, *points, view, previous, tolerance)
         motion = passes.motion
         if motion is None:  # noise-free files without the pass show the surfaces of the input
             motion = self.source.frame.motion
         return position_from_motion(position, motion.astype(np.float64), view, previous)
 
-    def advance(self, frame: int) -> FrameInputs:
-        """The inputs of ``frame``; textures are valid until the next call."""
+    def _draw(self, frame: int) -> View:
         if self._rasterized is not None:
             self._rasterized.advance(frame)
-        view = self.source.advance(frame)
-        if self.exact is not None:
-            self.exact.advance(frame)
+        return self.source.advance(frame)
+
+    def _sources(self) -> tuple[Textures, Textures]:
+        current, history = super()._sources()
+        if self._rasterized is not None:
+            current, history = {**self._rasterized.current, **current}, {**self._rasterized.previous, **history}
+        return current, history
+
+    def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
         for name, values in self._arrays(f"{self.source.sequence.path}, frame {frame}").items():
             if name in self._uploaded:
                 write_input(self._uploaded[name], name, values)
-        previous = self._previous or view
-        pair = reprojection(view, previous, *self.size)
-        for masks in (self._masks, self._exact_masks):
-            if masks is not None:
-                masks.run(pair, declared_reason(self._previous, frame, self._cuts))
-        out = FrameInputs(
-            index=self._index,
-            time=frame / self.settings.sequence.fps,
-            textures=self._textures(),
-            pair=pair,
-            view=view,
-            prev_view=previous,
-            jitter_px=np.zeros(2),
-            prev_jitter_px=np.zeros(2),
-            exposure=self.settings.lighting.exposure_factor,
-            cut=frame in self._cuts,
-            missing=self.missing,
-        )
-        self._index, self._previous = self._index + 1, view
-        return out
+        return self._uploaded
 
     def _arrays(self, where: str) -> dict[str, Array]:
         """Inputs that are computed from the passes of the current frame, (h, w, components) float32."""
@@ -213,31 +172,13 @@ class FileInputs(GpuOwner):
             light = radiance - (exposure * sources[0].read("emission")[..., :3] if sources else 0.0)
         return np.where(frame.sky[..., None], radiance, light).astype(np.float32)
 
-    def _textures(self) -> dict[str, moderngl.Texture]:
-        current, history = dict(self.source.current), dict(self.source.previous)
-        if self._rasterized is not None:
-            current, history = {**self._rasterized.current, **current}, {**self._rasterized.previous, **history}
-        history = current if self._previous is None else history
-        out = {name: current[name] for name in CHANNEL_INPUTS if name in current}
-        out |= {name: history[c] for name, c in HISTORY_INPUTS.items() if c in history}
-        out |= {"mask": self._masks.mask, "motion": self._masks.motion, **self._uploaded}
-        if self.exact_mask is not None:
-            out["exact_mask"] = self.exact_mask
-        return out
-
-    def shading_ms(self) -> None:
-        """None: the renderer's time is unknown."""
-        return None
-
     @property
     def bytes(self) -> int:
         rasterized = 0 if self._rasterized is None else self._rasterized.describe()["memory"]["gpu_bytes"]
-        values = sum(INPUTS[name].components * int(INPUTS[name].dtype[1]) for name in self._uploaded)
-        return values * self.size[0] * self.size[1] + self._masks.bytes + rasterized
+        return texture_bytes(*self._uploaded.values()) + self._masks.bytes + rasterized
 
     def describe(self) -> dict[str, Any]:
-        """The block ``input`` of reuse.json."""
-        notes = [] if self._exact_masks else ["no exact mask: give noise-free files of the same frames as --reference"]
+        notes = [] if self.exact else ["no exact mask: give noise-free files of the same frames as --reference"]
         if self._rasterized is not None:
             missing = sorted(set(self._rasterized.channels) & self.reads - set(self.source.channels))
             if missing:
@@ -246,14 +187,13 @@ class FileInputs(GpuOwner):
             notes.append("the files have no direct light of its own: all light counts as direct")
         if self.motion_from == "camera" and self.settings.metrics.reprojection != "camera":
             notes.append("surfaces count as still: the files have no motion pass, and there is no scene")
-        name_of = self._index_of_passes.mapping.file_name
-        return {
-            "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "path_samples": None, "seed": None,
-            "size": list(self.size), "gpu_bytes": self.bytes, "effects": {}, "notes": notes,
+        name_of = self._passes.mapping.file_name
+        return super().describe() | {
+            "notes": notes,
             "motion_from": self.motion_from,
             "motion_pass": name_of(self.motion_from) if self.motion_from in ("prev_position", "motion") else None,
             "base_color_from": {"file": name_of("diffuse_color"), "scene": "rasterized"}.get(self._albedo_from or ""),
-        }  # fmt: skip
+        }
 
 
 def _motion_source(sequence: PathTracedSequence, scene: Scene | None, settings: Settings) -> str:

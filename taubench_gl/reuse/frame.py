@@ -11,6 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.channels import RADIANCE_UNIT
+from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.reprojection import Reprojection
 
 
@@ -152,6 +153,16 @@ class FrameInputs:
     exposure: float
     cut: bool  # declared by the caller: this frame has no history
     missing: Mapping[str, str] = field(default_factory=dict)
+
+
+def input_texture(gpu: Gpu, name: str, size: tuple[int, int]) -> moderngl.Texture:
+    """A texture for input ``name`` of INPUTS, not filtered."""
+    return gpu.texture(size, INPUTS[name].components, INPUTS[name].dtype)
+
+
+def texture_bytes(*textures: moderngl.Texture) -> int:
+    """GPU memory of ``textures``."""
+    return sum(t.width * t.height * t.components * int(t.dtype[1]) for t in textures)
 
 
 _NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}

@@ -9,6 +9,7 @@ import numpy as np
 
 from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
 from taubench_gl.errors import GraphicsError, MethodError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.pair_record import PAIR_FIELDS, pair_values
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
@@ -231,19 +232,19 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int], report:
     return Source("\n".join(lines) + "\n", tuple(origin))
 
 
-class GlslPasses:
+class GlslPasses(GpuOwner):
     """Programs and textures of one method at one size.  Raises MethodError if a shader does not compile.
 
     ``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales.
     """
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int]):
-        self._gpu, self._method = gpu, method
+        super().__init__(gpu)
+        self._method = method
         self._sizes = {"output": size, "input": input_size}
         self._group = Tuning(gpu.software).shading_group
         self._programs: list[moderngl.ComputeShader] = []
         self._reporting: list[moderngl.ComputeShader] = []  # the same passes, storing REPORTS; compiled on demand
-        self._parameters: moderngl.Buffer | None = None
         self._now: dict[str, moderngl.Texture] = {}
         self._before: dict[str, moderngl.Texture] = {}
         self._spare: dict[str, moderngl.Texture] = {}
@@ -251,9 +252,8 @@ class GlslPasses:
         self._key_age = 0
         try:
             self._programs = [self._compile(info) for info in method.passes]
-            self._parameters = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize)
-            kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
-            for name, form in kept.items():
+            self._parameters = self.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
+            for name, form in {**method.history, **method.buffers, RESULT: RESULT_FORMAT}.items():
                 own = self._sizes["input" if name in method.input_sized else "output"]
                 self._now[name] = self._texture(form, own)
                 if name in method.history:
@@ -267,15 +267,13 @@ class GlslPasses:
     def _compile(self, info: PassInfo, report: bool = False) -> moderngl.ComputeShader:
         source = build_source(self._method, info, self._group, report)
         try:
-            return compile_compute(self._gpu.ctx, source)
+            return self.own(compile_compute(self.gpu.ctx, source))
         except GraphicsError as error:
-            what = error.what.removesuffix("; candidates are:")  # a list follows, too long for one line
-            raise MethodError(what, where=self._method.label) from None
+            message = error.what.removesuffix("; candidates are:")  # a list follows, too long for one line
+            raise MethodError(message, where=self._method.label) from None
 
     def _texture(self, form: Format, size: tuple[int, int]) -> moderngl.Texture:
-        texture = self._gpu.ctx.texture(size, form.components, dtype=form.dtype)
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        return texture
+        return self.own(self.gpu.texture(size, form.components, form.dtype))
 
     def clear(self) -> None:
         """Set all history, buffers and the result to 0; the next frame is a key frame."""
@@ -335,7 +333,7 @@ class GlslPasses:
             target = self._spare if name in info.reads else self._now
             target[name].bind_to_image(binding, read=False, write=True)
         program.run(*group_count(info, self._sizes[info.size], self._group))
-        self._gpu.ctx.memory_barrier()
+        self.gpu.ctx.memory_barrier()
         for name in info.writes:
             if name in info.reads:
                 self._now[name], self._spare[name] = self._spare[name], self._now[name]
@@ -370,18 +368,3 @@ class GlslPasses:
         record["near"], record["prev_near"] = pair.near, pair.prev_near
         record["index"], record["has_history"] = frame.index, has_history
         self._parameters.write(record.tobytes())
-
-    def release(self) -> None:
-        for item in (
-            *self._programs,
-            *self._reporting,
-            *self._now.values(),
-            *self._before.values(),
-            *self._spare.values(),
-        ):
-            item.release()
-        if self._parameters is not None:
-            self._parameters.release()
-        self._programs, self._reporting, self._parameters = [], [], None
-        for textures in (self._now, self._before, self._spare):
-            textures.clear()

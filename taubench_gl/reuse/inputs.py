@@ -1,13 +1,14 @@
 """The frames of a scene as inputs of reuse methods: one ``FrameInputs`` after another.
 
-``RasterInputs`` renders them.  Its *input* source renders what methods get: jittered, noisy, or partly shaded.  Its
-*exact* source renders the same frames without noise, at pixel centers, for ``exact_mask`` and for the evaluation; both
-are one source where the input is exact.  ``file_inputs`` reads path-traced frames.
+``Inputs`` is what frames of the rasterizer and of path-traced files (``file_inputs``) have in common.  ``RasterInputs``
+renders them.  Its *input* source renders what methods get: jittered, noisy, or partly shaded.  Its *exact* source
+renders the same frames without noise, at pixel centers, for ``exact_mask`` and for the evaluation; both are one source
+where the input is exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,44 +17,33 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
-from taubench_gl.animation.pairs import reprojection, sky_directions
+from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.effects.decide import decide
-from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import frame_range
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
-from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
+from taubench_gl.frame.sources import Source, SourceOptions
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
-from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.declare import WRITE, ComputePass
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
-from taubench_gl.metrics.shading_rate import RATES, cycle, phase
-from taubench_gl.reuse.derived import (
-    COMPOSED,
-    NEEDS,
-    DerivedInputs,
-    channels_for,
-    declare_composed,
-    input_texture,
-    with_needs,
-    written,
-)
-from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs
+from taubench_gl.metrics.shading_rate import cycle
+from taubench_gl.reuse.derived import NEEDS, ComposePass, DerivedInputs, channels_for, with_needs
+from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, texture_bytes
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.reshade import CHANNELS_READ, RESHADED, Reshade
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
+Textures = dict[str, moderngl.Texture]
 
 CHANNEL_INPUTS = ("position", "normal", "prev_position", "base_color", "emission", "ids", "material")
 HISTORY_INPUTS = {"history_position": "position", "history_normal": "normal", "history_ids": "ids"}
-LIGHT_CHANNELS = ("direct", "indirect", "emission")
 
 SHADING_PASSES = ("shadows", "direct", "indirect", "stochastic", "path tracing", "compose")
 """Passes that become cheaper with a coarser or noisier input."""
@@ -61,9 +51,10 @@ SHADING_PASSES = ("shadows", "direct", "indirect", "stochastic", "path tracing",
 
 @dataclass(frozen=True, slots=True)
 class InputRequest:
-    """What to render: shared by the inputs and the reference of an evaluation.
+    """What to render or read: shared by the inputs and the reference of an evaluation.
 
-    ``scene`` and ``camera`` can be None for path-traced files.  ``poser``: of ``scene``, None: a new one.
+    ``scene`` and ``camera`` can be None for path-traced files.  ``poser``: of ``scene``, None: a new one; ``mapping``:
+    names of the passes of files, as for ``load_mapping``.
     """
 
     gpu: Gpu
@@ -72,6 +63,7 @@ class InputRequest:
     settings: Settings
     kind: InputKind
     poser: Poser | None = None
+    mapping: str | None = None
 
 
 def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
@@ -90,98 +82,46 @@ def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
     return out
 
 
-class RasterInputs(GpuOwner):
-    """Inputs rasterized from a scene.  Call ``advance`` for every frame in order."""
+class Inputs(GpuOwner):
+    """Frames as inputs of methods.  Call ``advance`` for every frame in order.
 
-    def __init__(
-        self,
-        request: InputRequest,
-        reads: Collection[str],
-        *,
-        cuts: Collection[int] = (),
-        exact: bool | Source = False,
-        jitter: Callable[[int], Array] = halton_jitter,
-    ):
-        """Raises SettingsError.
+    ``source``: of the input; ``exact``: of the same frames without noise, at pixel centers, None where there are none;
+    ``size``: of the inputs, ``output_size``: of results, pixels; ``missing``: input -> why these frames lack it.
+    """
 
-        ``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history; ``exact``:
-        provide ``exact_mask`` and ``exact_motion`` even if no method reads them; or the source that they are of, which
-        stays the caller's: path-traced inputs need one.
-        """
-        gpu, kind, settings = request.gpu, request.kind, request.settings
-        if kind.rate != "full" and min(settings.sequence.width, settings.sequence.height) < 2:
-            raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
-        super().__init__(gpu)
-        self.kind, self.settings = kind, light_settings(settings, kind)
-        self.reads, self._cuts = frozenset(reads), frozenset(cuts)
-        self.output_size = (settings.sequence.width, settings.sequence.height)
-        self.size = kind.input_size(self.output_size)
-        exact_settings = self.settings
-        self.settings = self.settings.replace(width=self.size[0], height=self.size[1])
-        self.timer = PassTimer(gpu)
-        # The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an
-        # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
-        period = {} if kind.upscale == 1 else {"period": kind.jitter_period}
-        self._jitter = (lambda frame: jitter(frame // cycle(kind.rate), **period)) if kind.jitter else None
-        extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
-        extra += ("ids",) if "history_ids" in self.reads else ()
-        emits = decide(request.scene, self.settings)["emission"].enabled
-        extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
-        extra += channels_for(self.reads)
-        reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
-        extra += CHANNELS_READ if reshades else ()
-        shading = None if kind.exact else kind.shading()
-        poser = request.poser or Poser(request.scene)
-        scene, camera = request.scene, request.camera
-        options = SourceOptions(extra, jitter=self._jitter, shading=shading)
-        self.source = self.open_source(scene, camera, self.settings, options, timer=self.timer, poser=poser)
-        needs_exact = bool(exact) or "exact_mask" in self.reads
-        self.exact: Source | None = None if isinstance(exact, bool) else exact
-        if needs_exact and self.exact is None:
-            if kind.path_samples:
-                raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
-            self.exact = self.source
-            if not kind.exact:
-                unshared = SourceOptions(shading=Shading(gather_each=kind.noisy))
-                self.exact = self.open_source(scene, camera, exact_settings, unshared, poser=poser)
-        self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
-        derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
-        self._compose = self.own(ComposePass(
-            self.context, self.size, self.settings, light_channels(self.source), rate=kind.rate,
-            derived=derived, available=self.source.channels, samples=kind.samples,
-        ))  # fmt: skip
-        self._derived = self.own(DerivedInputs(self.context, self.size, derived, self.source.renderer.scene))
-        self._masks = self._exact_masks = self.reshade = None
-        if reshades and self.source.light is not None and self.source.light.written:
-            self.reshade = self.own(Reshade(self.context, self.source, self.settings))
-        if {"mask", "motion"} & self.reads or self.reshade is not None:
-            self._masks = MaskInputs(self, self.source, self.settings, ())
-        if needs_exact:
-            self._exact_masks = MaskInputs(self, self.exact, exact_settings, self.exact.radiance)
-        self._index, self._previous = 0, None
+    source: Source
+    exact: Source | None
+    size: tuple[int, int]
+    output_size: tuple[int, int]
+    settings: Settings
+    missing: dict[str, str]
+
+    def __init__(self, request: InputRequest, reads: Collection[str], cuts: Collection[int]):
+        """``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history."""
+        super().__init__(request.gpu)
+        self.request, self.kind, self.reads = request, request.kind, frozenset(reads)
+        self._cuts, self._index = frozenset(cuts), 0
+        self._previous: View | None = None
+        self._masks: MaskInputs | None = None
+        self._exact_masks: MaskInputs | None = None
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""
-        view = self.source.advance(frame)
+        view = self._draw(frame)
         if self.exact not in (None, self.source):
             self.exact.advance(frame)
-        with self.timer.measure("compose"):
-            self._compose.run(self.source, frame)
-        self._derived.run({**self.source.current, **self._compose.textures}, view)
         previous = self._previous or view
-        declared = declared_reason(self._previous, frame, self._cuts)
+        declared = Reason.FIRST if self._previous is None else Reason.CUT if frame in self._cuts else 0
         pair = reprojection(view, previous, *self.size, jitter=False)
         if self._masks is not None:
             self._masks.run(pair, declared)
         if self._exact_masks is not None:
             self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.output_size), declared)
-        if self.reshade is not None:
-            textures = {"mask": self._masks.mask, "motion": self._masks.motion}
-            self.reshade.run(frame, pair, textures, self.kind.seed, not declared)
+        textures = self._channels() | self._compute(frame, view, pair, declared)
         out = FrameInputs(
             index=self._index,
             time=frame / self.settings.sequence.fps,
-            textures=self._textures(),
+            textures=textures,
             pair=pair,
             view=view,
             prev_view=previous,
@@ -194,123 +134,157 @@ class RasterInputs(GpuOwner):
         self._index, self._previous = self._index + 1, view
         return out
 
-    def _textures(self) -> Mapping[str, moderngl.Texture]:
-        current, history = self.source.current, self.source.previous
+    def _draw(self, frame: int) -> View:
+        """Advance the source of the input to ``frame``; its view."""
+        return self.source.advance(frame)
+
+    def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
+        """The inputs that are computed from channels, ``radiance`` among them; ``declared``: bits of the frame."""
+        raise NotImplementedError
+
+    def _channels(self) -> Textures:
+        """The inputs that are channels, of this frame and of the previous one, and the masks."""
+        current, history = self._sources()
         if self._previous is None:
             history = current  # the first frame has no history, but its inputs must be valid textures
-        out = {"radiance": self._compose.radiance, **self._compose.textures, **self._derived.textures}
-        out |= {name: current[name] for name in CHANNEL_INPUTS if name in self.reads}
-        out |= {name: history[channel] for name, channel in HISTORY_INPUTS.items() if name in self.reads}
+        out = {name: current[name] for name in CHANNEL_INPUTS if name in self.reads and name in current}
+        out |= {n: history[c] for n, c in HISTORY_INPUTS.items() if n in self.reads and c in history}
         if self._masks is not None:
             out |= {"mask": self._masks.mask, "motion": self._masks.motion}
-        if self.reshade is not None:
-            out |= self.reshade.textures
         if self._exact_masks is not None and "exact_mask" not in self.missing:
             out["exact_mask"] = self._exact_masks.mask
         return out
 
-    @property
-    def exact_mask(self) -> moderngl.Texture:
-        return self._exact_masks.mask
+    def _sources(self) -> tuple[Textures, Textures]:
+        """Channels of this frame and of the previous one."""
+        return dict(self.source.current), dict(self.source.previous)
 
     @property
-    def exact_motion(self) -> moderngl.Texture:
-        return self._exact_masks.motion
+    def frames(self) -> range:
+        """Frame numbers to evaluate.  Raises SettingsError, and PathTracedError for gaps in files."""
+        return frame_range(self.request.scene, self.request.camera, self.request.settings)
+
+    @property
+    def exact_mask(self) -> moderngl.Texture | None:
+        """Of the exact frames; None: there are none."""
+        return None if self._exact_masks is None else self._exact_masks.mask
+
+    @property
+    def exact_motion(self) -> moderngl.Texture | None:
+        return None if self._exact_masks is None else self._exact_masks.motion
+
+    def shading_ms(self) -> float | None:
+        """Milliseconds spent on shading the current frame, by the clock of the timer; None: unknown."""
+        return None
+
+    @property
+    def bytes(self) -> int:
+        """GPU memory of the inputs, without the exact source."""
+        raise NotImplementedError
+
+    def describe(self) -> dict[str, Any]:
+        """The block ``input`` of reuse.json."""
+        kind = self.kind
+        return {
+            "kind": kind.text,
+            "light_samples": kind.light_samples or None,
+            "indirect_samples": kind.indirect_samples or None,
+            "path_samples": kind.path_samples or None,
+            "seed": kind.seed if kind.noisy or kind.path_samples else None,
+            "size": list(self.size),
+            "gpu_bytes": self.bytes,
+            "effects": {},
+            "notes": [],
+        }
+
+
+class RasterInputs(Inputs):
+    """Inputs rasterized from a scene."""
+
+    def __init__(
+        self,
+        request: InputRequest,
+        reads: Collection[str],
+        *,
+        cuts: Collection[int] = (),
+        exact: bool | Source = False,
+        jitter: Callable[[int], Array] = halton_jitter,
+    ):
+        """Raises SettingsError.
+
+        ``exact``: provide ``exact_mask`` and ``exact_motion`` even if no method reads them; or the source that they are
+        of, which stays the caller's: path-traced inputs need one.
+        """
+        kind, scene, camera, settings = request.kind, request.scene, request.camera, request.settings
+        self.output_size = (settings.sequence.width, settings.sequence.height)
+        if kind.rate != "full" and min(self.output_size) < 2:
+            raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
+        super().__init__(request, reads, cuts)
+        self.size = kind.input_size(self.output_size)
+        exact_settings = light_settings(settings, kind)
+        self.settings = exact_settings.replace(width=self.size[0], height=self.size[1])
+        self.timer = PassTimer(request.gpu)
+        # The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an
+        # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
+        period = {} if kind.upscale == 1 else {"period": kind.jitter_period}
+        offset = (lambda frame: jitter(frame // cycle(kind.rate), **period)) if kind.jitter else None
+        extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
+        extra += ("ids",) if "history_ids" in self.reads else ()
+        emits = decide(scene, self.settings)["emission"].enabled
+        extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
+        extra += channels_for(self.reads)
+        reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
+        extra += CHANNELS_READ if reshades else ()
+        options = SourceOptions(extra, jitter=offset, shading=None if kind.exact else kind.shading())
+        poser = request.poser or Poser(scene)
+        self.source = self.open_source(scene, camera, self.settings, options, timer=self.timer, poser=poser)
+        needs_exact = bool(exact) or "exact_mask" in self.reads
+        self.exact = None if isinstance(exact, bool) else exact
+        if needs_exact and self.exact is None:
+            if kind.path_samples:
+                raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
+            self.exact = self.source
+            if not kind.exact:
+                unshared = SourceOptions(shading=Shading(gather_each=kind.noisy))
+                self.exact = self.open_source(scene, camera, exact_settings, unshared, poser=poser)
+        self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
+        derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
+        how = {"rate": kind.rate, "derived": derived, "samples": kind.samples}
+        self._compose = ComposePass(self, self.source, self.settings, **how)
+        self._derived = DerivedInputs(self, self.size, derived, self.source.renderer.scene)
+        self.reshade: Reshade | None = None
+        if reshades and self.source.light is not None and self.source.light.written:
+            self.reshade = Reshade(self, self.source, self.settings)
+        if {"mask", "motion"} & self.reads or self.reshade is not None:
+            self._masks = MaskInputs(self, self.source, self.settings, ())
+        if needs_exact:
+            self._exact_masks = MaskInputs(self, self.exact, exact_settings, self.exact.radiance)
+
+    def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
+        with self.timer.measure("compose"):
+            self._compose.run(frame)
+        self._derived.run({**self.source.current, **self._compose.textures}, view)
+        out = {**self._compose.textures, **self._derived.textures}
+        if self.reshade is not None:
+            masks = {"mask": self._masks.mask, "motion": self._masks.motion}
+            self.reshade.run(frame, pair, masks, self.kind.seed, not declared)
+            out |= self.reshade.textures
+        return out
 
     def shading_ms(self) -> float:
-        """Milliseconds spent on shading the current frame, by the clock of the timer."""
         samples = self.timer.samples_ms()
         return float(sum(samples[name][-1] for name in SHADING_PASSES if len(samples.get(name, ()))))
 
     @property
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
-        own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes + self._derived.bytes
-        return own + sum(part.bytes for part in (self._masks, self.reshade) if part is not None)
+        own = texture_bytes(*self._compose.textures.values(), *self._derived.textures.values())
+        own += sum(part.bytes for part in (self._masks, self.reshade) if part is not None)
+        return own + self.source.describe()["memory"]["gpu_bytes"]
 
     def describe(self) -> dict[str, Any]:
-        """The block ``input`` of reuse.json."""
         source = self.source.describe()
-        return {
-            "kind": self.kind.text,
-            "light_samples": self.kind.light_samples or None,
-            "indirect_samples": self.kind.indirect_samples or None,
-            "path_samples": self.kind.path_samples or None,
-            "seed": self.kind.seed if self.kind.noisy or self.kind.path_samples else None,
-            "size": list(self.size),
-            "gpu_bytes": self.bytes,
-            "effects": source["effects"],
-            "notes": source["notes"],
-        }
-
-
-class ComposePass:
-    """``radiance`` = (direct + indirect + emission, or the sky) times exposure; unshaded pixels are filled."""
-
-    def __init__(
-        self,
-        context: GpuContext,
-        size: tuple[int, int],
-        settings: Settings,
-        channels: tuple[str, ...],
-        *,
-        rate: str = "full",
-        accumulate: bool = False,
-        derived: Collection[str] = (),
-        available: Collection[str] = (),
-        samples: int = 1,
-    ):
-        """``channels``: the LIGHT_CHANNELS of the frames; ``accumulate``: sum weighted samples of one frame.
-
-        ``derived``: those of ``derived.COMPOSED`` to write, from the ``available`` channels; ``samples``: of light in a
-        shaded pixel.
-        """
-        self._samples = samples
-        self._hazards, self._size, self._settings, self._rate = context.gpu.hazards, size, settings, rate
-        declaration = ComputePass("reuse compose", ("reuse/compose.comp.glsl",))
-        declaration.define(**{f"HAS_{c.upper()}": c in channels for c in LIGHT_CHANNELS})
-        declaration.define(SHADING_RATE=RATES.index(rate), ACCUMULATE=accumulate)
-        for name in ("position", *(c for c in LIGHT_CHANNELS if c in channels)):
-            declaration.texture(name)
-        self._environment = environment_of(settings)
-        declare_environment(declaration, self._environment, lobes=False, owned=False)
-        declaration.image("radiance_out", resource="radiance", access=UPDATE if accumulate else WRITE)
-        declare_composed(declaration, derived, available)
-        self.textures = {name: input_texture(context.gpu, name, size) for name in COMPOSED if name in derived}
-        declaration.dispatch(size, Tuning(context.gpu.software).shading_group)
-        self._pass = context.compute(declaration)
-        self._accumulate = accumulate
-        self.radiance = radiance_texture(context.gpu, size)
-
-    @property
-    def bytes(self) -> int:
-        values = 4 + sum(texture.components for texture in self.textures.values())
-        return 4 * values * self._size[0] * self._size[1]
-
-    def run(self, source: RasterSource, frame: int = 0, share: float = 1.0) -> None:
-        """Write ``radiance`` of the current frame of ``source``.
-
-        ``share``: weight of this sample if samples add up, negative for the first sample.
-        """
-        values: dict[str, Any] = {"size": self._size, "exposure": self._settings.lighting.exposure_factor}
-        if self._environment.kind == "image":
-            rays = sky_directions(source.renderer.frame.view, *self._size)
-            values |= zip(("sky_origin", "sky_dx", "sky_dy"), map(tuple, rays), strict=True)
-        else:
-            values["sky"] = self._environment.radiance
-        if self._rate != "full":
-            values["phase"] = phase(self._rate, frame)
-        if self._accumulate:
-            values["share"] = share
-        if "sample_count" in self.textures:
-            values["samples"] = float(self._samples)
-        textures = {**source.renderer.frame.tables, **source.current, "radiance": self.radiance}
-        self._pass.run(None, textures | written(self.textures), **values)
-        self._hazards.publish()
-
-    def release(self) -> None:
-        for item in (self._pass, self.radiance, *self.textures.values()):
-            item.release()
+        return super().describe() | {"effects": source["effects"], "notes": source["notes"]}
 
 
 class MaskInputs:
@@ -320,6 +294,7 @@ class MaskInputs:
         """``owner``: frees them; ``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
         self._hazards = owner.gpu.hazards
         self._evaluator = owner.open_evaluator(source, settings, images=True, radiance=radiance)
+        self.mask, self.motion = self._evaluator.mask_texture, self._evaluator.motion_texture
         declaration = ComputePass("reuse invalid motion", ("reuse/invalid_motion.comp.glsl",))
         declaration.glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in (Reason.BEHIND, Reason.INVALID)))
         declaration.glsl(f"const float FAR_AWAY_PX = {FAR_AWAY_PX};")
@@ -330,34 +305,14 @@ class MaskInputs:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
     @property
-    def mask(self) -> moderngl.Texture:
-        return self._evaluator.mask_texture
-
-    @property
-    def motion(self) -> moderngl.Texture:
-        return self._evaluator.motion_texture
-
-    @property
     def bytes(self) -> int:
-        return 12 * self.mask.width * self.mask.height
+        return texture_bytes(self.mask, self.motion)
 
     def run(self, pair: Reprojection, declared: int) -> None:
         """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
         self._evaluator.submit(pair, declared=declared)
         self._fill.run(None, {"mask": self.mask, "motion": self.motion}, size=self.mask.size)
         self._hazards.publish()
-
-
-def declared_reason(previous: View | None, frame: int, cuts: Collection[int]) -> int:
-    """Reason.FIRST, Reason.CUT or 0 for the whole frame."""
-    return Reason.FIRST if previous is None else Reason.CUT if frame in cuts else 0
-
-
-def radiance_texture(gpu: Gpu, size: tuple[int, int]) -> moderngl.Texture:
-    """An rgba32f texture without filtering."""
-    texture = gpu.ctx.texture(size, 4, dtype="f4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
 
 
 def light_settings(settings: Settings, kind: InputKind) -> Settings:
@@ -377,8 +332,3 @@ def light_settings(settings: Settings, kind: InputKind) -> Settings:
         if settings.lighting.indirect != "none":
             method["indirect"] = "rsm"
     return settings.replace(columns=COLUMNS, samples_per_pixel=1, **method)
-
-
-def light_channels(source: RasterSource) -> tuple[str, ...]:
-    """The LIGHT_CHANNELS of the source's frames."""
-    return tuple(c for c in LIGHT_CHANNELS if source.effects[c].enabled)

@@ -24,6 +24,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.errors import MethodError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.reuse.contract import (
@@ -120,18 +121,18 @@ def method_from_class(cls: type, where: str = "") -> Method:
     )
 
 
-class PythonSteps:
+class PythonSteps(GpuOwner):
     """One instance of the class: reads inputs back from the GPU and uploads its results."""
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], timer: PassTimer):
         """``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales."""
+        super().__init__(gpu)
         self._sizes = {"output_size": size, "input_size": input_size}
         self._library = _library(method)
         self._method, self._size, self._timer = method, size, timer
         self._instance = None
         self._reported: dict[str, np.ndarray] = {}
-        self._result = gpu.ctx.texture(size, 4, dtype="f4")
-        self._result.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._result = self.own(gpu.texture(size))
 
     def clear(self) -> None:
         """The next frame starts with a new instance."""
@@ -197,7 +198,3 @@ class PythonSteps:
         if image.shape[2] == 4:
             return image
         return np.concatenate([image, np.full((height, width, 1), alpha, dtype=np.float32)], axis=2)
-
-    def release(self) -> None:
-        self._instance = None
-        self._result.release()

@@ -108,7 +108,9 @@ def _method_error(recorded: RecordedFrames, error: PathTracedError) -> MethodErr
 
 
 class RecordedRunner:
-    """Frames of files in the place of a ``MethodRunner``.  It has no times, because another program ran."""
+    """Frames of files in the place of a ``MethodRunner``."""
+
+    time_ms = None  # another program ran
 
     def __init__(
         self,
@@ -125,8 +127,7 @@ class RecordedRunner:
         self.recorded, self._frames = recorded, frames
         self.sequence = recorded.open(size, frames, mapping, seed)
         self.values = {"mapping": self.sequence.mapping.name, "offset": recorded.offset, "scale": recorded.scale}
-        self._texture = gpu.ctx.texture(size, 4, dtype="f4")
-        self._texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._texture = gpu.texture(size)
 
     def step(self, frame: FrameInputs) -> moderngl.Texture:
         """The image of this frame times its exposure; alpha is -1, the weight of history is unknown.

@@ -1,23 +1,59 @@
-"""Reference images of an evaluation: supersampled exact light, or path-traced files."""
+"""Reference images of an evaluation: supersampled exact light, path-traced light, or path-traced files.
+
+Path-traced light is also a ``Source`` of noise-free frames, which ``exact_mask`` compares.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import moderngl
 import numpy as np
 
+from taubench_gl.animation import View
 from taubench_gl.animation.jitter import grid_offsets
+from taubench_gl.animation.pairs import sky_directions
+from taubench_gl.effects.decide import decide
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.features import COLUMNS, LIGHT_FEATURES
+from taubench_gl.frame.environment import maps_of
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.targets import read_channel, write_channel
+from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.environment import lookup
+from taubench_gl.pathtraced.references import FEWEST, Estimate, References
 from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.reuse.derived import ComposePass
 from taubench_gl.reuse.frame import read_result
-from taubench_gl.reuse.inputs import ComposePass, InputRequest, light_channels, light_settings
-from taubench_gl.settings import Settings
+from taubench_gl.reuse.inputs import InputRequest, light_settings
 
 Array = np.ndarray
 MAX_SAMPLES = 256
+"""Most samples of ``SupersampledReference``."""
+
+FITTED = "path-traced"
+"""The path-traced reference with the samples that fit a time."""
+
+PREFIX = "path-traced@"
+
+
+def reference_samples(text: str) -> int | None:
+    """Samples per pixel of ``path-traced@M``, FEWEST for FITTED; None for another kind of reference.
+
+    Raises SettingsError.
+    """
+    if text == FITTED:
+        return FEWEST
+    if not text.startswith(PREFIX):
+        return None
+    number = text.removeprefix(PREFIX)
+    if not number.isascii() or not number.isdecimal() or not int(number):
+        raise SettingsError(f"reference is {text!r}", hint="give path-traced@M with M samples per pixel")
+    return int(number)
 
 
 class SupersampledReference(GpuOwner):
@@ -33,8 +69,7 @@ class SupersampledReference(GpuOwner):
         settings = light_settings(request.settings, request.kind)
         options = SourceOptions(shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset)
         self._source = self.open_source(request.scene, request.camera, settings, options, poser=request.poser)
-        channels = light_channels(self._source)
-        self._compose = self.own(ComposePass(self.context, self._source.size, settings, channels, accumulate=True))
+        self._compose = ComposePass(self, self._source, settings, accumulate=True)
 
     def image(self, frame: int) -> Array:
         """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
@@ -42,8 +77,8 @@ class SupersampledReference(GpuOwner):
         for k, offset in enumerate(self._offsets):
             self._offset = offset
             self._source.advance(frame)
-            self._compose.run(self._source, frame, -share if k == 0 else share)
-        return read_result(self._compose.radiance)[..., :3]
+            self._compose.run(frame, -share if k == 0 else share)
+        return read_result(self._compose.textures["radiance"])[..., :3]
 
     def describe(self) -> dict[str, Any]:
         return {"kind": "max", "samples": len(self._offsets), "path": None}
@@ -52,13 +87,11 @@ class SupersampledReference(GpuOwner):
 class FileReference:
     """Combined radiance of path-traced files ``exr:DIR`` with the frame numbers of the scene."""
 
-    def __init__(self, spec: str, size: tuple[int, int], frames: range, settings: Settings, mapping: str | None = None):
+    def __init__(self, request: InputRequest, spec: str, size: tuple[int, int], frames: range):
         """Raises PathTracedError for another image size and for missing frames."""
-        self._sequence, self._exposure = (
-            PathTracedSequence.open(spec, mapping=mapping),
-            settings.lighting.exposure_factor,
-        )
+        self._sequence = PathTracedSequence.open(spec, mapping=request.mapping)
         self._sequence.require(size, frames, of="the input")
+        self._exposure = request.settings.lighting.exposure_factor
 
     def image(self, frame: int) -> Array:
         """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
@@ -67,5 +100,88 @@ class FileReference:
     def describe(self) -> dict[str, Any]:
         return {"kind": "exr", "samples": None, "path": str(self._sequence.path)}
 
-    def release(self) -> None:
-        """Nothing to release."""
+
+class PathTracedReference(GpuOwner):
+    """Frames of a scene at pixel centers: geometry from the rasterizer, light from stored references.
+
+    A ``Source`` with direct, indirect and color, and a reference with ``image``.
+    """
+
+    cuts = True
+
+    def __init__(self, request: InputRequest, samples: int, exact: bool = False):
+        """``exact``: as for ``References.open``.  Raises SettingsError."""
+        super().__init__(request.gpu)
+        gpu, settings = request.gpu, request.settings
+        opened = {"poser": request.poser, "exact": exact}
+        self.references = References.open(self, request.scene, request.camera, settings, samples, **opened)
+        self._settings, self._environment = settings, environment_of(settings)
+        geometry = settings.replace(columns=("frustum", "position", "normal"), samples_per_pixel=1)
+        every = settings.replace(columns=COLUMNS, light="path-traced", indirect="auto")
+        self._emits = decide(request.scene, every)["emission"].enabled
+        options = SourceOptions(extra=("ids", *(("emission",) * self._emits)))
+        self._source = self.open_source(request.scene, request.camera, geometry, options, poser=request.poser)
+        self.size, self.reprojection = self._source.size, self._source.reprojection
+        self.radiance, self.others = LIGHT_FEATURES, ()
+        self.unmeasured: Mapping[str, str] = {}
+        self._textures = [{name: self.own(gpu.texture(self.size)) for name in self.radiance} for _ in range(2)]
+        self._frame: int | None = None
+        self._image = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
+
+    def prepare(self, frames: range, seconds: float | None) -> Estimate:
+        """The time that ``frames`` will take; with ``seconds``, first choose the samples that fit it."""
+        return self.references.estimate(frames) if seconds is None else self.references.fit(frames, seconds)
+
+    def advance(self, frame: int) -> View:
+        view = self._source.advance(frame)
+        self._textures.reverse()
+        reference = self.references.frame(frame)
+        channels = {"direct": reference.direct, "indirect": reference.indirect}
+        radiance = self._radiance(view, reference.direct + reference.indirect)
+        exposure = self._settings.lighting.exposure_factor
+        self._image = (radiance * exposure).astype(np.float32)
+        channels["color"] = display_color(radiance, exposure, self._settings.lighting.tone_map)
+        for name, values in channels.items():
+            write_channel(self._textures[0][name], name, np.asarray(values, dtype=np.float32))
+        self._frame = frame
+        return view
+
+    def _radiance(self, view: View, light: Array) -> Array:
+        """(h, w, 3) float64 without exposure: light and emission of surfaces, the environment elsewhere."""
+        width, height = self.size
+        surface = self._source.read("position")[..., 3:] > 0.0
+        emitted = self._source.read("emission")[..., :3] if self._emits else 0.0
+        sky: Any = np.asarray(self._environment.radiance, dtype=np.float64)
+        if self._environment.kind == "image":
+            origin, dx, dy = sky_directions(view, width, height)
+            up = np.arange(height)[::-1, None, None]  # GL rows: 0 is at the bottom
+            sky = lookup(maps_of(self._environment).seen, origin + np.arange(width)[:, None] * dx + up * dy)
+        return np.where(surface, light.astype(np.float64) + emitted, sky)
+
+    def image(self, frame: int) -> Array:
+        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
+        if self._frame != frame:
+            self.advance(frame)
+        return self._image
+
+    @property
+    def current(self) -> Mapping[str, moderngl.Texture]:
+        return {**self._source.current, **self._textures[0]}
+
+    @property
+    def previous(self) -> Mapping[str, moderngl.Texture]:
+        return {**self._source.previous, **self._textures[1]}
+
+    def read(self, name: str, *, previous: bool = False) -> Array:
+        return read_channel((self.previous if previous else self.current)[name], name)
+
+    def describe(self) -> dict[str, Any]:
+        """``noise_*``: of the noisiest frame, ``reference_store.Noise``."""
+        noise = self.references.worst_noise
+        return {
+            "kind": "path-traced", "samples": self.references.samples, "path": None,
+            "noise_rms": None if noise is None else noise.rms,
+            "noise_percent": None if noise is None else noise.percent,
+            "noise_typical_percent": None if noise is None else noise.typical_percent,
+            "noise": None if noise is None else noise.text,
+        }  # fmt: skip

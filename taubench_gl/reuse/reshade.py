@@ -15,14 +15,14 @@ import numpy as np
 
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.passes.lighting import SURFACE
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.reprojection import Reprojection
-from taubench_gl.reuse.derived import input_texture
+from taubench_gl.reuse.frame import input_texture, texture_bytes
 from taubench_gl.settings import Settings
 
 RESHADED = ("reshaded", "reshaded_before")
@@ -42,51 +42,44 @@ _FORMATS = {"f4": "rgba32f", "f2": "rgba16f"}
 class Reshade:
     """Textures of RESHADED for the frames of one source."""
 
-    def __init__(self, context: GpuContext, source: RasterSource, settings: Settings):
-        self._hazards, self._source, self._settings = context.gpu.hazards, source, settings
-        self._size, gpu = source.size, context.gpu
+    def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings):
+        """``owner``: frees them."""
+        gpu, self._hazards, self._source = owner.gpu, owner.gpu.hazards, source
+        self._size, self._exposure = source.size, settings.lighting.exposure_factor
         width, height = source.size
-        self.textures = {name: input_texture(gpu, name, source.size) for name in RESHADED}
-        self._link = gpu.ctx.buffer(reserve=4 * width * height)
-        self._surface = {name: self._texture(gpu.ctx, name) for name in SURFACE}
-        self._light = {name: self._texture(gpu.ctx, name) for name in source.light.written}
-        group = Tuning(gpu.software).shading_group
+        light = source.light.written
 
-        def make(name: str, grid: tuple[int, int], *channels: str, **access: str) -> ComputePass:
+        def channel(name: str) -> moderngl.Texture:
+            dtype = stored_dtype(name, settings.device.storage)
+            return owner.own(gpu.texture(source.size, CHANNELS[name].components, dtype))
+
+        self.textures = {name: owner.own(input_texture(gpu, name, source.size)) for name in RESHADED}
+        self._surface = {name: channel(name) for name in SURFACE}
+        self._light = {name: channel(name) for name in light}
+        self._link = owner.own(gpu.ctx.buffer(reserve=4 * width * height))
+
+        def make(name: str, *channels: str, grid: tuple[int, int] = source.size, **access: str) -> ComputePass:
             p = ComputePass("reuse reshade", (f"reuse/{name}.comp.glsl",)).buffer("link", "uint", **access)
             for channel in channels:
-                unsigned = channel == "mask"
-                p.texture(channel, "usampler2D" if unsigned else "sampler2D")
-            return p.dispatch(grid, group)
-
-        def writing(p: ComputePass) -> ComputePass:
-            for name in RESHADED:
-                p.image(f"{name}_out", access=WRITE)
-            return p
+                p.texture(channel, "usampler2D" if channel == "mask" else "sampler2D")
+            return p.dispatch(grid, Tuning(gpu.software).shading_group)
 
         blocks = (-(-width // BLOCK), -(-height // BLOCK))
-        surface = make("reshade_surface", source.size, *_MOVED,
-                       *(f"history_{c}" for c in SURFACE))  # fmt: skip
+        lit = tuple(name for name in ("direct", "indirect") if name in light)
+        passes = {
+            "clear": make("reshade_clear", access=WRITE),
+            "select": make("reshade_select", "position", "history_position", "mask", "motion", grid=blocks,
+                           access=UPDATE),
+            "surface": make("reshade_surface", *_MOVED, *(f"history_{name}" for name in SURFACE)),
+            "store": make("reshade_store", *lit, *(f"history_{name}" for name in lit)),
+        }  # fmt: skip
+        for name in RESHADED:
+            passes["clear"].image(f"{name}_out", access=WRITE)
+            passes["store"].image(f"{name}_out", access=WRITE)
         for name in SURFACE:
-            form = _FORMATS[self._surface[name].dtype]
-            surface.image(f"surface_{name}_out", form, access=WRITE)
-        lit = tuple(name for name in ("direct", "indirect") if name in self._light)
-        store = make("reshade_store", source.size, *lit, *(f"history_{name}" for name in lit))
-        store.define(HAS_INDIRECT="indirect" in lit)
-        self._passes = {
-            "clear": context.compute(writing(make("reshade_clear", source.size, access=WRITE))),
-            "select": context.compute(
-                make("reshade_select", blocks, "position", "history_position", "mask", "motion", access=UPDATE)
-            ),
-            "surface": context.compute(surface),
-            "store": context.compute(writing(store)),
-        }
-
-    def _texture(self, ctx: moderngl.Context, name: str) -> moderngl.Texture:
-        dtype = stored_dtype(name, self._settings.device.storage)
-        texture = ctx.texture(self._size, CHANNELS[name].components, dtype=dtype)
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        return texture
+            passes["surface"].image(f"surface_{name}_out", _FORMATS[self._surface[name].dtype], access=WRITE)
+        passes["store"].define(HAS_INDIRECT="indirect" in lit)
+        self._passes = {name: owner.own(owner.context.compute(p)) for name, p in passes.items()}
 
     def run(self, number: int, pair: Reprojection, masks: dict[str, moderngl.Texture], seed: int, valid: bool) -> None:
         """``number``: of the current frame; ``masks``: mask and motion; ``valid``: there is a previous frame."""
@@ -97,16 +90,13 @@ class Reshade:
         resources |= {f"surface_{name}_out": texture for name, texture in self._surface.items()}
         self._passes["clear"].run(None, resources, size=size)
         if valid:
-            self._passes["select"].run(
-                None, resources, size=size, numbers=(number & 0xFFFFFFFF, seed), discarded=_DISCARDED
-            )
+            numbers = (number & 0xFFFFFFFF, seed)
+            self._passes["select"].run(None, resources, size=size, numbers=numbers, discarded=_DISCARDED)
             forward = -source.renderer.frame.view.world_from_view[:, 2]
-            self._passes["surface"].run(
-                None, resources, size=size, camera_delta=tuple(pair.camera_delta), forward=tuple(forward)
-            )
+            camera = {"camera_delta": tuple(pair.camera_delta), "forward": tuple(forward)}
+            self._passes["surface"].run(None, resources, size=size, **camera)
             source.light.relight({**self._surface, **self._light}, number - 1)
-            exposure = self._settings.lighting.exposure_factor
-            self._passes["store"].run(None, {**resources, **self._light}, size=size, exposure=exposure)
+            self._passes["store"].run(None, {**resources, **self._light}, size=size, exposure=self._exposure)
         self._hazards.publish()
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
@@ -121,11 +111,4 @@ class Reshade:
 
     @property
     def bytes(self) -> int:
-        width, height = self._size
-        textures = (*self.textures.values(), *self._surface.values(), *self._light.values())
-        return width * height * (4 + sum(t.components * int(t.dtype[1]) for t in textures))
-
-    def release(self) -> None:
-        parts = (*self._passes.values(), *self.textures.values(), *self._surface.values(), *self._light.values())
-        for part in (*parts, self._link):
-            part.release()
+        return self._link.size + texture_bytes(*self.textures.values(), *self._surface.values(), *self._light.values())

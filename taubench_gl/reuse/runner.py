@@ -27,11 +27,11 @@ import moderngl
 import numpy as np
 
 from taubench_gl.errors import MethodError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.memory import require_memory
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.frame import FrameInputs
@@ -40,7 +40,7 @@ from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.python_method import PythonSteps
 
 
-class MethodRunner:
+class MethodRunner(GpuOwner):
     """One method at one size.
 
     ``size``: of the result, pixels; ``input_size``: of the inputs, None: the same.  ``timer``: the entry of the method
@@ -60,33 +60,34 @@ class MethodRunner:
         timer: PassTimer | None = None,
         check: bool = True,
     ):
-        self.gpu = gpu
+        super().__init__(gpu)
         self.size = (int(size[0]), int(size[1]))
         self.input_size = self.size if input_size is None else (int(input_size[0]), int(input_size[1]))
         self.method = method if isinstance(method, Method) else load_method(method)
         self.values = self.method.values(settings)
         self.timer = timer or PassTimer(gpu, enabled=False)
-        self._check = _FiniteCheck(gpu, self.own_size) if check else None
-        self._resample: _Resample | None = None
-        self._steps = 0
-        self._backend = self._make_backend()
+        own, self._steps = self.own_size, 0
+        require_memory(gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
+        make = GlslPasses if self.method.factory is None else partial(PythonSteps, timer=self.timer)
+        self._backend = self.own(make(gpu, self.method, own, self.input_size))
+        self._check = _FiniteCheck(self, own) if check else None
+        self._resample = _Resample(self, own, self.size) if own != self.size else None
 
     @property
     def own_size(self) -> tuple[int, int]:
         """Of what the method itself writes, pixels."""
         return self.size if self.method.upscales else self.input_size
 
-    def _make_backend(self) -> GlslPasses | PythonSteps:
-        require_memory(self.gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
-        if self.own_size != self.size:
-            self._resample = _Resample(self.gpu, self.own_size, self.size)
-        make = GlslPasses if self.method.factory is None else partial(PythonSteps, timer=self.timer)
-        return make(self.gpu, self.method, self.own_size, self.input_size)
-
     @property
     def bytes(self) -> int:
         """GPU memory of history, buffers and result, without the memory of a Python class."""
         return self.method.bytes(self.own_size, self.input_size)
+
+    @property
+    def time_ms(self) -> float | None:
+        """Of the last step, by the clock of the timer; None: it was not measured."""
+        samples = self.timer.samples_ms().get(self.method.name)
+        return None if samples is None or not len(samples) else float(samples[-1])
 
     def step(self, frame: FrameInputs) -> moderngl.Texture:
         """The method's result for ``frame``: rgba32f, valid until the next step.  Raises MethodError."""
@@ -139,74 +140,49 @@ class MethodRunner:
         """Clear all history: the next step is a first frame."""
         self._steps = 0
 
-    def release(self) -> None:
-        self._backend.release()
-        if self._resample is not None:
-            self._resample.release()
-        if self._check is not None:
-            self._check.release()
-
-    def __enter__(self) -> MethodRunner:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.release()
-
 
 class _Resample:
     """A result at another size: bilinear between pixel centers, the weight of history from the nearest pixel."""
 
-    def __init__(self, gpu: Gpu, own: tuple[int, int], size: tuple[int, int]):
-        self._context, self._sizes = GpuContext(gpu), {"own_size": own, "size": size}
+    def __init__(self, owner: GpuOwner, own: tuple[int, int], size: tuple[int, int]):
+        self._hazards, self._sizes = owner.gpu.hazards, {"own_size": own, "size": size}
         declaration = ComputePass("reuse resample", ("reuse/resample.comp.glsl",))
         declaration.texture("result").image("resampled_out", resource="resampled", access=WRITE)
-        declaration.dispatch(size, Tuning(gpu.software).shading_group)
-        self._pass = self._context.compute(declaration)
-        self._texture = gpu.ctx.texture(size, 4, dtype="f4")
-        self._texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        declaration.dispatch(size, Tuning(owner.gpu.software).shading_group)
+        self._pass = owner.own(owner.context.compute(declaration))
+        self._texture = owner.own(owner.gpu.texture(size))
 
     def run(self, result: moderngl.Texture) -> moderngl.Texture:
         self._pass.run(None, {"result": result, "resampled": self._texture}, **self._sizes)
-        self._context.gpu.hazards.publish()
+        self._hazards.publish()
         return self._texture
-
-    def release(self) -> None:
-        self._pass.release()
-        self._texture.release()
-        self._context.release()
 
 
 class _FiniteCheck:
     """Counts NaN and infinite pixels of a result where the input radiance is finite."""
 
-    def __init__(self, gpu: Gpu, size: tuple[int, int]):
-        self.size = size
-        self._context = GpuContext(gpu)
+    def __init__(self, owner: GpuOwner, size: tuple[int, int]):
+        self.size, self._hazards = size, owner.gpu.hazards
         declaration = ComputePass("reuse finite", ("reuse/finite.comp.glsl",))
         declaration.texture("result").texture("radiance").buffer("found", "uint", access=UPDATE)
-        declaration.dispatch(size, Tuning(gpu.software).shading_group)
-        self._pass = self._context.compute(declaration)
-        self._found = gpu.ctx.buffer(reserve=12)
+        declaration.dispatch(size, Tuning(owner.gpu.software).shading_group)
+        self._pass = owner.own(owner.context.compute(declaration))
+        self._counts = owner.own(owner.gpu.ctx.buffer(reserve=12))
 
     def run(self, result: moderngl.Texture, frame: FrameInputs, method: Method) -> None:
-        self._found.write(np.array([0, 0xFFFFFFFF, 0], dtype=np.uint32).tobytes())
+        self._counts.write(np.array([0, 0xFFFFFFFF, 0], dtype=np.uint32).tobytes())
         radiance = frame.textures.get("radiance")
         same = radiance is not None and radiance.size == result.size
-        resources = {"result": result, "radiance": radiance if same else result, "found": self._found}
+        resources = {"result": result, "radiance": radiance if same else result, "found": self._counts}
         self._pass.run(None, resources, has_radiance=same)
-        self._context.gpu.hazards.publish()
-        count, first, _ = np.frombuffer(self._found.read(), dtype=np.uint32)
+        self._hazards.publish()
+        count, first, _ = np.frombuffer(self._counts.read(), dtype=np.uint32)
         if count:
-            x, y = int(first) % self.size[0], int(first) // self.size[0]
-            row = self.size[1] - 1 - y
+            width, height = self.size
+            column, row = int(first) % width, height - 1 - int(first) // width
             raise MethodError(
-                f"frame {frame.index}: {count} of {self.size[0] * self.size[1]} pixels are NaN or infinite "
-                f"(one at column {x}, row {row})",
+                f"frame {frame.index}: {count} of {width * height} pixels are NaN or infinite "
+                f"(one at column {column}, row {row})",
                 where=method.label,
                 hint="check for divisions by zero and square roots of negative numbers",
             )
-
-    def release(self) -> None:
-        self._found.release()
-        self._pass.release()
-        self._context.release()

@@ -52,9 +52,9 @@ def rasterized(gpu, scene):
 
 def from_files(gpu, scene, mapping=None, **more):
     camera = None if scene is None else choose_camera(scene)
-    request = InputRequest(gpu, scene, camera, chosen(**more), InputKind(files=INPUT))
+    request = InputRequest(gpu, scene, camera, chosen(**more), InputKind(files=INPUT), mapping=mapping)
     reads = ("motion", "mask", "normal", "position", "base_color")
-    return frames_of(gpu, FileInputs(request, reads, mapping=mapping), FRAMES)
+    return frames_of(gpu, FileInputs(request, reads), FRAMES)
 
 
 def followed(files, ours):

@@ -341,12 +341,13 @@ def exr_folder(session_gpu, tmp_path_factory):
 def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
     scene, spec = looking_around("slide"), f"exr:{exr_folder}"
     kind = InputKind(files=spec)
-    request = InputRequest(gpu, scene, choose_camera(scene), settings(exposure=0.5), kind)
+    made = settings(exposure=0.5, frames=(1, None))
+    request = InputRequest(gpu, scene, choose_camera(scene), made, kind)
     files = FileInputs(request, ALL, exact=spec)
     missing = ("base_color", "ids", "emission", "prev_position", "history_ids")  # rasterized: not in the files
     reads = ("radiance", "direct", "position", "normal", "motion", "mask", *missing)
     with inputs_of(gpu, scene, reads=reads, settings={"exposure": 0.5}) as rendered:
-        assert list(files.frames((1, None))) == [1, 2, 3]
+        assert list(files.frames) == [1, 2, 3]
         for number in range(3):
             frame = files.advance(number)
             got, expected = arrays(frame), arrays(rendered.advance(number))
@@ -360,15 +361,16 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
     bare = FileInputs(InputRequest(gpu, None, None, settings(), kind), ALL)
     assert set(missing).isdisjoint(bare.advance(0).textures)
     bare.release()
-    reference = FileReference(spec, files.size, range(1, 4), settings(exposure=0.5))
+    reference = FileReference(request, spec, files.size, range(1, 4))
     np.testing.assert_array_equal(reference.image(2), got["radiance"][..., :3])
     files.release()
 
 
 @pytest.mark.parametrize(("size", "frames", "value"), [((32, 24), range(2), "64x48"), (SIZE, range(2, 6), "4")])
 def test_file_reference_with_wrong_size_or_missing_frames(exr_folder, size, frames, value):
+    request = InputRequest(None, None, None, settings(), parse_input("full"))
     with pytest.raises(PathTracedError) as caught:
-        FileReference(f"exr:{exr_folder}", size, frames, settings())
+        FileReference(request, f"exr:{exr_folder}", size, frames)
     assert caught.value.where == str(exr_folder) and value in caught.value.what
 
 
