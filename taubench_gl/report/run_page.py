@@ -77,8 +77,8 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
         intro=(tag("p", Markup("<br>").join(about), class_="about"),),
         tools=Markup('<label id="run-choice" hidden>Run <select id="run"></select></label>'),
         styles=("stage.css", "run.css"),
-        scripts=("stage.js", "planes.js", "zoom.js", "probe.js", "headline.js", "frame_viewer.js", "time_plots.js",
-                 "thresholds.js", "run.js"),
+        scripts=("stage.js", "zoom.js", "frame_viewer.js", "planes.js", "probe.js", "headline.js", "run_viewer.js",
+                 "time_plots.js", "thresholds.js", "run.js"),
         data=data,
     )  # fmt: skip
     missing = tag("p", "The images and plots below need scripts. Figures, tables and details do not.", class_="missing")

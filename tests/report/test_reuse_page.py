@@ -149,7 +149,7 @@ def test_the_divider_separates_two_images(fresh):
     fresh.locator(".divider").focus()
     fresh.keyboard.press("End")
     assert np.abs(pixels(fresh) - 25.5).max() < 4
-    assert fresh.locator(".tag.left").inner_text() == "slow" and fresh.locator(".tag.right").inner_text() == "fast"
+    assert fresh.locator(".tag.left").first.inner_text() == "slow" and fresh.locator(".tag.right").first.inner_text() == "fast"
 
 
 def test_error_maps_are_magma_and_images_without_one_are_black(fresh):
@@ -162,7 +162,7 @@ def test_error_maps_are_magma_and_images_without_one_are_black(fresh):
     image = pixels(fresh)
     expected = 255 * np.array(colormaps["magma"](0.2)[:3])
     assert np.abs(image[:, 1:6] - expected).max() < 12 and image[:, 9:].max() == 0
-    assert "no error map" in fresh.locator(".tag.right").inner_text()
+    assert "no error map" in fresh.locator(".tag.right").first.inner_text()
 
 
 def test_the_class_filter_darkens_and_averages(fresh):
@@ -178,6 +178,18 @@ def test_the_class_filter_darkens_and_averages(fresh):
     assert "slow 0.2" in fresh.inner_text("#frames .readout") and "fast 0.445" in fresh.inner_text("#frames .readout")
     fresh.check("#class-rest")
     assert "slow 0.25" in fresh.inner_text("#frames .readout")
+
+
+def test_side_by_side_and_zoom(fresh):
+    fresh.select_option("#left", label="slow")
+    fresh.select_option("#right", label="fast")
+    fresh.click("[data-layout=side]")
+    stages = fresh.locator(".stage:visible")
+    assert stages.count() == 2 and [stages.nth(k).locator(".tag.left").inner_text() for k in (0, 1)] == ["slow", "fast"]
+    fresh.click("button[aria-label='Zoom in']")
+    views = fresh.evaluate("[...document.querySelectorAll('.stage .view')].map(v => v.style.transform)")
+    assert views[0] == views[1] and "scale(1.5)" in views[0]
+    fresh.click("[data-layout=wipe]")
 
 
 def test_the_slider_and_the_plot_select_the_same_frame(fresh):
@@ -206,7 +218,7 @@ def test_the_page_fits_its_width(fresh, width):
     fresh.set_viewport_size({"width": width, "height": 800})
     fresh.wait_for_timeout(100)
     assert fresh.evaluate("document.documentElement.scrollWidth") <= width
-    box = fresh.locator(".stage").bounding_box()
+    box = fresh.locator(".stage").first.bounding_box()
     assert box["width"] > 0.5 * width and box["width"] / box["height"] == pytest.approx(2.0, rel=0.02)
 
 

@@ -1,98 +1,54 @@
-// The frame viewer of the run page: the frame with its reason masks, a slider over the frames, comparisons with the
-// reprojected history, the plain frame or another run, a zoom and a pixel probe.
-const MODES = [
-  ["masks", "Masks"],
-  ["history", "Reprojected history"],
-  ["plain", "Frame and masks"],
-  ["runs", "Other run"],
-];
+// The frame viewer of every page: one or two layers of a frame on a zoomable stage with a divider, side by side or in
+// turn, and a slider over the frames that plays.
+//
+// A layer is {image, label, tint, plain, faint}: a picture, its name where two are shown, the masks over it, whether
+// these are left out, and whether the picture is nearly gray below them.
+
 const LAYOUTS = [["wipe", "Wipe"], ["side", "Side by side"], ["flicker", "Flicker"]];
-const STRIPE = 4;
 const FLICKER_MS = 700;
 
-function makeViewer(box, state) {
-  let run, images, at = 0, mode = "masks", layout = "wipe", other = null, opacity = 0.8, turn = 0;
-  let pixel = null, pinned = false, phase = 0, timer = 0;
-  const shown = new Map();
+// A group of buttons of which one is pressed: {box, fill(list), press(name)}.  `list`: [[name, words]]; `choose(name)` on
+// a click; each button has its name as data-`key`.
+function makeToggles(label, key, choose, list = []) {
+  const box = el("div", { class: "modes", role: "group", "aria-label": label });
+  const press = (name) => {
+    for (const button of box.querySelectorAll("button")) button.setAttribute("aria-pressed", button.dataset[key] === name);
+  };
+  const fill = (entries) => box.replaceChildren(...entries.map(([name, words]) =>
+    el("button", { type: "button", [`data-${key}`]: name, onclick: () => choose(name) }, words)));
+  fill(list);
+  return { box, fill, press };
+}
+
+// The index of the item of a set of images that is nearest to a frame.
+function nearestItem(set, frame) {
+  return set.items.reduce((best, item, i) => (Math.abs(item.n - frame) < Math.abs(set.items[best].n - frame) ? i : best), 0);
+}
+
+// `images()`: {width, height, items, worst} of the images shown; `go(index)` shows one of its items; `milliseconds`:
+// between frames while playing; `redrawn()` after a change of the view; `point(x, y, fixed)`: as `pick` of makeZoom.
+function makeFrameViewer({ images, go, milliseconds, redrawn = () => {}, point = () => {} }) {
+  let layout = "wipe", phase = 0, timer = 0, front = null, back = null;
   const stages = [0, 1].map((k) => {
     const stage = el("div", { class: "stage", tabindex: k ? "-1" : "0", role: "group" });
     const base = el("canvas", { class: "base", role: "img" }), mask = el("canvas", { class: "mask", "aria-hidden": "true" });
-    const tags = [el("span", { class: "tag left" }), el("span", { class: "tag right" })];
+    const tags = [el("span", { class: "tag left", hidden: true }), el("span", { class: "tag right", hidden: true })];
     const cross = el("div", { class: "cross", hidden: true });
     stage.append(el("div", { class: "view" }, base, mask), cross, ...tags);
     return { stage, base, mask, tags, cross };
   });
-  const [{ stage, base }] = stages;
-  const divider = makeDivider(stage, compose);
-  stage.append(divider);
-  const scrubber = makeScrubber(go);
-  const zoom = makeZoom(stages.map((one) => one.stage), () => images, () => { compose(); placeCross(); }, point);
-  const modes = el("div", { class: "modes", role: "group", "aria-label": "View" });
-  const layouts = el("div", { class: "modes", role: "group", "aria-label": "Arrangement of the two images" });
-  const panel = el("div", { class: "panel" });
-  const note = el("p", { class: "muted" });
-  const fault = el("p", { class: "missing", role: "status", hidden: true });
-  const probe = makeProbe(state);
-  const cells = new Map(); // reason -> the cell of its share
-  const heading = el("span", {});
-
-  // The layers of the stage: what is shown of one frame of one run.  {run, image, words, item, label}
-  let front = null, back = null;
-
-  // The frame `index` of a run with its reason words, and its distances where they are stored and not damaged.
-  async function layer(of, index) {
-    const set = of.images, { width, height } = set, item = set.items[index];
-    const [image, { words: recorded, codes }] = await Promise.all([framePart(set, index, "frame"), storedFrame(set, index, state.bits)]);
-    const found = { run: of, image, recorded, codes, item, damaged: set.planes && !codes, tint: new OffscreenCanvas(width, height) };
-    return redo(found);
-  }
-
-  // The words of a layer at the thresholds of the page.
-  function redo(found) {
-    const { run: of, codes, recorded } = found;
-    const moved = codes && of.moved();
-    const live = moved ? wordsAt(recorded, codes, of.images.planes, of.at, state.bits) : { words: recorded, unknown: 0 };
-    found.words = live.words;
-    found.unknown = live.unknown;
-    found.moved = Boolean(moved);
-    tint(found);
-    return found;
-  }
-
-  // Whether a reason word has a reason; sky has none that stands for a rate.
-  function has(word, reason) {
-    return word & reason.bits && !(reason.of && word & state.bits.sky);
-  }
-
-  function tint({ run: of, words, tint: canvas }) {
-    const { width, height } = of.images;
-    const pen = canvas.getContext("2d");
-    const pixels = pen.createImageData(width, height);
-    const target = new Uint32Array(pixels.data.buffer);
-    const enabled = of.reasons.filter((r) => shown.get(r.name));
-    const alpha = Math.round(255 * opacity);
-    const colors = enabled.map((r) => {
-      const bytes = new Uint8Array([1, 3, 5].map((k) => parseInt(r.color.slice(k, k + 2), 16)).concat(alpha));
-      return new Uint32Array(bytes.buffer)[0];
-    });
-    const any = enabled.reduce((sum, r) => sum | r.bits, 0);
-    const hits = [];
-    for (let y = 0, i = 0; y < height; y++) {
-      for (let x = 0; x < width; x++, i++) {
-        const word = words[i];
-        if (!(word & any)) continue;
-        hits.length = 0;
-        for (let k = 0; k < enabled.length; k++) if (has(word, enabled[k])) hits.push(k);
-        if (hits.length) target[i] = colors[hits[Math.floor((x + y) / STRIPE) % hits.length]];
-      }
-    }
-    pen.putImageData(pixels, 0, 0);
-  }
+  const divider = makeDivider(stages[0].stage, compose);
+  stages[0].stage.append(divider);
+  const pair = el("div", { class: "pair" }, ...stages.map((one) => one.stage));
+  const scrubber = makeScrubber(go, milliseconds);
+  const zoom = makeZoom(stages.map((one) => one.stage), images, () => { compose(); redrawn(); }, point);
+  const layouts = makeToggles("Arrangement of the two images", "layout", setLayout, LAYOUTS);
+  layouts.press(layout);
 
   // Draws the columns from `from` to `to` of a layer on a stage, all in pixels of the images.
-  function draw(target, { image, tint: canvas, plain }, from, to) {
-    const { width, height } = images;
-    for (const [sheet, source] of [[target.base, image], [target.mask, plain ? null : canvas]]) {
+  function draw(target, { image, tint, plain, faint }, from, to) {
+    const { width, height } = images();
+    for (const [sheet, source] of [[target.base, image], [target.mask, plain ? null : tint]]) {
       if (!source || to <= from) continue;
       const pen = sheet.getContext("2d", { willReadFrequently: true });
       pen.imageSmoothingEnabled = sheet === target.base;
@@ -100,7 +56,7 @@ function makeViewer(box, state) {
       pen.beginPath();
       pen.rect(from, 0, to - from, height);
       pen.clip();
-      if (sheet === target.base && mode === "masks") pen.filter = "saturate(.35)";
+      if (sheet === target.base && faint) pen.filter = "saturate(.35)";
       pen.drawImage(source, 0, 0, width, height);
       pen.restore();
     }
@@ -108,7 +64,7 @@ function makeViewer(box, state) {
 
   function compose() {
     if (!front) return;
-    const { width, height } = images;
+    const { width, height } = images();
     const split = back && layout === "side";
     stages.forEach((target) => {
       for (const canvas of [target.base, target.mask]) { canvas.width = width; canvas.height = height; }
@@ -131,256 +87,38 @@ function makeViewer(box, state) {
       name(stages[0], 1, front.label);
     }
     stages[1].stage.hidden = !split;
+    pair.classList.toggle("side", Boolean(split));
     divider.hidden = !back || layout !== "wipe";
   }
 
-  function flicker() {
-    clearInterval(timer);
-    timer = 0;
-    if (!back || layout !== "flicker") return;
-    timer = setInterval(() => { phase = 1 - phase; compose(); }, FLICKER_MS);
-  }
-
-  function nearest(set, frame) {
-    return set.items.reduce((best, item, i) => (Math.abs(item.n - frame) < Math.abs(set.items[best].n - frame) ? i : best), 0);
-  }
-
-  // The layer that the mode compares the frame with, or null.
-  async function partner(current) {
-    if (mode === "history") {
-      return { ...current, image: await framePart(images, at, "previous"), plain: true, label: "reprojected history" };
-    }
-    if (mode === "plain") return { ...current, plain: true, label: "frame" };
-    if (mode !== "runs") return null;
-    const found = await layer(other, nearest(other.images, current.item.n));
-    return { ...found, label: `${other.label}, frame ${found.item.n}` };
-  }
-
-  async function show() {
-    const request = ++turn;
-    const item = images.items[at];
-    const seconds = run.rows.time_s[run.rows.frame.indexOf(item.n)];
-    const which = `frame ${item.n}` + (seconds === null || seconds === undefined ? "" : `, ${seconds.toFixed(3)} s`);
-    const caption = item.n === images.worst ? `${which} · worst frame` : which;
-    scrubber.show(at, caption);
-    state.onFrame(item.n);
-    let current, second;
-    try {
-      current = await layer(run, at);
-      second = await partner(current);
-    } catch (error) {
-      if (request === turn) { fault.textContent = `${error.message}.`; fault.hidden = false; }
-      return;
-    }
-    if (request !== turn) return;
-    current.label = { history: "current frame", plain: "masks", runs: run.label }[mode] || "";
-    if (mode === "history") current.plain = true;
-    [front, back] = [current, second];
-    fault.hidden = !current.damaged;
-    fault.textContent = `The distances of frame ${item.n} are damaged, or the browser changes image data: its masks stay at the thresholds of the run.`;
-    for (const one of stages) one.stage.style.aspectRatio = `${images.width} / ${images.height}`;
-    base.setAttribute("aria-label", `${run.label}, ${which}`);
-    stage.setAttribute("aria-label", "Image: arrow keys move the probe, plus and minus zoom, Escape releases the probe");
-    zoom.apply();
-    flicker();
-    count();
-    read();
-    stage.dataset.frame = item.n;
-    for (const next of [at + 1, at - 1]) if (images.items[next]) framePart(images, next, "frame");
-  }
-
-  // The shares of the frame in the panel: recorded ones at the thresholds of the run, else those of the words shown.
-  function count() {
-    const row = run.rows.frame.indexOf(front.item.n);
-    const words = front.moved ? countWords(front.words) : null;
-    for (const r of run.reasons) {
-      const cell = cells.get(r.name);
-      let pixels = (run.rows[r.name] || [])[row], all = run.rows.pixels[row];
-      if (r.of && pixels !== undefined && pixels !== null) pixels = all - run.rows.sky[row] - pixels;
-      if (words) [pixels, all] = [r.bits & front.unknown && !r.of ? null : pixelsWith(words, (word) => has(word, r)), front.words.length];
-      const known = pixels !== null && pixels !== undefined;
-      cell.textContent = known ? percent((100 * pixels) / all) : "–";
-      cell.dataset.count = known ? pixels : "";
-    }
-    heading.textContent = front.moved ? "at these thresholds" : "this frame, % of all pixels";
-    panel.classList.toggle("live", front.moved);
-  }
-
-  // ---- the probe
-
-  function point(x, y, fixed) {
-    if (!front || (pinned && !fixed)) return;
-    pinned = fixed && !(pinned && pixel && pixel.x === x && pixel.y === y);
-    pixel = { x, y };
-    read();
-  }
-
-  function read() {
-    if (pixel && front) {
-      pixel = { x: clamp(pixel.x, 0, images.width - 1), y: clamp(pixel.y, 0, images.height - 1) };
-      pixel.index = pixel.y * images.width + pixel.x;
-      pixel.word = front.words[pixel.index];
-      pixel.codes = front.codes;
-    }
-    probe.show(front && pixel, run, run.at);
-    placeCross();
-    state.onPixel(front && pixel);
-  }
-
-  function placeCross() {
-    for (const one of stages) {
-      one.cross.hidden = !pixel;
-      one.cross.classList.toggle("pinned", pinned);
-      if (pixel) for (const [name, value] of Object.entries(zoom.place(pixel.x, pixel.y))) one.cross.style[name] = `${value}%`;
-    }
-  }
-
-  stage.addEventListener("keydown", (event) => {
-    if (event.target !== stage || !front) return;
-    const step = event.shiftKey ? 10 : 1;
-    const by = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[event.key];
-    if (by) {
-      event.preventDefault();
-      const { width, height } = images;
-      const [x, y] = pixel ? [pixel.x + by[0], pixel.y + by[1]] : [width >> 1, height >> 1];
-      pixel = { x: clamp(x, 0, width - 1), y: clamp(y, 0, height - 1) };
-      pinned = true;
-      zoom.reveal(pixel.x, pixel.y);
-      read();
-    } else if (event.key === "Escape") {
-      pinned = false;
-      pixel = null;
-      read();
-    }
-  });
-  for (const one of stages) one.stage.addEventListener("pointerleave", () => { if (!pinned) { pixel = null; read(); } });
-
-  // ---- controls
-
-  function go(index) {
-    at = clamp(index, 0, images.items.length - 1);
-    return show();
-  }
-  function press(group, name) {
-    for (const button of group.querySelectorAll("button")) button.setAttribute("aria-pressed", button.dataset.name === name);
-  }
-  function setMode(name) {
-    mode = name;
-    press(modes, mode);
-    layouts.hidden = mode === "masks";
-    if (choice) choice.hidden = mode !== "runs";
-    return show();
-  }
   function setLayout(name) {
     layout = name;
     phase = 0;
-    press(layouts, layout);
-    pair.classList.toggle("side", layout === "side" && mode !== "masks");
-    return show();
-  }
-  const toggle = (list, of, set, key) => list.map(([name, words]) =>
-    el("button", { type: "button", [`data-${key}`]: name, "data-name": name, "aria-pressed": name === of, onclick: () => { set(name); pair.classList.toggle("side", layout === "side" && mode !== "masks"); } }, words));
-  let choice = null;
-  const pair = el("div", { class: "pair" }, ...stages.map((one) => one.stage));
-
-  function repaint() {
-    if (front) { tint(front); if (back && !back.plain) tint(back); compose(); }
+    layouts.press(layout);
+    alternate();
+    compose();
   }
 
-  function fillPanel() {
-    panel.replaceChildren();
-    cells.clear();
-    for (const group of [...new Set(run.reasons.map((r) => r.group))]) {
-      const set = el("fieldset", {}, el("legend", {}, el("span", {}, group), cells.size ? null : heading));
-      for (const r of run.reasons.filter((one) => one.group === group)) {
-        if (!shown.has(r.name)) shown.set(r.name, r.on);
-        const tick = el("input", { type: "checkbox", "data-reason": r.name });
-        tick.checked = shown.get(r.name);
-        tick.addEventListener("change", () => { shown.set(r.name, tick.checked); repaint(); });
-        const cell = el("span", { class: "pc" });
-        cells.set(r.name, cell);
-        const swatch = el("i", { class: "swatch" });
-        swatch.style.background = r.color;
-        set.append(el("div", { class: "reason" }, el("label", {}, tick, swatch, el("span", {}, r.label)), tipButton(r.label, r.definition), cell));
-      }
-      panel.append(set);
-    }
-    const range = el("input", { type: "range", min: "0", max: "100", value: Math.round(100 * opacity), "aria-label": "Mask opacity" });
-    const number = el("output", {}, `${Math.round(100 * opacity)} %`);
-    range.addEventListener("input", () => { opacity = range.value / 100; number.textContent = `${range.value} %`; repaint(); });
-    panel.append(el("div", { class: "opacity" }, el("span", {}, "opacity"), range, number));
-  }
-
-  function setRun(next) {
-    run = next;
-    images = run.images;
-    front = back = pixel = null;
-    pinned = false;
+  function alternate() {
     clearInterval(timer);
-    scrubber.stop();
-    if (!images) {
-      box.replaceChildren(el("p", { class: "missing" }, run.no_images));
-      return;
-    }
-    fillPanel();
-    const others = state.runs.filter((r) => r !== run && r.images);
-    other = others.includes(other) ? other : others[0] || null;
-    if (mode === "runs" && !other) mode = "masks";
-    modes.replaceChildren(...toggle(MODES.filter(([name]) => name !== "runs" || other), mode, setMode, "mode"));
-    layouts.replaceChildren(...toggle(LAYOUTS, layout, setLayout, "layout"));
-    choice = null;
-    if (others.length > 1) {
-      choice = el("select", { "aria-label": "Other run" }, ...others.map((r, i) => el("option", { value: i, selected: r === other }, r.label)));
-      choice.addEventListener("change", () => { other = others[Number(choice.value)]; show(); });
-      layouts.append(choice);
-    }
-    scrubber.set(images.items.length);
-    at = Math.max(images.items.findIndex((item) => item.n === images.worst), 0);
-    note.textContent = `${images.summary} A pixel with several reasons shows stripes in the color of each.`;
-    box.replaceChildren(el("div", { class: "viewbar" }, modes, layouts, zoom.controls), el("div", { class: "viewer" },
-      el("div", { class: "left" }, pair, scrubber.bar, fault, probe.box, note), panel));
-    setMode(mode);
+    if (back && layout === "flicker") timer = setInterval(() => { phase = 1 - phase; compose(); }, FLICKER_MS);
   }
 
-  // Sliders of the thresholds, next to the image that they repaint.  `lines`: {name, stops, at, move(index)}.
-  function setStops(lines) {
-    for (const old of panel.querySelectorAll(".limit")) old.remove();
-    for (const { name, stops, at: index, move } of lines) {
-      const row = panel.querySelector(`[data-reason="${name}"]`)?.closest(".reason");
-      if (!row) continue;
-      const range = el("input", { type: "range", min: 0, max: stops.length - 1, value: index, "data-limit": name, "aria-label": `threshold of ${name}` });
-      range.addEventListener("input", () => move(Number(range.value)));
-      row.append(el("div", { class: "limit" }, range, el("output", {})));
-    }
-    for (const { name, at: index, move } of lines) move(index);
-  }
-  function showStop(name, index, words) {
-    const range = panel.querySelector(`[data-limit="${name}"]`);
-    if (!range) return;
-    range.value = index;
-    range.setAttribute("aria-valuetext", words);
-    range.nextSibling.textContent = words.split(":")[0];
-  }
-
-  let queued = false;
   return {
-    setRun, setStops, showStop,
-    goTo(frame) { if (images) go(nearest(images, frame)); },
-    // The thresholds of the page changed: once per drawn frame, however often they do.
-    thresholds() {
-      if (queued || !front) return;
-      queued = true;
-      requestAnimationFrame(() => {
-        queued = false;
-        if (!front) return;
-        redo(front);
-        if (back) {
-          if (back.run === run) Object.assign(back, { words: front.words }); else redo(back);
-        }
-        compose();
-        count();
-        read();
-      });
+    stages, pair, scrubber, zoom, layouts: layouts.box, compose,
+    // Shows one or two layers, the second on the left of the divider.
+    show(...layers) {
+      const { width, height } = images();
+      [front, back = null] = layers;
+      for (const one of stages) one.stage.style.aspectRatio = `${width} / ${height}`;
+      zoom.apply();
+      alternate();
+    },
+    // Shows nothing and stops what moves.
+    clear() {
+      front = back = null;
+      clearInterval(timer);
+      scrubber.stop();
     },
   };
 }

@@ -1,5 +1,5 @@
-// The image viewer of a reuse evaluation: two images or error maps with a divider, a slider over the frames, and a filter
-// by pixel class with the mean error of each class.
+// The frame viewer of a reuse evaluation: two images or error maps, and a filter by pixel class with the mean error of
+// each class.
 
 const MAGMA = [
   [0, 0, 4], [20, 14, 54], [59, 15, 112], [100, 26, 128], [140, 41, 129], [183, 55, 121], [222, 73, 104], [247, 112, 92],
@@ -18,15 +18,8 @@ function makeComparison(box, images, info, onFrame) {
   const { width, height, names } = images;
   const load = imageLoader(160);
   const shown = new Set(info.classes.map((_, k) => k));
-  const stage = el("div", { class: "stage" });
-  const canvas = el("canvas", { class: "base", role: "img" });
-  canvas.width = width;
-  canvas.height = height;
-  const tags = [el("span", { class: "tag left" }), el("span", { class: "tag right" })];
-  const divider = makeDivider(stage, paint);
-  stage.append(canvas, ...tags, divider);
-  stage.style.aspectRatio = `${width} / ${height}`;
-  const scrubber = makeScrubber(go, info.milliseconds);
+  const viewer = makeFrameViewer({ images: () => images, go, milliseconds: info.milliseconds });
+  const { scrubber, zoom, layouts } = viewer, [{ stage, base }] = viewer.stages;
   scrubber.set(images.items.length);
   const sides = [1, names.length - 1].map((chosen, side) => {
     const select = el("select", { id: side ? "right" : "left" },
@@ -34,14 +27,10 @@ function makeComparison(box, images, info, onFrame) {
     select.addEventListener("change", show);
     return select;
   });
-  const modes = el("div", { class: "modes", role: "group", "aria-label": "View" });
-  for (const [mode, words] of [["images", "Images"], ["errors", "Error maps"]]) {
-    modes.append(el("button", { type: "button", "data-mode": mode, onclick: () => setMode(mode) }, words));
-  }
+  const modes = makeToggles("View", "mode", setMode, [["images", "Images"], ["errors", "Error maps"]]);
   const panel = el("div", { class: "panel" });
   const cells = [];
   let at = Math.max(images.items.findIndex((item) => item.n === images.worst), 0), mode = "images", turn = 0;
-  let layers = [null, null];
 
   function fillPanel() {
     const body = el("tbody");
@@ -120,30 +109,22 @@ function makeComparison(box, images, info, onFrame) {
     const index = pixelsOf(classes, width, height);
     const made = await Promise.all(loaded.map((image) => layerOf(image, index, isError)));
     if (request !== turn) return;
-    layers = made;
-    paint();
-    tags.forEach((tag, k) => {
+    const [left, right] = made.map((image, k) => {
       const none = wanted[k] ? "" : isError ? " (no error map)" : " (no image)";
-      tag.textContent = names[chosen[k]] + none;
+      return { image, plain: true, label: names[chosen[k]] + none };
     });
+    viewer.show(right, left);
     scrubber.show(at, `frame ${item.n}${item.n === images.worst ? " · worst frame" : ""}`);
-    canvas.setAttribute("aria-label", `${names[chosen[0]]} and ${names[chosen[1]]}, ${isError ? "error maps" : "images"}, frame ${item.n}`);
+    base.setAttribute("aria-label", `${names[chosen[0]]} and ${names[chosen[1]]}, ${isError ? "error maps" : "images"}, frame ${item.n}`);
     stage.dataset.frame = item.n;
     stage.dataset.mode = mode;
     fillCells();
     onFrame(item.n);
   }
 
-  function paint() {
-    if (!layers[0]) return;
-    const pen = canvas.getContext("2d", { willReadFrequently: true }), edge = Math.round(divider.at * width);
-    pen.drawImage(layers[1], 0, 0);
-    if (edge) pen.drawImage(layers[0], 0, 0, edge, height, 0, 0, edge, height);
-  }
-
   function setMode(name) {
     mode = name;
-    for (const button of modes.children) button.setAttribute("aria-pressed", button.dataset.mode === mode);
+    modes.press(mode);
     return show();
   }
 
@@ -155,12 +136,12 @@ function makeComparison(box, images, info, onFrame) {
   let onFilter = () => {};
   fillPanel();
   box.replaceChildren(
-    el("div", { class: "sides" }, modes, el("label", {}, "left ", sides[0]), el("label", {}, "right ", sides[1])),
-    el("div", { class: "viewer" }, el("div", {}, stage, scrubber.bar, el("p", { class: "muted" }, info.text)), panel));
+    el("div", { class: "sides" }, modes.box, el("label", {}, "left ", sides[0]), el("label", {}, "right ", sides[1]), layouts, zoom.controls),
+    el("div", { class: "viewer" }, el("div", { class: "left" }, viewer.pair, scrubber.bar, el("p", { class: "muted" }, info.text)), panel));
   setMode("images");
   return {
     goTo(frame) {
-      go(images.items.reduce((best, item, i) => (Math.abs(item.n - frame) < Math.abs(images.items[best].n - frame) ? i : best), 0));
+      go(nearestItem(images, frame));
     },
     // Mean error over the classes shown, of a method in every frame of `frames`.
     values: (name, frames) => frames.map((frame) => meanOf(name, frame, shown)),
