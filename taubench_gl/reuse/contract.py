@@ -1,21 +1,18 @@
 """The description of a reuse method: inputs, history, settings and passes.  Plain data, no GL.
 
-A method is a folder with ``method.toml`` and GLSL files (``toml_method``) or a Python class (``python_method``).  Both
-become a ``Method``.  docs/reuse.md documents the contract.
+A method is a folder with ``method.toml`` and GLSL files, or a Python class.  Both become a ``Method``, see
+``declaration``.  docs/reuse.md documents the contract.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-import re
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from taubench_gl.errors import MethodError
-from taubench_gl.reuse.frame import INPUTS, RESERVED_INPUTS
-from taubench_gl.reuse.stages import Stage
 
 Value = float | int | bool | str
 
@@ -77,30 +74,6 @@ BLOCK_THREADS = 256
 
 MIN_BLOCK, MAX_BLOCK = 8, 64
 """Width and height of a block, pixels."""
-
-_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
-_WORDS = (
-    "attribute const uniform buffer shared coherent volatile restrict readonly writeonly layout centroid flat smooth "
-    "noperspective patch sample invariant precise break continue do for while switch case default if else subroutine "
-    "in out inout int void bool true false float double discard return vec2 vec3 vec4 ivec2 ivec3 ivec4 uint uvec2 "
-    "uvec3 uvec4 bvec2 bvec3 bvec4 mat2 mat3 mat4 lowp mediump highp precision struct common partition active filter "
-    "asm class union enum typedef template this resource goto inline noinline public static extern external interface "
-    "long short half fixed unsigned superp input output cast namespace using sizeof main "
-    "abs sign floor ceil fract mod min max clamp mix step smoothstep sqrt pow exp log exp2 log2 sin cos tan length "
-    "distance dot cross normalize reflect refract any all not texture round trunc"
-)
-_GLSL_WORDS = frozenset(_WORDS.split())
-_OUR_WORDS = (
-    "frame iteration result reuse tap luminance inside in_image previous_px reusable reusable_exact "
-    "nearest_surface bilinear_tap catmull_rom_weights clip_to_box clip_towards ycocg_from_rgb rgb_from_ycocg "
-    "non_finite reuse_block block_size block_threads"
-)
-_OURS = frozenset((*_OUR_WORDS.split(), *REPORTS))
-_UPSCALING_WORDS = (
-    "input_size output_size pass_size input_from_output output_from_input input_pixel output_scale pass_from_input"
-)
-_READ_WORDS = {"material": ("roughness", "metallic"), "emitted": ("remodulate",)}
-"""Functions that are generated where an input is read."""
 
 SIZES = ("output", "input")
 """Grids of a method that upscales: of the result, and of the inputs."""
@@ -189,6 +162,26 @@ class PassInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class Stage:
+    """One stage of a paper's pipeline.  A method with a missing stage carries that in its name: ``svgf_without_taa``,
+    or ``-class`` at its end: of this class of methods, but not complete.
+
+    ``doc``: what it computes; ``paper``: section or equation; ``shader``: the file that computes it, None for a method
+    in Python; ``missing``: why the method does not have it, None if it does.
+    """
+
+    name: str
+    doc: str
+    paper: str
+    shader: str | None = None
+    missing: str | None = None
+
+    @property
+    def done(self) -> bool:
+        return self.missing is None
+
+
+@dataclass(frozen=True, slots=True)
 class Method:
     """A valid reuse method, input of ``MethodRunner``.
 
@@ -205,10 +198,10 @@ class Method:
     cite: tuple[str, ...]
     reads: tuple[str, ...]
     settings: Mapping[str, Setting]
-    history: Mapping[str, Format]
-    buffers: Mapping[str, Format]
-    passes: tuple[PassInfo, ...]
-    folder: Path | None
+    history: Mapping[str, Format] = field(default_factory=dict)
+    buffers: Mapping[str, Format] = field(default_factory=dict)
+    passes: tuple[PassInfo, ...] = ()
+    folder: Path | None = None
     keyframe: int | str | None = None
     factory: type | None = None
     where: str = ""
@@ -273,79 +266,3 @@ def suggestion(name: str, known: Iterable[str], none: str = "") -> str:
     close = difflib.get_close_matches(name, known, n=1)
     listed = ", ".join(known)
     return f" (did you mean {close[0]!r}? available: {listed})" if close else f" (available: {listed})"
-
-
-def name_error(
-    name: object, what: str, taken: Iterable[str] = (), reads: Collection[str] = (), upscales: bool = False
-) -> str | None:
-    """Why ``name`` is not a valid name for a history, buffer or setting, or None.  It becomes part of the shader.
-
-    ``reads``: the inputs of the method.  A later input is no reserved name where the method does not read it.
-    """
-    if not isinstance(name, str) or not _NAME.fullmatch(name) or "__" in name:
-        return f"{name!r} is not a name for a {what}: lower-case letters, digits, single _; 40 characters"
-    generated = {word for read in reads for word in _READ_WORDS.get(read, ())}
-    generated |= set(_UPSCALING_WORDS.split()) if upscales else set()
-    if name in _GLSL_WORDS or name in _OURS or name in generated or name.startswith("gl_"):
-        return f"{name!r} is not a name for a {what}: it is reserved in GLSL or in the generated shader"
-    if name.startswith("prev_"):
-        return f"{name!r} is not a name for a {what}: prev_ denotes the history of the previous frame"
-    inputs = RESERVED_INPUTS | set(reads)
-    if name in inputs or f"prev_{name}" in inputs:
-        return f"{name!r} is not a name for a {what}: it is the name of an input"
-    if name in taken:
-        return f"{name!r} is declared twice"
-    return None
-
-
-def parse_reads(names: Iterable[object]) -> tuple[tuple[str, ...], list[str]]:
-    """Names of INPUTS without duplicates, and an error for every unknown name."""
-    found: dict[str, None] = {}
-    errors = []
-    for name in names:
-        if isinstance(name, str) and name in INPUTS:
-            found[name] = None
-        else:
-            errors.append(f"reads: there is no input {name!r}{suggestion(str(name), INPUTS)}")
-    return tuple(found), errors
-
-
-def parse_setting(name: str, raw: object) -> tuple[Setting | None, list[str]]:
-    """A setting from ``0.1`` or ``{default, min, max, choices, scale, doc}``.  -> the setting or None, all errors."""
-    table = raw if isinstance(raw, Mapping) else {"default": raw}
-    errors = [f"{key}: unknown key (allowed: default, min, max, choices, scale, doc)"
-              for key in table if key not in ("default", "min", "max", "choices", "scale", "doc")]  # fmt: skip
-    if "default" not in table:
-        return None, [*errors, "default: is missing (a number, true, false, or one of choices)"]
-    default, choices = table["default"], table.get("choices", ())
-    if not isinstance(choices, (list, tuple)) or not all(isinstance(c, str) and _NAME.fullmatch(c) for c in choices):
-        return None, [*errors, "choices: not a list of lower-case words"]
-    kind = _kind(default, bool(choices))
-    if kind is None:
-        return None, [*errors, f"default: {default!r} is not a number, true or false, and there are no choices"]
-    for key in ("min", "max"):
-        bound = table.get(key)
-        if bound is None:
-            continue
-        if kind not in ("float", "int") or isinstance(bound, bool) or not isinstance(bound, (int, float)):
-            return None, [*errors, f"{key}: {bound!r} is not a number, or the setting is not a number"]
-    scale = table.get("scale", "linear")
-    if scale not in ("linear", "log"):
-        errors.append(f"scale: {scale!r} is not linear or log")
-    if not isinstance(table.get("doc", ""), str):
-        errors.append(f"doc: {table['doc']!r} is not text")
-    setting = Setting(name, kind, default, table.get("min"), table.get("max"), tuple(choices), scale,
-                      str(table.get("doc", "")))  # fmt: skip
-    if scale == "log" and not (setting.minimum or 0) > 0:
-        errors.append("scale: log needs a min above 0")
-    if error := setting.error(default):
-        errors.append(f"default: {error}")
-    return (None, errors) if errors else (setting, [])
-
-
-def _kind(default: object, choices: bool) -> str | None:
-    if choices:
-        return "choice"
-    if isinstance(default, bool):
-        return "bool"
-    return {int: "int", float: "float"}.get(type(default))

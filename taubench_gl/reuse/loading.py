@@ -13,8 +13,7 @@ from types import ModuleType
 
 from taubench_gl.errors import MethodError
 from taubench_gl.reuse.contract import Method, suggestion
-from taubench_gl.reuse.python_method import method_from_class
-from taubench_gl.reuse.toml_method import BUILTIN, FILE, load_folder
+from taubench_gl.reuse.declaration import BUILTIN, FILE, load_folder, method_from_class
 
 __all__ = ["BUILTIN", "ENTRY_POINTS", "builtin_methods", "installed_methods", "load_method"]
 

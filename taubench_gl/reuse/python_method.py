@@ -27,22 +27,9 @@ from taubench_gl.errors import MethodError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.reuse.contract import (
-    REPORTS,
-    RESULT,
-    Method,
-    Value,
-    name_error,
-    parse_reads,
-    parse_setting,
-    suggestion,
-)
+from taubench_gl.reuse.contract import RESULT, Method, Value
 from taubench_gl.reuse.frame import FrameInputs, frame_arrays
 from taubench_gl.reuse.helpers import Helpers
-from taubench_gl.reuse.stages import parse_stages
-
-LIBRARIES = ("numpy", "torch")
-"""Values of ``arrays``."""
 
 
 def _library(method: Method) -> Any:
@@ -61,64 +48,6 @@ def _tensor(value: Any, torch: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return value
     return torch.from_numpy(value.view(np.int32) if value.dtype == np.uint32 else value)
-
-
-def method_from_class(cls: type, where: str = "") -> Method:
-    """A Method from a class with ``reads`` and ``step``.  Raises MethodError, which lists all errors."""
-    where = where or f"{cls.__module__}:{cls.__qualname__}"
-    errors, settings = [], {}
-    reads = getattr(cls, "reads", None)
-    if not isinstance(reads, (tuple, list)) or not reads:
-        errors.append('reads: must be a tuple of inputs, such as ("radiance", "motion")')
-        reads = ()
-    reads, more = parse_reads(reads)
-    errors += more
-    given = getattr(cls, "settings", {})
-    if not isinstance(given, Mapping):
-        errors.append("settings: must be a dict of name -> default or {default, min, max, doc}")
-        given = {}
-    for name, raw in given.items():
-        if error := name_error(name, "setting", reads=reads):
-            errors.append(f"settings: {error}")
-            continue
-        setting, more = parse_setting(name, raw)
-        errors += [f"settings.{name}.{error}" for error in more]
-        if setting:
-            settings[name] = setting
-    reports = getattr(cls, "reports", ())
-    if not isinstance(reports, (tuple, list)):
-        errors.append('reports: must be a tuple of names, such as ("reprojected_history",)')
-        reports = ()
-    errors += [f"reports: there is no report {n!r}{suggestion(str(n), REPORTS)}" for n in reports if n not in REPORTS]
-    if not callable(getattr(cls, "step", None)):
-        errors.append("step: must be a function step(self, frame)")
-    name = str(getattr(cls, "name", cls.__name__))
-    stages, more = parse_stages(getattr(cls, "stages", {}), name, None)
-    errors += more
-    if errors:
-        raise MethodError("; ".join(errors), where=where)
-    if getattr(cls, "arrays", "numpy") not in LIBRARIES:
-        raise MethodError(f"arrays: {cls.arrays!r} is not {' or '.join(LIBRARIES)}", where=where)
-    upscales = getattr(cls, "upscales", False)
-    if not isinstance(upscales, bool):
-        raise MethodError(f"upscales: {upscales!r} is not True or False", where=where)
-    cite = getattr(cls, "cite", ())
-    return Method(
-        name=name,
-        title=str(getattr(cls, "title", name)),
-        cite=(cite,) if isinstance(cite, str) else tuple(map(str, cite)),
-        reads=reads,
-        settings=settings,
-        history={},
-        buffers={},
-        passes=(),
-        folder=None,
-        factory=cls,
-        where=where,
-        stages=stages,
-        reports=tuple(reports),
-        upscales=upscales,
-    )
 
 
 class PythonSteps(GpuOwner):

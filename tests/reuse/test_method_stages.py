@@ -10,8 +10,8 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import MethodError
+from taubench_gl.reuse.declaration import method_from_class
 from taubench_gl.reuse.loading import BUILTIN, load_method
-from taubench_gl.reuse.python_method import method_from_class
 
 DONE = '[stages.blend]\ndoc = "mean"\npaper = "Eq. (1)"\nshader = "a.glsl"\n'
 MISSING = '[stages.clip]\ndoc = "clip"\npaper = "section 2"\nmissing = "no color box"\n'
