@@ -149,7 +149,8 @@ def test_the_divider_separates_two_images(fresh):
     fresh.locator(".divider").focus()
     fresh.keyboard.press("End")
     assert np.abs(pixels(fresh) - 25.5).max() < 4
-    assert fresh.locator(".tag.left").first.inner_text() == "slow" and fresh.locator(".tag.right").first.inner_text() == "fast"
+    tags = [fresh.locator(f".tag.{side}").first.inner_text() for side in ("left", "right")]
+    assert tags == ["slow", "fast"]
 
 
 def test_error_maps_are_magma_and_images_without_one_are_black(fresh):
