@@ -421,7 +421,8 @@ def reuse_html(
     page = Page(
         f"{name}: reuse evaluation", "reuse evaluation", heading=name,
         intro=(text_lines(reuse_notes(summary)), *([bullets(failed)] if failed else [])),
-        styles=("stage.css", "reuse.css"), scripts=("stage.js", "zoom.js", "frame_viewer.js", "reuse_viewer.js", "reuse.js"), data=data,
+        styles=("stage.css", "reuse.css"), data=data,
+        scripts=("stage.js", "zoom.js", "frame_viewer.js", "reuse_viewer.js", "reuse.js"),
     )  # fmt: skip
     scripts = "The plots need scripts; the files frames.svg and time.svg show the same."
     noscript = tag("noscript", tag("p", scripts, class_="missing"))
