@@ -85,6 +85,12 @@ class Bench(GpuOwner):
         super().__init__(gpu)
         self.size, self.device = size, device
 
+    @contextlib.contextmanager
+    def even(self) -> Iterator[Bench]:
+        """A bench of even width and height: with 1 m per pixel, pixel borders lie at integer meters."""
+        with Bench(self.gpu, (self.size[0] - self.size[0] % 2, self.size[1] - self.size[1] % 2)) as bench:
+            yield bench
+
     def pair(
         self,
         scene: Scene,

@@ -29,11 +29,17 @@ def lambert(b: SceneBuilder, albedo: float = ALBEDO, **fields) -> int:
     return b.material(base_color=(albedo, albedo, albedo, 1.0), metallic=0.0, roughness=1.0, specular=0.0, **fields)
 
 
-def wall_shot(bench: Bench, *, settings: dict | None = None, height: float = 6.0, **light) -> tuple[Shot, Array]:
-    """A Lambert wall, 1 m per pixel, lit by one light ``height`` in front of it; and where the light is, (3,)."""
+def lambert_wall(bench: Bench, albedo: float = ALBEDO, **fields) -> SceneBuilder:
+    """A Lambert wall that fills the image, 1 m per pixel; ``fields`` of its material."""
     b = SceneBuilder()
-    b.node(mesh=b.mesh(quad(*bench.size, material=lambert(b))), translation=(0.0, 0.0, WALL_Z))
+    b.node(mesh=b.mesh(quad(*bench.size, material=lambert(b, albedo, **fields))), translation=(0.0, 0.0, WALL_Z))
     one_metre_per_pixel(b, bench)
+    return b
+
+
+def wall_shot(bench: Bench, *, settings: dict | None = None, height: float = 6.0, **light) -> tuple[Shot, Array]:
+    """A Lambert wall, lit by one light ``height`` in front of it; and where the light is, (3,)."""
+    b = lambert_wall(bench)
     place = np.array([2.25, -1.75, WALL_Z + height])
     b.light(translation=place, **light)
     return bench.shots(b.build(), shadow_lights=0, **(settings or {}))[0], place
@@ -262,10 +268,7 @@ def lobes_add_up(bench: Bench) -> Outcome:
     source="relative; float32: 8 ulps",
 )
 def sky_on_white(bench: Bench) -> Outcome:
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(quad(*bench.size, material=lambert(b, 1.0))), translation=(0.0, 0.0, WALL_Z))
-    one_metre_per_pixel(b, bench)
-    shot = bench.shots(b.build(), environment=(2.0, 2.0, 2.0))[0]
+    shot = bench.shots(lambert_wall(bench, 1.0).build(), environment=(2.0, 2.0, 2.0))[0]
     return field("2", 0.5 * shot.direct[shot.surface] - 1.0, Naive("irradiance", 2.0 * np.pi, np.pi - 1.0))
 
 
@@ -278,9 +281,7 @@ def sky_on_white(bench: Bench) -> Outcome:
     source=RADIANCE,
 )
 def forty_lights(bench: Bench) -> Outcome:
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(quad(*bench.size, material=lambert(b))), translation=(0.0, 0.0, WALL_Z))
-    one_metre_per_pixel(b, bench)
+    b = lambert_wall(bench)
     places = [np.array([11.0 * (i % 8) - 38.5, 12.0 * (i // 8) - 24.0, WALL_Z + 2.0 + 0.1 * i]) for i in range(40)]
     for i, place in enumerate(places):
         b.light(translation=place, intensity=5.0 + i, range=14.0)

@@ -51,10 +51,8 @@ def light_on_the_surface(bench: Bench) -> Outcome:
 )
 def inverse_square_near(bench: Bench) -> Outcome:
     distances = (1.0, 1 / 8, 1 / 64)
-    size = bench.size[0] - bench.size[0] % 2, bench.size[1] - bench.size[1] % 2
-    even = Bench(bench.gpu, size)
-    measured = [float(even.lit(_wall(even, d).build())["direct"][_foot(even)][0]) for d in distances]
-    even.release()
+    with bench.even() as even:
+        measured = [float(even.lit(_wall(even, d).build())["direct"][_foot(even)][0]) for d in distances]
     ratios = [m / measured[0] for m in measured]
     off = max(difference(1 / d**2, r, relative=True) for d, r in zip(distances, ratios, strict=True))
     naive = [2.0 / (d * d + 1.0) for d in distances]

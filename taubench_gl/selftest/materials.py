@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from taubench_gl.scene.gltf.specular_glossiness import metallic_roughness
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
-from taubench_gl.selftest.direct import WALL_Z, lambert
+from taubench_gl.selftest.direct import WALL_Z, lambert, lambert_wall
 from taubench_gl.selftest.geometry import one_metre_per_pixel
 from taubench_gl.selftest.scenes import SceneBuilder, quad
 
@@ -38,36 +39,19 @@ def _textured(bench: Bench, texels: Array, sampler: Sampler = CLAMPED, uv: Array
     return dataclasses.replace(b.build(), images=(image,))
 
 
-def _channel(bench: Bench, scene: Scene, name: str) -> Array:
-    """A channel of the 16 x 16 pixels of the wall, (16, 16, n) float64."""
-    size = bench.size[0] - bench.size[0] % 2, bench.size[1] - bench.size[1] % 2
-    even = Bench(bench.gpu, size)
-    try:
-        frame, _ = even.frame(scene, extra=(name,), size=bench.size)
-    finally:
-        even.release()
-    rows, columns = np.nonzero(frame["position"][..., 3] > 0.0)
-    assert len(rows), "the wall is not in the image"
-    return frame[name][rows.min() : rows.min() + 16, columns.min() : columns.min() + 16].astype(np.float64)
-
-
-def _even(bench: Bench) -> Bench:
-    """A bench whose pixel borders lie at integer meters."""
-    return Bench(bench.gpu, (bench.size[0] - bench.size[0] % 2, bench.size[1] - bench.size[1] % 2))
-
-
 def _ramp() -> Array:
     """(16, 16, 4) uint8: codes 0 .. 255 row by row, from the upper left."""
     codes = np.arange(256, dtype=np.uint8).reshape(16, 16)
     return np.stack([codes, codes[::-1], np.full_like(codes, 77), np.full_like(codes, 255)], axis=-1)
 
 
-def _drawn(bench: Bench, scene_of, name: str) -> Array:
-    even = _even(bench)
-    try:
-        return _channel(even, scene_of(even), name)
-    finally:
-        even.release()
+def _drawn(bench: Bench, scene_of: Callable[[Bench], Scene], name: str) -> Array:
+    """A channel of the 16 x 16 pixels of the wall, (16, 16, n) float64."""
+    with bench.even() as even:
+        frame, _ = even.frame(scene_of(even), extra=(name,))
+    rows, columns = np.nonzero(frame["position"][..., 3] > 0.0)
+    assert len(rows), "the wall is not in the image"
+    return frame[name][rows.min() : rows.min() + 16, columns.min() : columns.min() + 16].astype(np.float64)
 
 
 @case(
@@ -114,10 +98,8 @@ def mirrored_wrap(bench: Bench) -> Outcome:
     texels = _ramp()[:4, :4].copy()
     texels[..., :3] = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
 
-    def scene_of(even: Bench) -> Scene:
-        return _textured(even, texels, MIRRORED, uv, slots=("base_color_texture",))
-
-    got = _drawn(bench, scene_of, "base_color")[..., :3]
+    got = _drawn(bench, lambda even: _textured(even, texels, MIRRORED, uv, slots=("base_color_texture",)), "base_color")
+    got = got[..., :3]
     at = np.arange(16)
     fold = np.where((at // 4) % 2 == 0, at % 4, 3 - at % 4)
     expected = decoded(texels[np.ix_(fold, fold)][..., :3])
@@ -196,10 +178,7 @@ def tone_maps(bench: Bench) -> Outcome:
     source="float32: 80 ulps of 1",
 )
 def color_is_the_sum(bench: Bench) -> Outcome:
-    b = SceneBuilder()
-    glowing = lambert(b, 0.5, emissive=(0.125, 0.125, 0.125))
-    b.node(mesh=b.mesh(quad(*bench.size, material=glowing)), translation=(0.0, 0.0, WALL_Z))
-    one_metre_per_pixel(b, bench)
+    b = lambert_wall(bench, 0.5, emissive=(0.125, 0.125, 0.125))
     b.light(kind="directional", intensity=0.5 * np.pi)
     shot = bench.shots(b.build(), columns=("direct", "color"), exposure=2.0)[0]
     expected = 1.055 * 0.75 ** (1 / 2.4) - 0.055
@@ -244,14 +223,9 @@ def alpha_mask(bench: Bench) -> Outcome:
     texels = _ramp().copy()
     texels[..., 3] = texels[..., 0]
 
-    def scene_of(even: Bench) -> Scene:
-        return _textured(even, texels, slots=("base_color_texture",), alpha_mode="MASK", alpha_cutoff=0.25)
-
-    even = _even(bench)
-    try:
-        frame, _ = even.frame(scene_of(even))
-    finally:
-        even.release()
+    mask = {"slots": ("base_color_texture",), "alpha_mode": "MASK", "alpha_cutoff": 0.25}
+    with bench.even() as even:
+        frame, _ = even.frame(_textured(even, texels, **mask))
     expected, half = (int((texels[..., 3] / 255.0 >= cutoff).sum()) for cutoff in (0.25, 0.5))
     drawn = int((frame["position"][..., 3] > 0.0).sum())
     return count(expected, drawn, Naive("cutoff 0.5", half, expected - half))

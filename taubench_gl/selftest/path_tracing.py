@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
 from taubench_gl import math3d
 from taubench_gl.metrics.lighting import albedo_table
@@ -81,18 +82,8 @@ def furnace_glossy(bench: Bench) -> Outcome:
 def _albedo(roughness: float, n_v: float) -> float:
     """Directional albedo of a white metal."""
     table = albedo_table().astype(np.float64)
-    at = np.array([roughness, n_v]) * (len(table) - 1)
-    i, f = np.floor(at).astype(int), at - np.floor(at)
-    total = table[..., 0] + table[..., 1]
-    return float(
-        sum(
-            total[min(i[0] + a, len(table) - 1), min(i[1] + c, len(table) - 1)]
-            * (f[0] if a else 1 - f[0])
-            * (f[1] if c else 1 - f[1])
-            for a in (0, 1)
-            for c in (0, 1)
-        )
-    )
+    at = np.linspace(0.0, 1.0, len(table))
+    return float(RegularGridInterpolator((at, at), table[..., 0] + table[..., 1])((roughness, n_v)))
 
 
 @case(
@@ -109,9 +100,7 @@ def closed_box(bench: Bench) -> Outcome:
     b.camera(yfov=np.radians(60.0))
     frame = bench.traced(b.build(), spp=64, bounces=6)
     expected = [0.5, sum(0.5**k for k in range(2, 7))]
-    measured = [float(frame[name][..., 0].mean()) for name in ("direct", "indirect")]
-    off = max(abs(m / e - 1.0) for m, e in zip(measured, expected, strict=True))
-    return Outcome(_text(expected), _text(measured), off, Naive("both counted", _text([2 * e for e in expected]), 1.0))
+    return _means(frame, expected, Naive("both counted", _text([2 * e for e in expected]), 1.0))
 
 
 @case(
@@ -128,10 +117,7 @@ def mirror_box(bench: Bench) -> Outcome:
     b.node(mesh=b.mesh(_with(box((4, 4, 4), inside=True), mirror)), rotation=turn_y(17.0))
     b.camera(yfov=np.radians(50.0))
     frame = bench.traced(b.build(), spp=16, bounces=5)
-    expected = [1.0, 4.0]
-    measured = [float(frame[name][..., 0].mean()) for name in ("direct", "indirect")]
-    off = max(abs(m / e - 1.0) for m, e in zip(measured, expected, strict=True))
-    return Outcome(_text(expected), _text(measured), off)
+    return _means(frame, [1.0, 4.0])
 
 
 @case(
@@ -149,10 +135,7 @@ def parallel_planes(bench: Bench) -> Outcome:
     b.node(mesh=b.mesh(emitter), translation=(0.0, 0.0, 0.5), rotation=turn_y(180.0))
     b.camera(yfov=np.radians(30.0))
     frame = bench.traced(b.build(), spp=64, bounces=7)
-    expected = [0.5, 0.5**3 + 0.5**5 + 0.5**7]
-    measured = [float(frame[name][..., 0].mean()) for name in ("direct", "indirect")]
-    off = max(abs(m / e - 1.0) for m, e in zip(measured, expected, strict=True))
-    return Outcome(_text(expected), _text(measured), off)
+    return _means(frame, [0.5, 0.5**3 + 0.5**5 + 0.5**7])
 
 
 def form_factor(a: float, b: float, h: float) -> float:
@@ -177,8 +160,7 @@ def form_factor_of_a_square(bench: Bench) -> Outcome:
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.8))), translation=(0.0, 0.0, -10.0))
     b.node(mesh=b.mesh(quad(2, 2, material=_matte(b, 0.0, 5.0))), translation=(0.0, 0.0, -7.0))
-    b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=8.0, zfar=50.0)
-    frame = bench.traced(b.build(), spp=256, bounces=1)
+    frame = _below(b, bench, 8.0, spp=256, bounces=1)
     expected = 0.8 * 5.0 * 4.0 * form_factor(2.0, 2.0, 3.0)
     return scalar(expected, float(frame["direct"][..., 0].mean()), relative=True)
 
@@ -195,8 +177,7 @@ def sphere_light(bench: Bench) -> Outcome:
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.5))), translation=(0.0, 0.0, -10.0))
     b.node(mesh=b.mesh(_with(sphere(1.0, 24), _matte(b, 0.0, 10.0))), translation=(0.0, 0.0, -5.0))
-    b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=6.5, zfar=50.0)
-    frame = bench.traced(b.build(), spp=1024, bounces=1)
+    frame = _below(b, bench, 6.5, spp=1024, bounces=1)
     return scalar(0.5 * 10.0 / 25.0, float(frame["direct"][..., 0].mean()), relative=True)
 
 
@@ -253,8 +234,7 @@ def masked_leaf(bench: Bench) -> Outcome:
     triangles = np.arange(len(positions), dtype=np.uint32).reshape(-1, 3)
     b.node(mesh=b.mesh(Primitive(positions, triangles, leaf.material, colors=colors)), translation=(0.0, 0.0, 5.0))
     b.light(kind="directional", intensity=1.0)
-    direct = bench.traced(b.build(), spp=1, bounces=1)["direct"][..., 0]
-    return count(8 * 16, int((direct == 0).sum()), Naive("no alpha test", 256, 128))
+    return count(8 * 16, _shadowed(bench, b), Naive("no alpha test", 256, 128))
 
 
 @case(
@@ -338,8 +318,7 @@ def narrow_gap(bench: Bench) -> Outcome:
     b.node(mesh=b.mesh(board), translation=(0.0, 0.0, -10.0 + 1e-3), rotation=turn_y(180.0))
     b.camera(kind="orthographic", xmag=bench.size[0] / 256, ymag=bench.size[1] / 256, zfar=1000.0)
     b.light(kind="directional", intensity=1.0)
-    direct = bench.traced(b.build(), spp=1, bounces=1)["direct"][..., 0]
-    return count(256, int((direct == 0).sum()))
+    return count(256, _shadowed(bench, b))
 
 
 def _mirrored(name: str, scale: tuple[float, float, float], shadowed: int, words: str) -> None:
@@ -356,8 +335,7 @@ def _mirrored(name: str, scale: tuple[float, float, float], shadowed: int, words
         board = b.node(mesh=b.mesh(quad(8, 8, material=_matte(b))), scale=scale)
         b.animate(board, "translation", [0.0, 1.0], [(0.0, 0.0, 5.0), (8.0, 0.0, 5.0)])
         b.light(kind="directional", intensity=1.0)
-        direct = bench.traced(b.build(), spp=1, bounces=1)["direct"][..., 0]
-        return count(shadowed, int((direct == 0).sum()))
+        return count(shadowed, _shadowed(bench, b))
 
 
 _mirrored("traced-mirrored", (-1.0, 1.0, 1.0), 256, "rays are transformed; both sides of a triangle are hit")
@@ -439,6 +417,24 @@ def _centered(image: Array, half: int) -> Array:
 
 def _text(values: list[float]) -> str:
     return ", ".join(f"{v:.6g}" for v in values)
+
+
+def _means(frame: dict[str, Array], expected: list[float], naive: Naive | None = None) -> Outcome:
+    """The outcome of mean direct and indirect radiance, relative."""
+    measured = [float(frame[name][..., 0].mean()) for name in ("direct", "indirect")]
+    off = max(abs(m / e - 1.0) for m, e in zip(measured, expected, strict=True))
+    return Outcome(_text(expected), _text(measured), off, naive)
+
+
+def _shadowed(bench: Bench, b: SceneBuilder) -> int:
+    """Pixels without direct light."""
+    return int((bench.traced(b.build(), spp=1, bounces=1)["direct"][..., 0] == 0).sum())
+
+
+def _below(b: SceneBuilder, bench: Bench, znear: float, **how) -> dict[str, Array]:
+    """Radiance of a point of a wall 10 m away; what is nearer than ``znear`` is not seen."""
+    b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=znear, zfar=50.0)
+    return bench.traced(b.build(), **how)
 
 
 @case(

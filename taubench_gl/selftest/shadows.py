@@ -12,7 +12,7 @@ from taubench_gl import math3d
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.bench import Bench, Shot
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field
-from taubench_gl.selftest.direct import ALBEDO, lambert, off_peak
+from taubench_gl.selftest.direct import ALBEDO, lambert, lambert_wall, off_peak
 from taubench_gl.selftest.geometry import one_metre_per_pixel
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn, turn_x, turn_y
 
@@ -109,6 +109,12 @@ _cube_case("six-faces-of-a-lamp", 1, "a lamp")
 _cube_case("six-faces-of-ten-lamps", 10, "ten lamps at one place, more than are compiled one by one,")
 
 
+def _on_a_floor() -> SceneBuilder:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(12.0, 12.0, material=lambert(b))), rotation=turn_x(-90.0))
+    return b
+
+
 def _table(bench: Bench, **light) -> tuple[SceneBuilder, list[Block]]:
     """A floor with a box standing on it, plates low and high above it, and one light."""
     blocks = [
@@ -118,8 +124,7 @@ def _table(bench: Bench, **light) -> tuple[SceneBuilder, list[Block]]:
     ]
     if "translation" in light:  # a leaf in front of the lamp
         blocks.append(Block(np.array(light["translation"]) + [0.4, -0.6, -0.5], np.array([0.2, 0.005, 0.2])))
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(quad(12.0, 12.0, material=lambert(b))), rotation=turn_x(-90.0))
+    b = _on_a_floor()
     for block in blocks:
         b.node(mesh=b.mesh(box(block.half, material=lambert(b))), translation=block.center)
     b.camera(translation=(0.0, 6.0, 8.0), rotation=turn_x(-38.0), yfov=np.radians(60.0), znear=0.05)
@@ -179,9 +184,7 @@ def grazing_plane(bench: Bench) -> Outcome:
         {"kind": "directional", "rotation": turn_y(88.0), "intensity": 30.0},
         {"translation": (3.3, 4.7, -7.5), "intensity": 3.0},
     ):
-        b = SceneBuilder()
-        b.node(mesh=b.mesh(quad(*bench.size, material=lambert(b))), translation=(0.0, 0.0, -8.0))
-        one_metre_per_pixel(b, bench)
+        b = lambert_wall(bench)
         b.light(**light)
         for shadow_filter in ("hard", "bilinear"):
             given = {"shadow_size": 64, "shadow_filter": shadow_filter}
@@ -283,8 +286,7 @@ def shadow_of_a_masked_leaf(bench: Bench) -> Outcome:
     source="exact: the same texels",
 )
 def shadow_cache(bench: Bench) -> Outcome:
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(quad(12.0, 12.0, material=lambert(b))), rotation=turn_x(-90.0))
+    b = _on_a_floor()
     plate = b.node(mesh=b.mesh(box((1.0, 0.1, 1.0), material=lambert(b))), translation=(-3.0, 2.0, 0.0))
     b.node(mesh=b.mesh(box((0.5, 0.1, 0.5), material=lambert(b))), translation=(0.5, 1.0, 0.0))
     b.animate(plate, "translation", [0.0, 1.0, 2.0], [(-3.0, 2.0, 0.0), (1.0, 2.0, 0.5), (1.0, 2.0, 0.5)])
