@@ -31,7 +31,8 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.evaluation import PairEvaluator, Session, open_scene
 from taubench_gl.frame.read_back import ChannelReader
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -105,7 +106,9 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     )
     timers = {name: PassTimer(gpu, enabled=name == WAITS) for name in (WAITS, AT_ONCE, LATE)}
     camera = choose_camera(scene)
-    sources = {name: RasterSource(gpu, scene, camera, settings, timer=timer) for name, timer in timers.items()}
+    sources = {
+        name: RasterSource(gpu, AnimatedScene(scene, camera), settings, timer=timer) for name, timer in timers.items()
+    }
     contexts = {name: GpuContext(gpu, timer=timers[name]) for name in timers}
     evaluators = {n: PairEvaluator(contexts[n], s, settings) for n, s in sources.items()}
     for name, evaluator in evaluators.items():
@@ -144,7 +147,7 @@ def readback(gpu: Gpu, options: Options) -> Result:
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
     settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY, **FIXED_LIGHTING)
-    source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=READS))
+    source = RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=READS)
     watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
     readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}
 

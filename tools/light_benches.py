@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from benches import FPS, Options, Result, Row, bench, real_scene, row
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.effects.decide import FORCEABLE, decide
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
@@ -31,9 +31,7 @@ class Subject:
     def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...] = ()):
         self.timer = PassTimer(gpu)
         self._gpu, self._frame = gpu, 0
-        self.source = RasterSource(
-            gpu, scene, choose_camera(scene), settings, SourceOptions(force=force), timer=self.timer
-        )
+        self.source = RasterSource(gpu, AnimatedScene(scene), settings, force=force, timer=self.timer)
 
     def advance(self) -> None:
         with self.timer.measure("frame"):

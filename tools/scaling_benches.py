@@ -14,6 +14,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -136,7 +137,7 @@ def lights_growth(gpu: Gpu, options: Options) -> Result:
     timers = [PassTimer(gpu) for _ in counts]
     scenes = [lamp_field(count // 4, count - count // 4, reach=4.0) for count in counts]
     sources = [
-        RasterSource(gpu, scene, choose_camera(scene), settings, timer=timer)
+        RasterSource(gpu, AnimatedScene(scene), settings, timer=timer)
         for scene, timer in zip(scenes, timers, strict=True)
     ]
     for frame in range(1 + 3 * options.repeats):

@@ -60,7 +60,8 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
     from taubench_gl.evaluation.appearance import transparency_notes
     from taubench_gl.evaluation.schedule import frame_total
-    from taubench_gl.frame.plan import FramePlan
+    from taubench_gl.frame.plan import effect_costs
+    from taubench_gl.frame.spec import AnimatedScene
     from taubench_gl.scene.memory import memory_of
 
     poser, camera = Poser(scene), camera_of_run(scene, settings.sequence)
@@ -110,7 +111,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "light_unit": dataclasses.asdict(light_unit_of(scene)),
         "environment": dataclasses.asdict(environment_for(scene)),
         "exposure": _exposure(scene, settings),
-        "effects": FramePlan(scene, without_auto(scene, settings), camera, poser).costs(),
+        "effects": effect_costs(AnimatedScene(scene, camera, poser), without_auto(scene, settings)),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
         "notes": [*map(str, scene.notes), *transparency_notes(scene, settings.sequence.blend)],

@@ -11,20 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack
 from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE
 from taubench_gl.cost.pixels import PairChannels, PixelSample, Subject
 from taubench_gl.cost.reference import TracedPixels
 from taubench_gl.effects.decide import as_summary, decide, unmeasured
 from taubench_gl.evaluation import sampled_pairs
 from taubench_gl.features import FEATURES, MASK_WORDS
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
 from taubench_gl.metrics.counts import Counts, bin_of
 from taubench_gl.metrics.pair_sample import estimate
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.provenance import provenance
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -42,7 +41,7 @@ def random_pixels(frame: int, count: int, size: tuple[int, int]) -> Array:
 
 
 def count_at_pixels(
-    scene: Scene, camera: CameraTrack, settings: Settings, count: int, frames: Sequence[int]
+    animated: AnimatedScene, settings: Settings, count: int, frames: Sequence[int]
 ) -> tuple[list[Counts], dict[str, Any]]:
     """Counts of the pairs that end at ``frames``, at ``count`` random pixels each, and the report of their record.
 
@@ -51,12 +50,12 @@ def count_at_pixels(
     gpu = open_gpu(settings.device.backend, settings.device.device)
     size = settings.sequence.width, settings.sequence.height
     sample = PixelSample(tuple(frames), tuple(random_pixels(frame, count, size) for frame in frames))
-    subject = Subject(gpu, scene, camera, sample)
+    subject = Subject(gpu, animated.scene, animated.camera, sample)
     channels = PairChannels(subject, settings)
     with TracedPixels(subject, channels, settings, seeds=(None,)) as traced:
         traced.trace(settings.lighting.path_samples)
         compared = list(channels.comparisons(traced.light()))
-    effects = decide(scene, settings)
+    effects = decide(animated.scene, settings)
     report = {
         "source": {"effects": as_summary(effects), "notes": [], "memory": {"gpu_bytes": None}},
         "unmeasured": unmeasured(effects, settings),

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.animation import camera_of_run
 from taubench_gl.batch.pixels import count_at_pixels
 from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
@@ -42,11 +42,11 @@ from taubench_gl.evaluation import (
     with_pairs,
 )
 from taubench_gl.features import FEATURES, MASK_WORDS
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.provenance import provenance
 from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
 from taubench_gl.study.store import content_hash, json_bytes
 from taubench_gl.study.unit import Worker
@@ -129,7 +129,7 @@ class PairsUnit:
         started, settings = time.perf_counter(), self.of.settings
         open_context(settings)
         loaded = _loaded(worker, self.of)
-        if self.sha256 != files_identity(file_hashes(loaded.scene, settings)):
+        if self.sha256 != files_identity(file_hashes(loaded.animated.scene, settings)):
             raise SceneError("changed while the batch was running", where=self.scene, hint="run the batch again")
         count = self._count if self.of.pixels is None else self._count_at_pixels
         pairs, report = count(loaded, worker)
@@ -153,9 +153,9 @@ class PairsUnit:
 
     def _count_at_pixels(self, loaded: _Loaded, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         settings = self.of.settings
-        frames = frame_range(loaded.scene, loaded.camera, settings)
+        frames = frame_range(loaded.animated.scene, loaded.animated.camera, settings)
         later = [frames[position + 1] for position in self.positions]
-        counts, report = count_at_pixels(loaded.scene, loaded.camera, settings, self.of.pixels, later)
+        counts, report = count_at_pixels(loaded.animated, settings, self.of.pixels, later)
         return [pair_record(p, c, {}, None) for p, c in zip(self.positions, counts, strict=True)], report
 
 
@@ -178,17 +178,14 @@ def head_hash(head: Mapping[str, Any]) -> str:
 class _Loaded:
     """A scene and, once it renders, its session: what a worker keeps for the next unit of a job."""
 
-    scene: Scene
-    poser: Poser
-    camera: CameraTrack
+    animated: AnimatedScene
     session: Session | None = None
 
     def opened(self, job: Job) -> Session:
         """The session of a job whose lighting is resolved."""
         if self.session is None:
-            frames = frame_range(self.scene, self.camera, job.settings)
-            resolved = ResolvedLighting(job.settings)
-            scene_input = SceneInput(self.scene, self.camera, frames, resolved, self.poser)
+            frames = frame_range(self.animated.scene, self.animated.camera, job.settings)
+            scene_input = SceneInput(self.animated, frames, ResolvedLighting(job.settings))
             self.session = Session(scene_input, Wants(lobes=job.lobes))
         return self.session
 
@@ -202,7 +199,7 @@ def _loaded(worker: Worker, job: Job) -> _Loaded:
 
     def load() -> _Loaded:
         scene = load_scene(job.scene, **sequence.reading)
-        return _Loaded(scene, Poser(scene), camera_of_run(scene, sequence))
+        return _Loaded(AnimatedScene(scene, camera_of_run(scene, sequence)))
 
     return worker.kept((job.id, job.scene, *sequence.reading.values(), sequence.camera), load)
 
@@ -212,20 +209,20 @@ def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -
 
     ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
     """
-    scene, poser, camera = loaded.scene, loaded.poser, loaded.camera
+    animated, scene, camera = loaded.animated, loaded.animated.scene, loaded.animated.camera
     require_triangles(scene)
     if settings.metrics.exact:
         require_exact(settings)
     frames = frame_range(scene, camera, settings)
-    resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
+    resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=animated.poser)
     resolved = replace(resolved, settings=with_pairs(scene, resolved.settings, frames))
-    views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
+    views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
     one_file = scene.files == 1 and environment_image(resolved.settings) is None
     return {
         "stamp": stamp if one_file else None,
         "frames": [frames.start, frames.stop],
-        "facts": scene_facts(scene, camera, frames, resolved, poser),
+        "facts": scene_facts(animated, frames, resolved),
         "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},
         "positions": [view.position for view in views],
         "rotations": [view.world_from_view for view in views],

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from taubench_gl.animation import Poser, camera_of_run
+from taubench_gl.animation import camera_of_run
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
 from taubench_gl.benchmark.unit import BenchmarkUnit, applicable
@@ -16,6 +16,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.features import COLUMNS
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.references import PREFIX, reference_samples
@@ -122,5 +123,5 @@ def _tracing(case: Case) -> float:
     camera = camera_of_run(scene, settings.sequence)
     settings = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera).settings
     with opened_gpu(settings) as owner:
-        references = References.open(owner, scene, camera, settings, samples, poser=Poser(scene), exact=True)
+        references = References.open(owner, AnimatedScene(scene, camera), settings, samples, exact=True)
         return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0

@@ -17,7 +17,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.effects.decide import decide
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMN_BITS, FEATURES, LIGHT_FEATURES, WORD_DTYPE
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import pair_masks
@@ -83,6 +83,10 @@ class Subject:
     camera: CameraTrack
     sample: PixelSample
 
+    @property
+    def animated(self) -> AnimatedScene:
+        return AnimatedScene(self.scene, self.camera)
+
 
 def at_pixel_centers(settings: Settings) -> Settings:
     """``settings`` of frames that are looked at pixel by pixel."""
@@ -98,7 +102,7 @@ def rendered_masks(
     """
     settings, words = at_pixel_centers(settings), []
     with subject.gpu, GpuOwner(subject.gpu) as owner:
-        source = owner.open_source(subject.scene, subject.camera, settings, SourceOptions(without=tuple(without)))
+        source = owner.open_source(subject.animated, settings, without=without)
         evaluator = owner.open_evaluator(source, settings, images=True)
         for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
             evaluator.restart()
@@ -132,7 +136,7 @@ class PairChannels:
         settings = settings if light else settings.replace(light="raster", indirect="none")
         with subject.gpu, GpuOwner(subject.gpu) as owner:
             extra = ("emission",) if every["emission"].enabled else ()
-            source = owner.open_source(subject.scene, subject.camera, settings, SourceOptions(extra=extra))
+            source = owner.open_source(subject.animated, settings, extra=extra)
             self._mode = source.reprojection
             self._columns = tuple(c for c in LIGHT_FEATURES if c in settings.metrics.columns)
             names = ["position", "normal", *extra]

@@ -11,7 +11,6 @@ import numpy as np
 from taubench_gl.cost.pixels import Light, PairChannels, Subject, at_pixel_centers
 from taubench_gl.data_files import stored_arrays
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.references import PART
 from taubench_gl.pathtraced.series import Render
@@ -52,8 +51,7 @@ class TracedPixels(GpuOwner):
         self._lists = pairs.looked_up()
         self._size = settings.sequence.width, settings.sequence.height
         with subject.gpu:
-            options = SourceOptions(pixel_list=True)
-            self._source = self.open_source(subject.scene, subject.camera, settings, options)
+            self._source = self.open_source(subject.animated, settings, pixel_list=True)
         self._sums = {seed: {f: np.zeros((len(at), 6)) for f, at in self._lists.items()} for seed in seeds}
         self._counts = dict.fromkeys(seeds, 0)
 

@@ -42,8 +42,8 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
 from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.frame.plan import FramePlan
-from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
+from taubench_gl.frame.plan import effect_costs
+from taubench_gl.frame.spec import AnimatedScene, ranked_with_sun
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
 from taubench_gl.pathtraced.sequence import is_sequence
@@ -210,7 +210,7 @@ def make_subject(
     if len(frames) < 2:
         raise SettingsError("the scene gives no pair of frames", hint="give more --frames, or an animated scene")
     gpu = open_gpu(baseline.device.backend, baseline.device.device)
-    ranked = tuple(ranked_with_sun(SceneFacts(scene, camera).ranked_lights, environment_of(baseline).sun))
+    ranked = tuple(ranked_with_sun(AnimatedScene(scene, camera).ranked_lights, environment_of(baseline).sun))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
     found = _reference(reference, context) if series is None else Reference("exr", series=series, path=reference)
@@ -238,7 +238,7 @@ def _reference(asked: str | None, context: StudyContext) -> Reference:
 def _about(subject: Subject, clock: str) -> dict[str, Any]:
     """The blocks of study.json that say what was measured, where and with which clock."""
     gpu, scene, reference, sequence = subject.gpu, subject.scene, subject.reference, subject.baseline.sequence
-    plan = FramePlan(scene, subject.baseline, subject.camera)
+    costs = effect_costs(subject.animated, subject.baseline)
     return {
         "scene": {"name": scene.name, "sha256": scene.sha256, "stand_in": scene.stand_in},
         "camera": subject.camera.describe(),
@@ -250,7 +250,7 @@ def _about(subject: Subject, clock: str) -> dict[str, Any]:
         "pixels": {"count": len(subject.sample), "pairs": len(subject.sample.frames)},
         "reference": {name: getattr(reference, name) for name in ("kind", "identity", "path")},
         "lighting": {name: subject.baseline.to_dict()[name] for name in FIXED_LIGHTING},
-        "effects": {name: {k: row[k] for k in ("on", "gpu_bytes")} for name, row in plan.costs().items()},
+        "effects": {name: {k: row[k] for k in ("on", "gpu_bytes")} for name, row in costs.items()},
         "machine": {
             "renderer": gpu.renderer,
             "driver": gpu.version,

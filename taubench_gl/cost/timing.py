@@ -14,11 +14,11 @@ from typing import Any
 
 import psutil
 
-from taubench_gl.animation import CameraTrack, Poser
+from taubench_gl.animation import CameraTrack
 from taubench_gl.cost.configurations import Configuration
 from taubench_gl.evaluation import frame_range, frame_schedule
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import available_bytes
 from taubench_gl.scene.model import Scene
@@ -86,8 +86,7 @@ class OpenConfiguration(GpuOwner):
         self._warm, self._timed = window[:warm], window[warm:]
         self._every = all(evaluated for _, evaluated in window)
         self._drawn_share = len(schedule) / len(frames)
-        options = SourceOptions(without=configuration.without)
-        self._source = self.open_source(scene, camera, settings, options, poser=Poser(scene))
+        self._source = self.open_source(AnimatedScene(scene, camera), settings, without=configuration.without)
         self._evaluator = self.open_evaluator(self._source, settings)
         self._compiled = False
         if configuration.traced:  # a frame always takes long

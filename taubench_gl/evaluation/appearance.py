@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.effects.lighting import without_auto
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.evaluation.schedule import first_middle_last
 from taubench_gl.frame.materials import BLEND_CUTOFF
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.notes import listed
 from taubench_gl.settings import Settings
@@ -39,20 +38,19 @@ class Surfaces:
         return np.isin(self.materials, list(materials))
 
 
-def appearance_notes(
-    scene: Scene, settings: Settings, camera: CameraTrack, frames: range, poser: Poser | None = None
-) -> list[str]:
+def appearance_notes(animated: AnimatedScene, settings: Settings, frames: range) -> list[str]:
     """The scene's notes, with the share of the image of those that concern materials, and notes on blended surfaces.
 
     Draws only if there are such materials: the first, middle and last of ``frames``, small and without light.
     """
+    scene = animated.scene
     blended = blended_materials(scene)
     if not blended and not any(note.materials for note in scene.notes):
         return [str(note) for note in scene.notes]
     metered = first_middle_last(frames)
     where = f"of pixels in frame{'s' * (len(metered) > 1)} {', '.join(map(str, metered))}"
     # Drawn opaque, so that surfaces that the cutoff removes are seen.
-    seen = _surfaces(scene, settings.replace(blend="opaque"), camera, metered, poser)
+    seen = _surfaces(animated, settings.replace(blend="opaque"), metered)
     notes = []
     for note in scene.notes:
         share = f"; {seen.percent(seen.of(note.materials)):.1f} % {where}" if note.materials else ""
@@ -97,12 +95,10 @@ def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, w
     return [f"blended surfaces below alpha {BLEND_CUTOFF:g}: {counted}: {consequence}"]
 
 
-def _surfaces(
-    scene: Scene, settings: Settings, camera: CameraTrack, frames: tuple[int, ...], poser: Poser | None
-) -> Surfaces:
+def _surfaces(animated: AnimatedScene, settings: Settings, frames: tuple[int, ...]) -> Surfaces:
     width, height = settings.sequence.width, settings.sequence.height
     factor = max(1.0, max(width, height) / SIDE)
-    small = without_auto(scene, settings).replace(
+    small = without_auto(animated.scene, settings).replace(
         width=max(1, round(width / factor)),
         height=max(1, round(height / factor)),
         columns=("position",),
@@ -114,7 +110,7 @@ def _surfaces(
     )
     materials, alpha = [], []
     with opened_gpu(settings) as owner:
-        source = owner.open_source(scene, camera, small, SourceOptions(extra=("ids", "base_color")), poser=poser)
+        source = owner.open_source(animated, small, extra=("ids", "base_color"))
         of_draw = np.array([-2, *(draw.material for draw in source.renderer.draws)])
         for frame in frames:
             source.advance(frame)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.brightness import checked_frames
@@ -19,11 +18,11 @@ from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.features import FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
 from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.run_schema import EXACT_COLUMNS
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -59,21 +58,19 @@ class ExactReasons:
     def __init__(
         self,
         owner: GpuOwner,
-        scene: Scene,
-        camera: CameraTrack,
+        animated: AnimatedScene,
         settings: Settings,
-        poser: Poser,
         radiance: Collection[str],
         *,
         without: tuple[str, ...] = (),
     ):
         """``owner``: frees what this draws with; ``radiance``: those of direct, indirect and color that the source has.
 
-        ``without``: as in SourceOptions.
+        ``without``: effects not to simulate.
         """
         self._thresholds = {name: settings.metrics.threshold(name) for name in LIGHT}
         lit = {*LIGHT, "color"} & set(radiance)
-        self._shading = PreviousShading(owner, scene, camera, settings, poser, without) if lit else None
+        self._shading = PreviousShading(owner, animated, settings, without) if lit else None
 
     @property
     def lit(self) -> bool:
@@ -130,17 +127,10 @@ class ExactColumns:
 
     @classmethod
     def of_source(
-        cls,
-        owner: GpuOwner,
-        scene: Scene,
-        camera: CameraTrack,
-        settings: Settings,
-        poser: Poser,
-        source: RasterSource,
-        frames: range,
+        cls, owner: GpuOwner, animated: AnimatedScene, settings: Settings, source: RasterSource, frames: range
     ) -> ExactColumns:
         """For the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
-        reasons = ExactReasons(owner, scene, camera, settings, poser, source.radiance)
+        reasons = ExactReasons(owner, animated, settings, source.radiance)
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, Poser, camera_of_run, is_still
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, camera_of_run, is_still
 from taubench_gl.data_files import code_hash, read_json
 from taubench_gl.effects.lighting import environment_of, own_light
 from taubench_gl.effects.path_tracing import traced_sources
@@ -23,6 +23,7 @@ from taubench_gl.errors import OutputError
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.evaluation.schedule import duration_of
 from taubench_gl.frame.environment import image_of
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_radiance
 from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import cache_folder
@@ -113,7 +114,7 @@ def _metered(scene: Scene, metering: Settings, camera: CameraTrack, times: np.nd
     if len(times) > 1:
         metering = metering.replace(fps=1.0 / times[1])
     with opened_gpu(metering) as owner:
-        source = owner.open_source(scene, camera, metering, poser=Poser(scene))
+        source = owner.open_source(AnimatedScene(scene, camera), metering)
         if "direct" in source.unmeasured:
             return None
         radiance = []

@@ -20,7 +20,7 @@ from taubench_gl.evaluation.exposure import exposure_of
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.evaluation.schedule import LEAST_PAIRS, SAMPLE_BUDGET, first_middle_last, frame_range
 from taubench_gl.frame.environment import image_of
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.report.labels import GIVEN
 from taubench_gl.scene.environment import EnvironmentImage
 from taubench_gl.scene.model import Scene
@@ -159,7 +159,7 @@ def _samples(
         samples_per_pixel=1, storage="float", pairs="all",
     )  # fmt: skip
     with opened_gpu(settings) as owner:
-        source = owner.open_source(scene, camera, metering, SourceOptions(extra=("path_info",)), poser=poser)
+        source = owner.open_source(AnimatedScene(scene, camera, poser), metering, extra=("path_info",))
         worst = []
         for frame in first_middle_last(frames):
             source.advance(frame)

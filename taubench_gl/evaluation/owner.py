@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, TypeVar
 
-from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.evaluation.pairs import PairEvaluator
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Part = TypeVar("Part")
@@ -49,19 +48,9 @@ class GpuOwner:
         """Has the shaders of ``context`` and measures nothing."""
         return GpuContext(self.gpu, self.context.shaders)
 
-    def open_source(
-        self,
-        scene: Scene,
-        camera: CameraTrack,
-        settings: Settings,
-        options: SourceOptions | None = None,
-        *,
-        timer: PassTimer | None = None,
-        poser: Poser | None = None,
-    ) -> RasterSource:
-        """``options``: None departs in nothing from what ``settings`` ask for."""
-        options = SourceOptions() if options is None else options
-        return self.own(RasterSource(self.gpu, scene, camera, settings, options, timer=timer, poser=poser))
+    def open_source(self, animated: AnimatedScene, settings: Settings, **how: Any) -> RasterSource:
+        """A source with the programs that this owner has compiled.  ``how``: as of ``RasterSource``."""
+        return self.own(RasterSource(self.gpu, animated, settings, shaders=self.context.shaders, **how))
 
     def open_evaluator(self, source: Any, settings: Settings, *, timed: bool = True, **how: Any) -> PairEvaluator:
         """``how``: as of ``PairEvaluator``."""

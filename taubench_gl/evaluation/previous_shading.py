@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.animation import View
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.math3d import normalize
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -50,19 +50,10 @@ class PreviousShading:
     are the current ones.
     """
 
-    def __init__(
-        self,
-        owner: GpuOwner,
-        scene: Scene,
-        camera: CameraTrack,
-        settings: Settings,
-        poser: Poser,
-        without: tuple[str, ...] = (),
-    ):
-        """``owner``: frees the source of the previous frame; ``without``: as in SourceOptions."""
+    def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings, without: tuple[str, ...] = ()):
+        """``owner``: frees the source of the previous frame; ``without``: effects not to simulate."""
         self._exposure = settings.lighting.exposure_factor
-        options = SourceOptions(extra=SURFACE, without=without, given_directions=True)
-        self._source = owner.open_source(scene, camera, settings, options, poser=poser)
+        self._source = owner.open_source(animated, settings, extra=SURFACE, without=without, given_directions=True)
         self.radiance = tuple(name for name in LIGHT if name in self._source.radiance)
         self._copied = tuple(n for n in (*SURFACE, "emission") if n in self._source.channels)
         self._glossy = self._source.effects["glossy"].enabled

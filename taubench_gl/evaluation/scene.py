@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
+from taubench_gl.animation import CameraTrack, View, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
@@ -18,7 +18,8 @@ from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range, with_pairs
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.evaluation.summary import scene_facts
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -30,15 +31,13 @@ from taubench_gl.settings import Settings
 class SceneInput:
     """A scene ready to be evaluated: its camera, its frames, and the settings with their lighting resolved."""
 
-    scene: Scene
-    camera: CameraTrack
+    animated: AnimatedScene
     frames: range
     lighting: ResolvedLighting
-    poser: Poser
 
     @property
     def name(self) -> str:
-        return self.scene.name
+        return self.animated.scene.name
 
     @property
     def settings(self) -> Settings:
@@ -46,8 +45,7 @@ class SceneInput:
 
     def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> RasterSource:
         extra = (*wants.channels, *scene_channels(wants.lobes), *exact_channels() * self.settings.metrics.exact)
-        options = SourceOptions(extra=tuple(dict.fromkeys(extra)))
-        return owner.open_source(self.scene, self.camera, self.settings, options, timer=timer, poser=self.poser)
+        return owner.open_source(self.animated, self.settings, extra=tuple(dict.fromkeys(extra)), timer=timer)
 
     def adders(self, session: Session) -> Iterator[ColumnAdder]:
         source, settings = session.source, self.settings
@@ -55,17 +53,16 @@ class SceneInput:
             missing = missing_of_scene(session.wants.lobes, source.unmeasured)
             yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if settings.metrics.exact:
-            parts = session, self.scene, self.camera, settings, self.poser, source
-            yield ExactColumns.of_source(*parts, self.frames)
+            yield ExactColumns.of_source(session, self.animated, settings, source, self.frames)
 
     def facts(self, session: Session) -> dict[str, Any]:
-        return scene_facts(self.scene, self.camera, self.frames, self.lighting, self.poser)
+        return scene_facts(self.animated, self.frames, self.lighting)
 
     def views(self, session: Session) -> list[View]:
         if self.settings.metrics.all_pairs:
             return session.drawn
         fps = self.settings.sequence.fps
-        return [self.camera.view_at(self.poser.sample(frame / fps)) for frame in self.frames]
+        return [self.animated.view_at(frame / fps) for frame in self.frames]
 
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """Nothing: a rendered scene has what every input has."""
@@ -81,10 +78,10 @@ def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrac
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
     require_scale(scene, settings)
-    poser = Poser(scene)
-    lighting = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
+    animated = AnimatedScene(scene, camera)
+    lighting = resolve_lighting(scene, settings, camera, frames=frames, poser=animated.poser)
     lighting = replace(lighting, settings=with_pairs(scene, lighting.settings, frames))
-    return SceneInput(scene, camera, frames, lighting, poser)
+    return SceneInput(animated, frames, lighting)
 
 
 def evaluate_scene(

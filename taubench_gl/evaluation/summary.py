@@ -6,29 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View
+from taubench_gl.animation import OrbitCamera, View
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
 from taubench_gl.evaluation.appearance import appearance_notes
 from taubench_gl.evaluation.lighting import ResolvedLighting, file_hashes
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.schedule import sampled_pairs
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 from taubench_gl.run import Run
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 
-def scene_facts(
-    scene: Scene, camera: CameraTrack, frames: range, resolved: ResolvedLighting, poser: Poser
-) -> dict[str, Any]:
+def scene_facts(animated: AnimatedScene, frames: range, resolved: ResolvedLighting) -> dict[str, Any]:
     """The parts of the summary that need no pair: ``scene``, ``census``, ``lighting``, ``notes``, ``camera_source``.
 
     JSON values.
     """
-    settings = resolved.settings
-    notes = appearance_notes(scene, settings, camera, frames, poser)
+    settings, scene, camera, poser = resolved.settings, animated.scene, animated.camera, animated.poser
+    notes = appearance_notes(animated, settings, frames)
     source = camera.describe()
     if isinstance(camera, OrbitCamera):
         source = camera.describe(settings.metrics.unit_scale)

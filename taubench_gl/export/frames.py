@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.animation import View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
@@ -24,10 +24,9 @@ from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
 from taubench_gl.export.training import NO_TRAINING, TrainingLight, TrainingOptions
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -73,8 +72,7 @@ class FrameSource(GpuOwner):
     def __init__(
         self,
         gpu: Gpu,
-        scene: Scene,
-        camera: CameraTrack,
+        animated: AnimatedScene,
         settings: Settings,
         names: tuple[str, ...],
         *,
@@ -84,10 +82,9 @@ class FrameSource(GpuOwner):
     ):
         """``jitter``: one of JITTERS; ``buffered``: as in ``ChannelReader``."""
         super().__init__(gpu)
-        self._camera = camera
-        self._count = frame_total(scene, camera, settings)
+        self._animated = animated
+        self._count = frame_total(animated.scene, animated.camera, settings)
         self._reader = self.own(ChannelReader(gpu, buffered=buffered))
-        self._poser = Poser(scene)
         self._jitter = halton_jitter if jitter == "halton" else None
         columns = settings.metrics.columns if "mask" in names else ("frustum",)
         exact = EXACT_REASONS in names
@@ -105,13 +102,12 @@ class FrameSource(GpuOwner):
         light = set(LIGHT_FEATURES)
         extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
         extra = tuple(dict.fromkeys([*extra, *(exact_channels() if exact else ())]))
-        options = SourceOptions(extra=extra, jitter=self._jitter)
-        self.source = self.open_source(scene, camera, settings, options, poser=self._poser)
+        self.source = self.open_source(animated, settings, extra=extra, jitter=self._jitter)
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self.training: TrainingLight | None = None
         if training.wanted:
-            self.training = TrainingLight(self, scene, camera, settings, training, self._poser)
+            self.training = TrainingLight(self, animated, settings, training)
         self._masks = self.open_evaluator(self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
@@ -121,7 +117,7 @@ class FrameSource(GpuOwner):
         self._exact: ExactReasons | None = None
         if exact:
             radiance = {"direct", "indirect"} & set(self.source.radiance)
-            self._exact = ExactReasons(self, scene, camera, settings, self._poser, radiance)
+            self._exact = ExactReasons(self, animated, settings, radiance)
         self._ahead: History | None = None
         if set(FORWARD) & set(self.names):
             self._ahead = self.own(History(gpu, self.source.size, self.source.channels, settings.device.storage))
@@ -136,7 +132,7 @@ class FrameSource(GpuOwner):
 
     def view(self, frame: int) -> View:
         """The view of any frame, without rendering."""
-        view = self._camera.view_at(self._poser.sample(frame / self._settings.sequence.fps))
+        view = self._animated.view_at(frame / self._settings.sequence.fps)
         return view if self._jitter is None else replace(view, jitter_px=self._jitter(frame))
 
     def frames(self, numbers: Iterable[int]) -> Iterator[ExportFrame]:

@@ -25,6 +25,7 @@ from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.export.training import NO_TRAINING, TrainingOptions
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
@@ -142,7 +143,10 @@ def _export(
     lighting = resolve_lighting(loaded, settings.replace(columns=columns), camera, frames=frames).settings
     settings = lighting.replace(columns=settings.metrics.columns)
     how = {"jitter": options.jitter, "training": options.training}
-    with opened_gpu(settings) as owner, FrameSource(owner.gpu, loaded, camera, settings, names, **how) as source:
+    with (
+        opened_gpu(settings) as owner,
+        FrameSource(owner.gpu, AnimatedScene(loaded, camera), settings, names, **how) as source,
+    ):
         exported = (*source.names, *options.training.names)
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import PATH_INFO, clean_name, noisy_name
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.reference_store import LOBES
 from taubench_gl.pathtraced.references import References, reference_settings
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -66,25 +64,16 @@ NO_TRAINING = TrainingOptions()
 class TrainingLight:
     """Noisy and clean light of the frames of a scene."""
 
-    def __init__(
-        self,
-        owner: GpuOwner,
-        scene: Scene,
-        camera: CameraTrack,
-        settings: Settings,
-        options: TrainingOptions,
-        poser: Poser | None = None,
-    ):
+    def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings, options: TrainingOptions):
         """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
         self._options, self._references, self._noisy = options, None, None
-        if not traced_sources(scene, reference_settings(settings)):
+        if not traced_sources(animated.scene, reference_settings(settings)):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
         if options.reference_spp:
-            self._references = References.open(owner, scene, camera, settings, options.reference_spp, poser=poser)
+            self._references = References.open(owner, animated, settings, options.reference_spp)
         if options.noisy_spp:
             noisy = reference_settings(settings).replace(spp=options.noisy_spp)
-            wanted = SourceOptions(extra=(*LOBES, PATH_INFO))
-            self._noisy = owner.open_source(scene, camera, noisy, wanted, poser=poser)
+            self._noisy = owner.open_source(animated, noisy, extra=(*LOBES, PATH_INFO))
 
     def announce(self, frames: Iterable[int], announce: Callable[[str], None]) -> None:
         """Report how long the references of ``frames`` take, if any are to be traced."""

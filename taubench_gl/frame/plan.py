@@ -5,15 +5,15 @@ The renderer makes the passes that this page declares, so what ``inspect`` print
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.channels import CHANNELS
-from taubench_gl.effects.decide import Effect, decide
+from taubench_gl.effects.decide import Effect, decide, disable
+from taubench_gl.effects.decide import force as force_on
 from taubench_gl.effects.path_tracing import traced_effects
-from taubench_gl.frame.materials import image_bytes, images_of
+from taubench_gl.frame.materials import image_bytes, images_of, with_blend
 from taubench_gl.frame.passes.deform import deform
 from taubench_gl.frame.passes.gbuffer import attachments, channel_pass
 from taubench_gl.frame.passes.indirect import indirect_light
@@ -23,11 +23,9 @@ from taubench_gl.frame.passes.pathtracing import path_traced_light
 from taubench_gl.frame.passes.shadows import shadow_maps
 from taubench_gl.frame.passes.visibility import visibility
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import ON_GPU, FrameSpec, SceneFacts
+from taubench_gl.frame.spec import EXACT, AnimatedScene, FrameSpec
 from taubench_gl.frame.targets import history_bytes
-from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import Pass, RasterPass, dependencies, order_faults, stage, without_dependents
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 
@@ -56,23 +54,31 @@ LIGHT_BOUND = frozenset(e for declare in (shadow_maps, light_lists, indirect_lig
 
 
 def frame_spec(
-    facts: SceneFacts,
+    animated: AnimatedScene,
     settings: Settings,
-    effects: Mapping[str, Effect],
+    effects: Mapping[str, Effect] | None = None,
     *,
-    shading: Shading | None = None,
-    extra: tuple[str, ...] = (),
-    tuning: Tuning = ON_GPU,
-    pixel_list: bool = False,
-    given_directions: bool = False,
+    force: Iterable[str] = (),
+    without: Iterable[str] = (),
+    shading: Shading = EXACT,
+    **options: Any,
 ) -> FrameSpec:
-    """What the passes of a frame with these ``effects`` are declared from; an effect that cannot work is left out."""
+    """What the passes of a frame are declared from.
+
+    ``effects``: None: those that scene and settings need; ``force``, ``without``: effects to simulate although nothing
+    needs them, and not to simulate, with those that depend on them; ``options``: other fields of ``FrameSpec``.  An
+    effect that has nothing to work on is left out.
+    """
+    if effects is None:
+        effects = decide(with_blend(animated.scene, settings.sequence.blend), settings)
+    effects = disable(force_on(effects, force), without, DEPENDS)
+    if not shading.exact:
+        # Emission stays: it is part of the radiance of such frames (reuse.inputs).
+        effects = {**effects, "color": Effect(False, "not every pixel has its exact light")}
     enabled = {name for name, effect in effects.items() if effect.enabled}
-    traced = traced_effects(enabled)
-    if not len(facts.scene.light_nodes) and "sun" not in enabled:
-        enabled -= LIGHT_BOUND - {"indirect"} if traced else LIGHT_BOUND
-    enabled = without_dependents(enabled, DEPENDS)
-    return FrameSpec(facts, settings, enabled, shading or Shading(), extra, tuning, pixel_list, given_directions)
+    if not len(animated.scene.light_nodes) and "sun" not in enabled:
+        enabled -= LIGHT_BOUND - {"indirect"} if traced_effects(enabled) else LIGHT_BOUND
+    return FrameSpec(animated, settings, without_dependents(enabled, DEPENDS), effects, shading, **options)
 
 
 def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:
@@ -125,33 +131,22 @@ def frame_resources(spec: FrameSpec) -> FrameResources:
     return FrameResources(names, frozenset(v for p in passes for v in p.variants()), memory)
 
 
-class FramePlan:
-    """Predicts the frames of one scene for any set of effects."""
+def effect_costs(animated: AnimatedScene, settings: Settings) -> dict[str, dict[str, Any]]:
+    """Per effect: ``on``, ``reason``, and what a frame has because the effect is enabled, or would have if it were.
 
-    def __init__(self, scene: Scene, settings: Settings, camera: CameraTrack | None = None, poser: Poser | None = None):
-        self.settings, self.effects = settings, decide(scene, settings)
-        self._facts = SceneFacts(scene, camera, poser)
-
-    def spec(self, effects: Mapping[str, Effect] | None = None) -> FrameSpec:
-        return frame_spec(self._facts, self.settings, self.effects if effects is None else effects)
-
-    def resources(self, effects: Mapping[str, Effect] | None = None) -> FrameResources:
-        """Of a frame with ``effects``; None: those the scene needs."""
-        return frame_resources(self.spec(effects))
-
-    def costs(self) -> dict[str, dict[str, Any]]:
-        """Per effect: ``on``, ``reason``, and the passes, textures, shaders and bytes that a frame has because the
-        effect is enabled, or would have if it were.  JSON values."""
-        out = {}
-        for name, effect in self.effects.items():
-            frames = (self.resources(self.effects | {name: replace(effect, enabled=on)}) for on in (True, False))
-            adds = next(frames).added_to(next(frames))
-            out[name] = {
-                "on": effect.enabled,
-                "reason": effect.reason,
-                "passes": list(adds.passes),
-                "textures": sorted(adds.memory),
-                "shaders": sorted(adds.shaders),
-                "gpu_bytes": sum(adds.memory.values()),
-            }
-        return out
+    That is ``passes``, ``textures``, ``shaders`` and ``gpu_bytes``.  JSON values.
+    """
+    out, effects = {}, frame_spec(animated, settings).effects
+    for name, effect in effects.items():
+        changed = (effects | {name: replace(effect, enabled=on)} for on in (True, False))
+        enabled, disabled = (frame_resources(frame_spec(animated, settings, e)) for e in changed)
+        adds = enabled.added_to(disabled)
+        out[name] = {
+            "on": effect.enabled,
+            "reason": effect.reason,
+            "passes": list(adds.passes),
+            "textures": sorted(adds.memory),
+            "shaders": sorted(adds.shaders),
+            "gpu_bytes": sum(adds.memory.values()),
+        }
+    return out

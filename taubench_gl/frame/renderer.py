@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,16 +22,6 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
 
 
-@dataclass(frozen=True, slots=True)
-class RasterOptions:
-    """How geometry is drawn and stored; values as in Settings."""
-
-    culling: str = "gltf"
-    textures: str = "mipmapped"
-    storage: str = "float"
-    normal_maps: bool = True
-
-
 class Renderer:
     """Draws frames of one scene.  A pose is evaluated at its own time; nothing is taken from earlier calls."""
 
@@ -42,12 +32,17 @@ class Renderer:
         camera: CameraTrack,
         size: tuple[int, int],
         channels: Collection[str],
-        options: RasterOptions = RasterOptions(),
         *,
+        culling: str = "gltf",
+        textures: str = "mipmapped",
+        storage: str = "float",
+        normal_maps: bool = True,
         poser: Poser | None = None,
     ):
+        """``culling``, ``textures``, ``storage``: as in Settings."""
         gpu = context.gpu
-        self.context, self.scene, self.camera, self.size, self.options = context, scene, camera, size, options
+        self.context, self.scene, self.camera, self.size = context, scene, camera, size
+        self.culling, self._storage = culling, storage
         self.channels = tuple(name for name in CHANNELS if name in channels and name not in ("mask", "motion"))
         drawn = attachments(self.channels)
         self.poser = poser or Poser(scene)
@@ -63,9 +58,8 @@ class Renderer:
             self._deform = DeformPass(context, scene, geometry, previous=self._previous)
             self.buffers.pools[True] |= self._deform.outputs
         used = {d.material for d in geometry.draws}
-        self.materials = MaterialTable(
-            gpu, scene, drawn, used, normal_maps=options.normal_maps, mipmaps=options.textures == "mipmapped"
-        )
+        mipmaps = textures == "mipmapped"
+        self.materials = MaterialTable(gpu, scene, drawn, used, normal_maps=normal_maps, mipmaps=mipmaps)
         colored = frozenset(p.material for m in scene.meshes for p in m.primitives if p.colors is not None)
         self._gbuffer = GBufferPass(context, channel_pass("gbuffer", drawn), colored)
         self.history = self.new_history()
@@ -76,7 +70,7 @@ class Renderer:
 
     def new_history(self) -> History:
         """More render targets for ``draw``; the caller releases them."""
-        return History(self.context.gpu, self.size, self.channels, self.options.storage)
+        return History(self.context.gpu, self.size, self.channels, self._storage)
 
     def view(self, time: float) -> tuple[FrameState, View]:
         """The pose and the camera at ``time`` seconds.
@@ -129,7 +123,7 @@ class Renderer:
         with timer.measure("records"):
             now = self._table.place(state, view, mirrored)
             then = self._table.place(before, before_view, mirrored) if self._previous else now
-            self.buffers.arrange(now, self.materials, culling=self.options.culling == "gltf")
+            self.buffers.arrange(now, self.materials, culling=self.culling == "gltf")
             self.buffers.show(self._seen(view, now))
             self.buffers.write_records(self._table.update(now, then))
         earlier = (before, before_view, then) if self._previous else None

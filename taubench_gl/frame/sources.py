@@ -6,32 +6,28 @@ The rasterizer is one source, path-traced files are another; one mask implementa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.animation import View
 from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.animation.surface import previous_point
-from taubench_gl.effects.decide import Effect, as_summary, decide, disable, unmeasured
-from taubench_gl.effects.decide import force as force_on
+from taubench_gl.effects.decide import as_summary, unmeasured
 from taubench_gl.effects.path_tracing import notes as light_notes
 from taubench_gl.features import LIGHT_FEATURES, OTHERS
 from taubench_gl.frame.light_stage import LightStage
-from taubench_gl.frame.materials import with_blend
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.passes.visibility import VisibilityPass
-from taubench_gl.frame.plan import DEPENDS, LIGHT, frame_channels, frame_spec
-from taubench_gl.frame.renderer import RasterOptions, Renderer
-from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.frame.plan import LIGHT, frame_channels, frame_spec
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -69,71 +65,56 @@ class Source(Protocol):
     def release(self) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class SourceOptions:
-    """How a RasterSource departs from what columns and settings ask for."""
-
-    extra: tuple[str, ...] = ()  # channels besides those the columns need
-    force: tuple[str, ...] = ()  # effects to simulate although no column needs them
-    without: tuple[str, ...] = ()  # effects not to simulate, with those that depend on them
-    jitter: Callable[[int], np.ndarray] | None = None  # frame -> sub-pixel offset (2,) of its samples, pixels
-    pixel_list: bool = False  # path-traced light for the pixels that ``trace`` is given
-    shading: Shading | None = None  # fewer pixels or random samples instead of exact light
-    given_directions: bool = False  # light towards the directions of ``LightStage.give_directions``
-
-
 class RasterSource:
     """Frames of a Scene, rasterized."""
 
     def __init__(
         self,
         gpu: Gpu,
-        scene: Scene,
-        camera: CameraTrack,
+        animated: AnimatedScene,
         settings: Settings,
-        options: SourceOptions = SourceOptions(),
         *,
+        jitter: Callable[[int], np.ndarray] | None = None,
         timer: PassTimer | None = None,
-        poser: Poser | None = None,
+        shaders: ShaderCache | None = None,
+        **options: Any,
     ):
-        self._jitter, shading = options.jitter, options.shading
-        scene = with_blend(scene, settings.sequence.blend)
+        """``jitter``: frame -> sub-pixel offset (2,) of its samples, pixels; ``shaders``: compiled programs to share.
+
+        ``options``: as of ``frame_spec``, such as ``extra``, the channels besides those that the columns need.
+        """
+        tuning = Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
+        spec = frame_spec(animated, settings, tuning=tuning, **options)
+        self._settings, self._fps, self._jitter = settings, settings.sequence.fps, jitter
         self.samples = settings.metrics.samples_per_pixel
         self._offsets = grid_offsets(self.samples)
-        self._settings, self._fps = settings, settings.sequence.fps
-        self.effects = force_on(decide(scene, settings), options.force)
-        self.effects = disable(self.effects, options.without, DEPENDS)
-        if shading is not None and not shading.exact:
-            # Emission stays: it is part of the radiance of such frames (reuse.inputs).
-            self.effects = {**self.effects, "color": Effect(False, "not every pixel has its exact light")}
+        self.effects, self.size = spec.effects, spec.size
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = settings.metrics.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
         self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others = tuple(c for c in OTHERS if c not in self.unmeasured)
-        poser, tuning = poser or Poser(scene), Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
-        facts = SceneFacts(scene, camera, poser)
-        more = {"extra": options.extra, "tuning": tuning, "pixel_list": options.pixel_list}
-        more |= {"given_directions": options.given_directions}
-        spec = frame_spec(facts, settings, self.effects, shading=shading, **more)
-        self.size = spec.size
-        self.context = GpuContext(gpu, timer=timer)
-        raster = RasterOptions(
+        self.context = GpuContext(gpu, shaders, timer)
+        self.renderer = Renderer(
+            self.context,
+            spec.scene,
+            animated.camera,
+            self.size,
+            frame_channels(spec),
             culling=settings.sequence.culling,
             textures=settings.sequence.textures,
             storage=settings.device.storage,
-            normal_maps=self.effects["normal_maps"].enabled,
+            normal_maps="normal_maps" in spec.enabled,
+            poser=animated.poser,
         )
-        channels = frame_channels(spec)
-        self.renderer = Renderer(self.context, scene, camera, self.size, channels, raster, poser=poser)
         # Every sample position has a history; scene, shadows and probes are shared.
         self._more = [self.renderer.new_history() for _ in range(self.samples - 1)]
         self._history = self.renderer.history
         self._previous_time = 0.0  # seconds
         self.current_view: View | None = None
         self.previous_view: View | None = None
-        self.visibility = VisibilityPass(self.renderer, spec) if VISIBILITY in options.extra else None
+        self.visibility = VisibilityPass(self.renderer, spec) if VISIBILITY in spec.extra else None
         self.light = LightStage(self.renderer, spec) if any(declare(spec) for declare in LIGHT) else None
 
     def advance(self, frame: int) -> View:
@@ -177,7 +158,7 @@ class RasterSource:
     ) -> None:
         """Light the current frame by samples ``first`` .. ``first + count - 1`` of path-traced light.
 
-        ``number``: frame number of the sample pattern.  ``pixels``: with ``SourceOptions.pixel_list``, the pixels to
+        ``number``: frame number of the sample pattern.  ``pixels``: with option ``pixel_list``, the pixels to
         light, (n, 2) integers, column and row from the top.  ``scramble``: seed of the sequence of pattern ``fixed``,
         from now on.
         """

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, bounding_box, bounding_sphere, choose_camera
+from taubench_gl.animation import CameraTrack, Poser, View, bounding_box, bounding_sphere, choose_camera
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
-from taubench_gl.effects.decide import indirect_method
+from taubench_gl.effects.decide import Effect, indirect_method
 from taubench_gl.effects.lighting import Environment, Sun, environment_of
 from taubench_gl.effects.path_tracing import emitters, method_of, traced_effects, traced_sources
 from taubench_gl.frame.lights import KINDS, light_kinds, significant_lights
-from taubench_gl.frame.materials import MaterialKey, material_key
+from taubench_gl.frame.materials import MaterialKey, material_key, with_blend
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import Face, faces_of, map_sizes
 from taubench_gl.frame.tuning import Tuning
@@ -48,12 +48,20 @@ def ranked_with_sun(ranked: list[int], sun: Sun | None) -> list[int]:
     return ranked if sun is None else [len(ranked), *ranked]
 
 
-class SceneFacts:
-    """Facts of a scene and its camera over the whole animation, each found when first needed."""
+class AnimatedScene:
+    """A scene with its camera and poses, and facts of the whole animation, each found when first needed.
+
+    All sources that draw the scene in one session share it.
+    """
 
     def __init__(self, scene: Scene, camera: CameraTrack | None = None, poser: Poser | None = None):
-        self.scene, self._camera = scene, camera
+        """``camera``: None: the scene's own (``choose_camera``); ``poser``: None: a new one."""
+        self.scene, self.camera = scene, camera or choose_camera(scene)
         self.poser = poser or Poser(scene)
+
+    def view_at(self, time: float) -> View:
+        """The camera's view at ``time`` seconds."""
+        return self.camera.view_at(self.poser.sample(time))
 
     @cached_property
     def times(self) -> Array:
@@ -63,8 +71,7 @@ class SceneFacts:
     @cached_property
     def ranked_lights(self) -> list[int]:
         """Rows of the scene's lights in the light table, the most significant first."""
-        camera = self._camera or choose_camera(self.scene)
-        return significant_lights(self.scene, self.poser, camera, self.times)
+        return significant_lights(self.scene, self.poser, self.camera, self.times)
 
     @cached_property
     def bounds(self) -> tuple[Array, float]:
@@ -91,20 +98,22 @@ class SceneFacts:
 
 @dataclass(frozen=True)
 class FrameSpec:
-    """One way to render a scene."""
+    """One way to render a scene; ``frame.plan.frame_spec`` makes it."""
 
-    facts: SceneFacts
+    animated: AnimatedScene
     settings: Settings
-    enabled: frozenset[str]  # effects
+    enabled: frozenset[str]  # effects, less those that another disabled one leaves nothing to work on
+    effects: Mapping[str, Effect] = field(default_factory=dict)  # by name, with reasons
     shading: Shading = EXACT
     extra: tuple[str, ...] = ()  # channels besides those that passes read
     tuning: Tuning = ON_GPU
     pixel_list: bool = False  # path-traced light for listed pixels only
     given_directions: bool = False  # light towards the directions of the texture ``to_camera``, not to the camera
 
-    @property
+    @cached_property
     def scene(self) -> Scene:
-        return self.facts.scene
+        """With its blended materials as they are drawn."""
+        return with_blend(self.animated.scene, self.settings.sequence.blend)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -209,7 +218,7 @@ class FrameSpec:
         """``shadowed``, the most significant first."""
         if "shadows" not in self.enabled:
             return []
-        return ranked_with_sun(self.facts.ranked_lights, self.sun)[: self.settings.lighting.shadow_lights]
+        return ranked_with_sun(self.animated.ranked_lights, self.sun)[: self.settings.lighting.shadow_lights]
 
     def light_faces(self, resolution: int | Mapping[int, int], rows: list[int] | None = None) -> list[Face]:
         """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places.
@@ -260,7 +269,7 @@ class FrameSpec:
     @cached_property
     def draw_kinds(self) -> list[tuple[bool, Primitive]]:
         """(posed, primitive) of what is drawn, one for each pair of posed and material."""
-        kinds = {(self.is_posed(node, p), p.material): p for node, p in self.facts.drawn}
+        kinds = {(self.is_posed(node, p), p.material): p for node, p in self.animated.drawn}
         return [(posed, p) for (posed, _), p in kinds.items()]
 
     @cached_property

@@ -9,14 +9,13 @@ from typing import Protocol
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.animation import View
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.reference_store import LOBES, Accumulated, Noise, StoredReference, identity
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -52,14 +51,12 @@ class Tracer(Protocol):
 class SceneTracer:
     """Traces samples of a scene's frames, at pixel centers."""
 
-    def __init__(
-        self, owner: GpuOwner, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser | None = None
-    ):
+    def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings):
         """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
         settings = reference_settings(settings)
-        if not traced_sources(scene, settings):
+        if not traced_sources(animated.scene, settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
-        self._source = owner.open_source(scene, camera, settings, SourceOptions(extra=LOBES), poser=poser)
+        self._source = owner.open_source(animated, settings, extra=LOBES)
         self.size, self._fps = self._source.size, settings.sequence.fps
         self._drawn: int | None = None
 
@@ -142,23 +139,15 @@ class References:
 
     @classmethod
     def open(
-        cls,
-        owner: GpuOwner,
-        scene: Scene,
-        camera: CameraTrack,
-        settings: Settings,
-        samples: int,
-        *,
-        poser: Poser | None = None,
-        exact: bool = False,
+        cls, owner: GpuOwner, animated: AnimatedScene, settings: Settings, samples: int, *, exact: bool = False
     ) -> References:
         """Of a scene with resolved ``settings``; ``owner`` frees what they draw with.  Raises SettingsError.
 
         ``exact``: frames have ``samples`` and are stored apart, so that no other evaluation adds samples to them.
         """
-        about = identity(reference_settings(settings), file_hashes(scene, settings))
-        store = StoredReference(about | ({"samples": samples} if exact else {}), scene.name)
-        return cls(SceneTracer(owner, scene, camera, settings, poser), store, samples)
+        about = identity(reference_settings(settings), file_hashes(animated.scene, settings))
+        store = StoredReference(about | ({"samples": samples} if exact else {}), animated.scene.name)
+        return cls(SceneTracer(owner, animated, settings), store, samples)
 
     def estimate(self, frames: Iterable[int]) -> Estimate:
         """Time to complete ``frames``, by tracing parts of the first one that needs it, which count."""

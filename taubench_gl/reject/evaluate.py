@@ -143,8 +143,7 @@ class _Run:
         self._differences = session.own(Differences(session.context, self._source, tuple(single.values())))
         self._single = tuple(single)
         radiance = {"direct", "indirect"} & set(self._source.radiance)
-        parts = given.scene, given.camera, given.settings, given.poser
-        self._reasons = ExactReasons(session, *parts, radiance)
+        self._reasons = ExactReasons(session, given.animated, given.settings, radiance)
         truths = TRUTHS if self._reasons.lit else TRUTHS[:1]
         self._scores = {test.name: Scores.of(test, truths) for test in tests}
         self._apart = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)
@@ -156,7 +155,7 @@ class _Run:
             if number > 0:
                 self._score(pair.frame)
                 if progress is not None:
-                    progress(Progress(self._given.scene.name, number, total, pair.evaluated.seconds))
+                    progress(Progress(self._given.name, number, total, pair.evaluated.seconds))
             self._differences.keep_motion(self._pairs.motion_texture)
         self._session.gpu.check("the rejection tests")
         return Rejection(self._summary(total), self._scores)
@@ -219,10 +218,11 @@ class _Run:
             tests[test.name] = self._scores[test.name].block(None if None in times else sum(times))
         first = next(iter(self._scores.values())).confusion[TRUTHS[0]]
         positive, changed = first.true_positive + first.false_negative, self._changed.values()
+        scene = given.animated.scene
         return {
             "schema": SCHEMA,
-            "scene": {"name": given.scene.name, "path": None if given.scene.path is None else str(given.scene.path),
-                      "sha256": given.scene.sha256, "stand_in": given.scene.stand_in},
+            "scene": {"name": scene.name, "path": None if scene.path is None else str(scene.path),
+                      "sha256": scene.sha256, "stand_in": scene.stand_in},
             "settings": given.settings.as_summary(given.frames),
             "lighting": dict(given.lighting.reasons),
             "pairs": pairs,

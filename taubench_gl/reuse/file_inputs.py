@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, View
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
@@ -108,7 +109,7 @@ class FileInputs(Inputs):
         if not missing:
             return None
         geometry = settings.replace(columns=("frustum",), textures="finest")
-        return self.open_source(scene, camera, geometry, SourceOptions(extra=tuple(sorted(missing))))
+        return self.open_source(AnimatedScene(scene, camera), geometry, extra=tuple(sorted(missing)))
 
     # -------------------------------------------------------------------------------------------- frame by frame
     def _previous_positions(self, passes: PathTracedFrame, position: Array, view: View, previous: View) -> Array:

@@ -25,7 +25,8 @@ from taubench_gl.evaluation import frame_range
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import Source, SourceOptions
+from taubench_gl.frame.sources import Source
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import WRITE, ComputePass
@@ -64,6 +65,11 @@ class InputRequest:
     kind: InputKind
     poser: Poser | None = None
     mapping: str | None = None
+
+    @property
+    def animated(self) -> AnimatedScene:
+        """``scene``, which there is, with its camera and poses."""
+        return AnimatedScene(self.scene, self.camera, self.poser)
 
 
 def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
@@ -235,9 +241,9 @@ class RasterInputs(Inputs):
         extra += channels_for(self.reads)
         reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
         extra += CHANNELS_READ if reshades else ()
-        options = SourceOptions(extra, jitter=offset, shading=None if kind.exact else kind.shading())
-        poser = request.poser or Poser(scene)
-        self.source = self.open_source(scene, camera, self.settings, options, timer=self.timer, poser=poser)
+        animated, shading = request.animated, Shading() if kind.exact else kind.shading()
+        how = {"extra": extra, "shading": shading, "jitter": offset, "timer": self.timer}
+        self.source = self.open_source(animated, self.settings, **how)
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact = None if isinstance(exact, bool) else exact
         if needs_exact and self.exact is None:
@@ -245,8 +251,7 @@ class RasterInputs(Inputs):
                 raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
             self.exact = self.source
             if not kind.exact:
-                unshared = SourceOptions(shading=Shading(gather_each=kind.noisy))
-                self.exact = self.open_source(scene, camera, exact_settings, unshared, poser=poser)
+                self.exact = self.open_source(animated, exact_settings, shading=Shading(gather_each=kind.noisy))
         self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
         derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
         how = {"rate": kind.rate, "derived": derived, "samples": kind.samples}

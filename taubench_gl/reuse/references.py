@@ -21,7 +21,6 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.frame.environment import maps_of
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.environment import lookup
@@ -67,8 +66,8 @@ class SupersampledReference(GpuOwner):
         self._offsets = grid_offsets(samples)
         self._offset = self._offsets[0]
         settings = light_settings(request.settings, request.kind)
-        options = SourceOptions(shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset)
-        self._source = self.open_source(request.scene, request.camera, settings, options, poser=request.poser)
+        how = {"shading": Shading(gather_each=request.kind.noisy), "jitter": lambda frame: self._offset}
+        self._source = self.open_source(request.animated, settings, **how)
         self._compose = ComposePass(self, self._source, settings, accumulate=True)
 
     def image(self, frame: int) -> Array:
@@ -113,14 +112,13 @@ class PathTracedReference(GpuOwner):
         """``exact``: as for ``References.open``.  Raises SettingsError."""
         super().__init__(request.gpu)
         gpu, settings = request.gpu, request.settings
-        opened = {"poser": request.poser, "exact": exact}
-        self.references = References.open(self, request.scene, request.camera, settings, samples, **opened)
+        self.references = References.open(self, request.animated, settings, samples, exact=exact)
         self._settings, self._environment = settings, environment_of(settings)
         geometry = settings.replace(columns=("frustum", "position", "normal"), samples_per_pixel=1)
         every = settings.replace(columns=COLUMNS, light="path-traced", indirect="auto")
         self._emits = decide(request.scene, every)["emission"].enabled
-        options = SourceOptions(extra=("ids", *(("emission",) * self._emits)))
-        self._source = self.open_source(request.scene, request.camera, geometry, options, poser=request.poser)
+        extra = ("ids", *(("emission",) * self._emits))
+        self._source = self.open_source(request.animated, geometry, extra=extra)
         self.size, self.reprojection = self._source.size, self._source.reprojection
         self.radiance, self.others = LIGHT_FEATURES, ()
         self.unmeasured: Mapping[str, str] = {}

@@ -15,8 +15,9 @@ from taubench_gl.animation import pairs as pairing
 from taubench_gl.evaluation import ChannelPair, evaluate_scene
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import LIGHT_FEATURES
-from taubench_gl.frame.renderer import RasterOptions, Renderer
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.reprojection import Reprojection
@@ -142,7 +143,7 @@ class Bench(GpuOwner):
         """Channels (h, w, n) of one frame by name, and its view."""
         size, camera = size or self.size, camera or choose_camera(scene)
         names = {"position", "normal", *extra}
-        renderer = Renderer(self.context, scene, camera, size, names, RasterOptions(culling=culling))
+        renderer = Renderer(self.context, scene, camera, size, names, culling=culling)
         try:
             renderer.draw(time, time)
             return {n: renderer.read(n) for n in renderer.channels}, renderer.frame.view
@@ -182,7 +183,7 @@ class Bench(GpuOwner):
     @contextlib.contextmanager
     def _opened(self, scene: Scene, settings: Settings, extra: Sequence[str] = ()) -> Iterator[RasterSource]:
         with GpuOwner(self.gpu) as owner:
-            yield owner.open_source(scene, choose_camera(scene), settings, SourceOptions(extra=tuple(extra)))
+            yield owner.open_source(AnimatedScene(scene), settings, extra=extra)
 
     def evaluate(self, scene: Scene, **settings: Any) -> Run:
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""

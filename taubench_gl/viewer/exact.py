@@ -39,9 +39,7 @@ class ExactMasks:
         """
         source = feed.source
         if id(source) not in self._reasons:  # with coarse light, geometry has a source of its own
-            found = ExactReasons(
-                self._owner, feed.scene, feed.camera, feed.settings, feed.poser, source.radiance, without=tuple(off)
-            )
+            found = ExactReasons(self._owner, feed.animated, feed.settings, source.radiance, without=tuple(off))
             self._reasons[id(source)] = source, found
         reasons = self._reasons[id(source)][1]
         bits = self.bits = reasons.of(source, frame).bits

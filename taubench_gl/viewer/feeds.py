@@ -21,8 +21,8 @@ from taubench_gl.evaluation import frame_range, require_triangles, resolve_light
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.frame.spec import bound_times
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
 from taubench_gl.pathtraced.sequence import is_sequence
@@ -128,7 +128,8 @@ class SceneFeed:
         resolved = resolve_lighting(scene, self.settings, self.camera, frames=self.frames, poser=self._poser)
         self.settings, self.lighting = resolved.settings, resolved.reasons
         self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
-        self.center, self.radius = bounding_sphere(self._poser, bound_times(scene))
+        self.animated = AnimatedScene(scene, self.camera, self._poser)
+        self.center, self.radius = bounding_sphere(self._poser, self.animated.times)
         self._all = decide(scene, self.settings)
         self.source: RasterSource | None = None
         self._given = self.settings  # without ``live``
@@ -177,8 +178,8 @@ class SceneFeed:
         settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)
         every = decide(self.scene, settings)
         wanted = tuple(n for n in CHANNELS if n in self._extra | extra)
-        options, owner = SourceOptions(extra=wanted, without=tuple(off)), GpuOwner(self._gpu)
-        source = owner.open_source(self.scene, self.camera, settings, options, timer=self._timer, poser=self._poser)
+        owner = GpuOwner(self._gpu)
+        source = owner.open_source(self.animated, settings, extra=wanted, without=off, timer=self._timer)
         self._owner.release()  # only now: if the new source fails, the old one stays
         self._owner = owner
         self.source, self._off, self._held = source, off, [None, None]

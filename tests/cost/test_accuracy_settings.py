@@ -14,6 +14,7 @@ from taubench_gl.conventions import histogram_bins
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, frame_schedule, sampled_pairs
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.pathtraced.evaluation import evaluate_path_traced
 from taubench_gl.run_schema import COUNT_COLUMNS
@@ -86,7 +87,7 @@ def test_half_storage_rounds_float_storage(demo, gpu):
     held = {}
     for storage in ("float", "half"):
         settings = LIT.replace(storage=storage)
-        source = RasterSource(gpu, scene, choose_camera(scene), settings)
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         source.advance(20)
         held[storage] = {name: source.read(name) for name in ("position", "normal")}
         bits = {name: t.dtype for name, t in source.current.items()}

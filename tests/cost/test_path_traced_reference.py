@@ -6,21 +6,20 @@ import dataclasses
 
 import pytest
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.cost import cost
 from taubench_gl.cost.configurations import BASELINE, make_plan
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext, with_light
 from taubench_gl.cost.reference import SUMS_FILE
 from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError
-from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 
 def context(path, **settings):
     scene, chosen = load_scene(path), Settings(**settings)
-    ranked = tuple(SceneFacts(scene, choose_camera(scene)).ranked_lights)
+    ranked = tuple(AnimatedScene(scene).ranked_lights)
     return StudyContext(scene, decide(scene, chosen), chosen, 24, ranked)
 
 

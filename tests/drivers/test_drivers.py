@@ -69,7 +69,7 @@ scene = load_scene(sys.argv[1])
 lighting = {"light": "path-traced", "spp": 4, "bounces": 4, "light_unit": "candela", "exposure": 1, "environment": 0.5}
 settings = Settings(width=96, height=54, columns=("direct", "indirect"), **lighting)
 with open_gpu() as gpu:
-    source = RasterSource(gpu, scene, choose_camera(scene), settings)
+    source = RasterSource(gpu, AnimatedScene(scene), settings)
     source.advance(0)
     np.savez(sys.argv[2], **{n: source.read(n)[..., :3] for n in ("direct", "indirect")})
 """

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from taubench_gl.effects import path_tracing
-from taubench_gl.effects.decide import decide, disable, force, unmeasured
+from taubench_gl.effects.decide import decide, force, unmeasured
 from taubench_gl.features import COLUMNS
-from taubench_gl.frame.plan import DEPENDS, FramePlan
+from taubench_gl.frame.plan import frame_spec
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings
 
@@ -46,20 +47,19 @@ def scene(lamps: int = 0, *, strength: float = 1.0, unlit: bool = False, glowing
 def test_sources(light, given, environment, sources):
     made, settings = scene(**given), Settings(light=light, environment=environment)
     assert path_tracing.traced_sources(made, settings) == set(sources)
-    spec = FramePlan(made, settings).spec()
+    spec = frame_spec(AnimatedScene(made), settings)
     assert spec.path_traced_sources == set(sources)
     assert bool(spec.emitters) == ("emitters" in sources)
 
 
 def test_path_tracing_replaces_the_raster_passes():
     settings = Settings(light="path-traced", spp=3, environment="default")
-    plan = FramePlan(scene(20), settings)
-    effects = plan.effects
+    spec = frame_spec(AnimatedScene(scene(20)), settings)
+    effects = spec.effects
     assert effects["path_traced"].enabled and "3 fixed samples" in effects["path_traced"].reason
     for name in ("shadows", "light_culling", "sky", "emitter_light", "environment_light"):
         assert not effects[name].enabled, name
     assert not unmeasured(effects, settings)
-    spec = plan.spec()
     assert not spec.raster_direct and not spec.raster_indirect and spec.sun is not None
     assert (spec.spp, spec.bounces, spec.pattern, spec.seed) == (3, 12, "fixed", 0)
 
@@ -83,7 +83,7 @@ def test_emitters_alone_have_direct_and_indirect_columns():
     effects = decide(made, settings)
     assert effects["emitter_light"].enabled and not effects["path_traced"].enabled
     assert not unmeasured(effects, settings)
-    spec = FramePlan(made, settings).spec()
+    spec = frame_spec(AnimatedScene(made), settings)
     assert not spec.raster_direct and not spec.raster_indirect and "indirect" in spec.enabled
     raster = unmeasured(decide(made, settings.replace(light="raster")), settings)
     assert {"direct", "indirect"} <= raster.keys()
@@ -96,19 +96,18 @@ def test_one_bounce_has_no_indirect_column():
 
 
 def test_raster_light_and_emitters_together():
-    plan = FramePlan(scene(2, strength=5.0), Settings(light="auto", environment="none"))
-    spec = plan.spec()
+    scene_and_settings = AnimatedScene(scene(2, strength=5.0)), Settings(light="auto", environment="none")
+    spec = frame_spec(*scene_and_settings)
     assert spec.raster_direct and spec.raster_indirect and spec.path_traced_sources == {"emitters"}
-    without = disable(plan.effects, ["shadows"], DEPENDS)
-    spec = plan.spec(without)
+    spec = frame_spec(*scene_and_settings, without=["shadows"])
     assert spec.raster_indirect and not spec.shadowed, "lights without maps shine on patches"
-    assert plan.spec(disable(plan.effects, ["direct"], DEPENDS)).path_traced_sources == frozenset()
+    assert frame_spec(*scene_and_settings, without=["direct"]).path_traced_sources == frozenset()
 
 
 def test_columns_without_light_trace_nothing():
     for light in ("auto", "path-traced"):
-        plan = FramePlan(scene(1, strength=5.0), Settings(light=light, columns=("frustum", "position")))
-        assert not plan.spec().path_traced_sources
+        settings = Settings(light=light, columns=("frustum", "position"))
+        assert not frame_spec(AnimatedScene(scene(1, strength=5.0)), settings).path_traced_sources
 
 
 def test_what_is_left_out_is_noted():

@@ -11,11 +11,11 @@ import sys
 import numpy as np
 import pytest
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.batch.spec import read_spec
 from taubench_gl.batch.study import run_batch
 from taubench_gl.evaluation import Brightness, checked_frames, evaluate_scene, resolve_lighting
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import load_run
 from taubench_gl.scene import load_scene
@@ -69,7 +69,7 @@ def test_what_is_metered_is_what_the_shader_draws(gpu):
     """The exposure again, in float64, from frames of the whole animation, which the test draws."""
     scene = busy_room(lamps=3)
     settings = Settings(**FIXED_LIGHTING, size=(256, 144), fps=8.0 / scene.duration, columns=("direct",))
-    source = RasterSource(gpu, scene, choose_camera(scene), settings.replace(light_error=0.0))
+    source = RasterSource(gpu, AnimatedScene(scene), settings.replace(light_error=0.0))
     values = []
     for frame in range(9):
         source.advance(frame)
@@ -164,7 +164,7 @@ def test_animated_intensities_are_divided_and_emission_is_not(gpu):
     images = {}
     for unit in ("candela", "watt"):
         settings = Settings(**SIZE | FIXED_LIGHTING | {"light_unit": unit}, columns=("direct", "color"))
-        source = RasterSource(gpu, scene, choose_camera(scene), settings)
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         source.advance(0)
         images[unit] = {name: source.read(name).astype(np.float64) for name in ("direct", "emission")}
         source.release()
@@ -180,7 +180,7 @@ def test_light_error_is_in_exposed_units(gpu, factor):
     counts = []
     for one, exposure in ((scene, 1.0), (scaled(scene, factor), 1.0 / factor)):
         settings = Settings(**SIZE | FIXED_LIGHTING | {"exposure": exposure}, columns=("direct",), light_error=0.05)
-        source = RasterSource(gpu, one, choose_camera(one), settings)
+        source = RasterSource(gpu, AnimatedScene(one), settings)
         source.advance(0)
         counts.append(source.light.tile_counts().astype(int))
         source.release()

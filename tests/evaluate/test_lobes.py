@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from taubench_gl import evaluate
-from taubench_gl.animation import choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.lobes import scene_channels
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
@@ -53,9 +53,8 @@ def settings(**more) -> Settings:
 def test_lobes_add_up(glowing, more):
     scene, chosen = shiny(glowing=glowing), settings(**more)
     with open_gpu() as gpu:
-        extra = SourceOptions(extra=scene_channels(LOBES))
-        source = RasterSource(gpu, scene, choose_camera(scene), chosen, extra)
-        plain = RasterSource(gpu, scene, choose_camera(scene), chosen)
+        source = RasterSource(gpu, AnimatedScene(scene), chosen, extra=scene_channels(LOBES))
+        plain = RasterSource(gpu, AnimatedScene(scene), chosen)
         for each in (source, plain):
             each.advance(1)
         for name in ("direct", "indirect"):
@@ -77,7 +76,7 @@ def test_columns_of_lobes_are_counts_of_their_channels():
     run = evaluate_scene(scene, chosen, lobes=LOBES)
     found, changed = run.summary["lobes"], {}
     with open_gpu() as gpu:
-        source = RasterSource(gpu, scene, choose_camera(scene), chosen, SourceOptions(extra=scene_channels(LOBES)))
+        source = RasterSource(gpu, AnimatedScene(scene), chosen, extra=scene_channels(LOBES))
         source.advance(0)
         for frame in range(1, run.summary["pairs"] + 1):
             source.advance(frame)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import ChannelPair, Observers, PairEvaluator, evaluate_scene
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.paths import ASSETS
@@ -34,7 +34,7 @@ def context(gpu):
 
 def source_of(context: GpuContext, settings: Settings) -> RasterSource:
     scene = load_scene(ASSETS / "demo.glb")
-    return RasterSource(context.gpu, scene, choose_camera(scene), settings)
+    return RasterSource(context.gpu, AnimatedScene(scene), settings)
 
 
 def pairs_of(context: GpuContext, settings: Settings = SETTINGS, *, images: bool = False) -> list:

@@ -89,12 +89,11 @@ def test_inspect_predicts_the_evaluated_camera(monkeypatch):
 
     planned = []
 
-    class Plan(plan.FramePlan):
-        def __init__(self, scene, settings, camera=None, poser=None):
-            planned.append(camera)
-            super().__init__(scene, settings, camera, poser)
+    def costs(animated, settings):
+        planned.append(animated.camera)
+        return {}
 
-    monkeypatch.setattr(plan, "FramePlan", Plan)
+    monkeypatch.setattr(plan, "effect_costs", costs)
     b = SceneBuilder()
     b.node(mesh=b.mesh(box()))
     b.light(kind="point", intensity=5.0, translation=(0.0, 2.0, 0.0))

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.export.channels import EXPORTS, choose_channels
 from taubench_gl.export.frames import ExportFrame, FrameSource
 from taubench_gl.export.run import ExportOptions, ExportResult, export_scene
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
@@ -39,10 +39,9 @@ RASTERIZED = {n: c for n, c in EXPORTS.items() if n not in _OTHERS}
 def drawn(numbers, names=tuple(RASTERIZED), jitter="none", buffered=None, **changes: Any) -> list[ExportFrame]:
     """Rendered frames, before a file format converts them."""
     scene, gpu = load_scene(DEMO), open_gpu()
-    camera = choose_camera(scene)
     with gpu:
         names = choose_channels(tuple(names))
-        source = FrameSource(gpu, scene, camera, settings(**changes), names, jitter=jitter, buffered=buffered)
+        source = FrameSource(gpu, AnimatedScene(scene), settings(**changes), names, jitter=jitter, buffered=buffered)
         try:
             return list(source.frames(numbers))
         finally:

@@ -13,7 +13,7 @@ from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
-from taubench_gl.frame.renderer import RasterOptions, Renderer
+from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -134,7 +134,7 @@ def draw_pair(
     """Draw the frames at ``times`` (previous, current), compare them, and read everything back."""
     channels = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
     context = GpuContext(gpu)
-    renderer = Renderer(context, scene, camera, size, channels, RasterOptions(culling=culling))
+    renderer = Renderer(context, scene, camera, size, channels, culling=culling)
     masks = MaskPass(context, size, reprojection=reprojection, sampling=sampling, write_mask=True, write_motion=True)
     try:
         step = times[1] - times[0]
@@ -166,7 +166,7 @@ def draw_pair(
 
 def draw_frame(gpu: Gpu, scene: Scene, camera, size, channels, *, time: float = 0.0, culling: str = "gltf"):
     """Channels of one frame, {name: (h, w, n)}, and its view."""
-    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(channels), RasterOptions(culling=culling))
+    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(channels), culling=culling)
     try:
         renderer.draw(time, time - 1 / 24)
         return {n: renderer.read(n) for n in renderer.channels}, renderer.view(time)[1]

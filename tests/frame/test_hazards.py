@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hazards import Hazards
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import EXACT, AnimatedScene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad
 from taubench_gl.settings import Settings
@@ -29,15 +29,15 @@ def glowing_card() -> Scene:
     return b.build()
 
 
-def run(gpu, scene: Scene, *, shading: Shading | None = None, extra: tuple[str, ...] = (), **settings) -> None:
+def run(gpu, scene: Scene, *, shading: Shading = EXACT, extra: tuple[str, ...] = (), **settings) -> None:
     """Three frames and the masks of each pair, read back."""
     settings = Settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
-    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=shading, extra=extra))
+    source = RasterSource(gpu, AnimatedScene(scene), settings, shading=shading, extra=extra)
     masks = MaskPass(
         source.context,
         SIZE,
         reprojection=source.reprojection,
-        radiance=source.radiance if shading is None else (),
+        radiance=source.radiance if shading.exact else (),
         write_mask=True,
         write_motion=True,
     )

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taubench_gl.animation import choose_camera
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -23,8 +23,7 @@ def traced(pixels):
     """direct and indirect of one frame, (h, w, 3); ``pixels``: None for all."""
     scene, gpu = load_scene(DEMO), open_gpu("auto", None)
     with gpu:
-        options = SourceOptions(pixel_list=pixels is not None)
-        source = RasterSource(gpu, scene, choose_camera(scene), SETTINGS, options)
+        source = RasterSource(gpu, AnimatedScene(scene), SETTINGS, pixel_list=pixels is not None)
         source.draw(FRAME)
         source.trace(NUMBER, *SAMPLES, pixels)
         found = {name: source.read(name)[..., :3] for name in ("direct", "indirect")}

@@ -10,7 +10,7 @@ import taubench_gl.gpu.memory as memory
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.passes.indirect import indirect_light
 from taubench_gl.frame.passes.shadows import shadow_maps
-from taubench_gl.frame.spec import FrameSpec, SceneFacts
+from taubench_gl.frame.spec import AnimatedScene, FrameSpec
 from taubench_gl.gpu.passes import require_room
 from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings
@@ -23,7 +23,7 @@ def needed(stage, kind: str = "point", **settings) -> list:
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True)))
     s.light(kind=kind)
-    spec = FrameSpec(SceneFacts(s.build()), Settings(width=64, height=48, **settings), LIT)
+    spec = FrameSpec(AnimatedScene(s.build()), Settings(width=64, height=48, **settings), LIT)
     return [resource for declared in stage(spec) for resource in declared.resources]
 
 

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.paths import ASSETS
@@ -28,7 +28,7 @@ SIZE = (97, 54)
 def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
     settings = Settings(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
-    source = RasterSource(gpu, scene, choose_camera(scene), settings)
+    source = RasterSource(gpu, AnimatedScene(scene), settings)
     views = [source.advance(10), source.advance(14)]
     pair = reprojection(views[1], views[0], *SIZE)
     thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}

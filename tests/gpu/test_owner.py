@@ -65,7 +65,7 @@ def test_a_part_that_fails_to_open_frees_the_others(demo):
     with open_gpu() as gpu:
         before = alive(gpu)
         with pytest.raises(ZeroDivisionError), GpuOwner(gpu) as owner:
-            owner.open_source(demo, given.camera, given.settings)
+            owner.open_source(given.animated, given.settings)
             assert alive(gpu) != before
             _ = 1 / 0
         assert alive(gpu) == before

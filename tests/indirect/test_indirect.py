@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.indirect import SCREEN, SCREEN_ALBEDO, lamp_beside_a_wall, light_of_the_wall
@@ -54,7 +54,7 @@ def draw(scene: Scene, **overrides) -> dict[str, np.ndarray]:
     """Channels of the scene's first frame."""
     settings = Settings(width=SIZE[0], height=SIZE[1], **overrides)
     with open_gpu() as gpu:
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         try:
             view = source.advance(0)
             out = {name: source.read(name) for name in source.channels}
@@ -158,7 +158,7 @@ def test_a_light_that_is_off_has_no_vpls():
     with open_gpu() as gpu:
         scene = s.build()
         settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=700)
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         source.advance(0)
         lights = source.light.vpls()
         source.release()
@@ -175,7 +175,7 @@ def test_indirect_stays_where_it_is_when_only_the_camera_moves():
     scene = s.build()
     settings = Settings(width=SIZE[0], height=SIZE[1], indirect_samples=512, probes=216)
     with open_gpu() as gpu:
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         by_place = []
         for frame in (0, 24):
             view = source.advance(frame)
@@ -218,7 +218,7 @@ def test_a_lamp_that_passes_close_to_a_wall_keeps_the_light_of_the_wall(x, way):
     scene, measured, expected = lamp_beside_a_wall(x, places, 24.0), [], []
     settings = Settings(width=SIZE[0], height=SIZE[1], indirect="probes", indirect_samples=2400, probes=1000)
     with open_gpu() as gpu:
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         for frame, place in enumerate(places):
             view = source.advance(frame)
             points = (source.read("position")[..., :3] + view.position)[::12, ::12].reshape(-1, 3)
@@ -243,7 +243,7 @@ def test_every_face_of_a_light_away_from_the_camera_counts(kind, solid_angle):
     with open_gpu() as gpu:
         scene = s.build()
         settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=2400)
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         source.advance(0)
         flux = source.light.vpls()["flux"][:, 0].sum()
         source.release()

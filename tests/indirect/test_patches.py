@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from test_indirect import ALBEDO, ceiling_irradiance, draw, floor_and_ceiling, lambert, turn_y
 
-from taubench_gl.animation import Poser, View, choose_camera
+from taubench_gl.animation import Poser, View
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.patches import Patches, lamps_of
 from taubench_gl.frame.records import RecordTable
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.model import Camera, Image, Scene, Texture
 from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned
@@ -31,7 +32,7 @@ def white_box(lights: int, power: float = 1.0) -> Scene:
 
 def vpls(scene: Scene, **settings) -> np.ndarray:
     with open_gpu() as gpu:
-        source = RasterSource(gpu, scene, choose_camera(scene), Settings(width=64, height=48, **settings))
+        source = RasterSource(gpu, AnimatedScene(scene), Settings(width=64, height=48, **settings))
         source.advance(0)
         found = source.light.vpls()
         source.release()
@@ -191,7 +192,7 @@ def test_light_without_maps_is_the_same_bits_wherever_the_camera_is():
     for frame in (0, 24):
         with open_gpu() as gpu:
             settings = Settings(width=64, height=48, shadow_lights=0, indirect_samples=256)
-            source = RasterSource(gpu, scene, choose_camera(scene), settings)
+            source = RasterSource(gpu, AnimatedScene(scene), settings)
             source.advance(frame)
             found.append(source.light.vpls())
             source.release()

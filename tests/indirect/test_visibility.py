@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.passes.indirect import BRICKS, GRID, VPL_LIFT, fixed_draws, indirect_layout
 from taubench_gl.frame.shadow_faces import FACE
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, morphed, quad, turn_y
@@ -50,7 +50,7 @@ def gpu() -> Iterator[Gpu]:
 
 
 def source_of(gpu: Gpu, scene: Scene) -> RasterSource:
-    return RasterSource(gpu, scene, choose_camera(scene), SETTINGS, poser=Poser(scene))
+    return RasterSource(gpu, AnimatedScene(scene), SETTINGS)
 
 
 @pytest.mark.parametrize("extent", [(2.0, 2.0, 2.0), (1e-3, 50.0, 7.0), (3e4, 1.0, 0.0), (0.1, 0.2, 1e4)])

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.animation import choose_camera
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Shot
@@ -27,7 +27,7 @@ DIRECT_ONLY = ("frustum", "position", "normal", "direct")
 def opened(gpu: Gpu, scene: Scene, *, extra: tuple[str, ...] = (), **settings) -> Iterator[RasterSource]:
     """The source of an evaluation over ``scene``; 64x48 and direct light alone unless ``settings`` say otherwise."""
     settings = {"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings
-    source = RasterSource(gpu, scene, choose_camera(scene), Settings(**settings), SourceOptions(extra=extra))
+    source = RasterSource(gpu, AnimatedScene(scene), Settings(**settings), extra=extra)
     try:
         yield source
     finally:

@@ -10,15 +10,15 @@ import pytest
 from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
 from references.environment import glossy_radiance
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import sky_directions
 from taubench_gl.effects.census import census
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import DEFAULT_RADIANCE, DEFAULT_SUN
 from taubench_gl.errors import SettingsError
-from taubench_gl.frame.plan import FramePlan
+from taubench_gl.frame.plan import frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.environment import (
     direction_choice,
@@ -116,9 +116,9 @@ def test_the_sun_is_an_effect_and_no_light_of_the_scene(gpu, shadow_lights):
     assert not effects["directional_lights"].enabled
     counts = census(scene, [0.0, 1.0])
     assert counts["static_directional_lights"] == counts["dynamic_directional_lights"] == 0
-    plan = FramePlan(scene, settings)
-    assert ("shadows" in plan.resources().passes) == bool(shadow_lights)
-    assert plan.costs()["sun"]["on"]
+    spec = frame_spec(AnimatedScene(scene), settings)
+    assert ("shadows" in frame_resources(spec).passes) == bool(shadow_lights)
+    assert spec.effects["sun"].enabled
     with opened(gpu, scene, environment="default", shadow_lights=shadow_lights, shadow_size=256) as source:
         shoot(source)
         assert any("sky" in note for note in source.describe()["notes"])
@@ -133,14 +133,11 @@ def test_without_an_environment_nothing_of_it_is_simulated():
 
 def test_stochastic_light_of_the_default_environment_is_exact_without_indirect_light(gpu):
     """One light, unoccluded: each of its samples is the light itself."""
-    from taubench_gl.animation import choose_camera
-    from taubench_gl.frame.sources import RasterSource, SourceOptions
+    from taubench_gl.frame.sources import RasterSource
 
     scene = table()
     settings = Settings(width=64, height=48, columns=("direct",), environment="default", shadow_size=256)
-    source = RasterSource(
-        gpu, scene, choose_camera(scene), settings, SourceOptions(shading=Shading(light_samples=1, indirect_samples=1))
-    )
+    source = RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(light_samples=1, indirect_samples=1))
     try:
         shot = shoot(source)
     finally:
@@ -302,7 +299,7 @@ def test_sky_pixels_show_the_image_exposed(gpu, tmp_path):
 def test_the_maps_are_predicted_and_allocated_once(gpu, tmp_path):
     path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
     settings = Settings(width=64, height=48, environment=path)
-    predicted = FramePlan(ball_scene(), settings).resources().memory["environment"]
+    predicted = frame_resources(frame_spec(AnimatedScene(ball_scene()), settings)).memory["environment"]
     assert predicted == 16 * (16 * 8 + 256 * 128 * 9)
     with opened(gpu, ball_scene(), environment=path, columns=("direct", "color")) as source:
         assert source.light.memory["environment"] == predicted
@@ -312,7 +309,7 @@ def test_sky_pixels_show_the_image_while_direct_light_is_switched_off(gpu, tmp_p
     path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
     settings = Settings(width=64, height=48, columns=("direct", "color"), environment=path, exposure=1.0)
     scene = ball_scene()
-    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(without=("direct",)))
+    source = RasterSource(gpu, AnimatedScene(scene), settings, without=("direct",))
     try:
         shot = shoot(source)
     finally:

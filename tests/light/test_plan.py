@@ -12,14 +12,13 @@ import pytest
 from light_tools import opened, shoot
 from test_effects_on_demand import everything
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.apps.inspect_command import describe
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.passes.lighting import LOBES
-from taubench_gl.frame.plan import DEPENDS, FramePlan, frame_channels, frame_passes, frame_spec
+from taubench_gl.frame.plan import DEPENDS, effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
-from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
@@ -61,12 +60,12 @@ def test_the_demo_is_planned_right(gpu):
 
 def check(gpu, scene, chosen) -> None:
     settings = Settings(**chosen)
-    plan = FramePlan(scene, settings)
-    resources = plan.resources()
+    spec = frame_spec(AnimatedScene(scene), settings)
+    resources = frame_resources(spec)
     with opened(gpu, scene, **chosen) as source:
         shoot(source, 0)
-        assert source.effects == plan.effects
-        assert source.channels == frame_channels(plan.spec())
+        assert source.effects == spec.effects
+        assert source.channels == frame_channels(spec)
         made = Counter(name.split(" [")[0] for name in source.context.shaders.names)
         pools = source.renderer.buffers.bytes - resources.memory.get("previous vertices", 0)
         held = source.describe()["memory"]["gpu_bytes"]
@@ -78,8 +77,8 @@ def check(gpu, scene, chosen) -> None:
 @pytest.mark.parametrize(
     ("settings", "shading"),
     [
-        ({}, None),
-        ({"reprojection": "motion", "indirect": "rsm", "environment": (0.1, 0.1, 0.1)}, None),
+        ({}, Shading()),
+        ({"reprojection": "motion", "indirect": "rsm", "environment": (0.1, 0.1, 0.1)}, Shading()),
         ({"indirect": "rsm"}, Shading(light_samples=1, indirect_samples=1)),
         ({"indirect": "rsm"}, Shading(gather_each=True)),
     ],
@@ -88,13 +87,11 @@ def check(gpu, scene, chosen) -> None:
 def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
     """The interface of a shader is generated, so it cannot use what is not declared; nor is more declared."""
     scene = busy_room(lamps=20)
-    source = RasterSource(
-        gpu, scene, choose_camera(scene), Settings(**SIZE, **settings), SourceOptions(shading=shading)
-    )
+    source = RasterSource(gpu, AnimatedScene(scene), Settings(**SIZE, **settings), shading=shading)
     try:
         source.advance(0)
         spec = frame_spec(
-            SceneFacts(scene),
+            AnimatedScene(scene),
             Settings(**SIZE, **settings),
             source.effects,
             shading=shading,
@@ -125,19 +122,18 @@ def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
 def test_every_frame_can_run(columns, effects, mode, make):
     settings = Settings(**SIZE, columns=columns, effects=effects, reprojection=mode)
     scene = make()
-    plan = FramePlan(scene, settings)
-    spec = frame_spec(SceneFacts(scene), settings, plan.effects, extra=("base_color",))
+    spec = frame_spec(AnimatedScene(scene), settings, extra=("base_color",))
     names = [p.name for p in frame_passes(spec)]  # raises where a pass reads what none has written
     assert names[-1] == "masks" and "base_color" in frame_channels(spec)
     assert {"direct", "indirect", "color"} & set(names) == {
-        n for n in ("direct", "indirect", "color") if plan.effects[n].enabled
+        n for n in ("direct", "indirect", "color") if spec.effects[n].enabled
     }
 
 
 def test_one_lobe_makes_direct_light_write_both():
-    plan = FramePlan(busy_room(lamps=2), Settings(**SIZE))
-    assert not set(LOBES) & set(frame_channels(plan.spec()))
-    assert set(LOBES) <= set(frame_channels(replace(plan.spec(), extra=("direct_glossy",))))
+    spec = frame_spec(AnimatedScene(busy_room(lamps=2)), Settings(**SIZE))
+    assert not set(LOBES) & set(frame_channels(spec))
+    assert set(LOBES) <= set(frame_channels(replace(spec, extra=("direct_glossy",))))
 
 
 def test_what_effects_depend_on():
@@ -149,9 +145,9 @@ def test_what_effects_depend_on():
 
 
 def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():
-    plan = FramePlan(everything(), Settings(**SIZE, columns=("frustum", "position")))
-    assert frame_channels(plan.spec()) == ("position", "normal")
-    assert frame_channels(replace(plan.spec(), extra=("ids",))) == ("position", "normal", "ids")
+    spec = frame_spec(AnimatedScene(everything()), Settings(**SIZE, columns=("frustum", "position")))
+    assert frame_channels(spec) == ("position", "normal")
+    assert frame_channels(replace(spec, extra=("ids",))) == ("position", "normal", "ids")
 
 
 def test_inspect_reports_effects_as_json():
@@ -169,7 +165,7 @@ def test_inspect_needs_no_context(monkeypatch):
 
 
 def test_costs_are_what_a_frame_loses_without_the_effect():
-    costs = FramePlan(everything(), Settings(**SIZE)).costs()
+    costs = effect_costs(AnimatedScene(everything()), Settings(**SIZE))
     pixels = SIZE["width"] * SIZE["height"]
     assert costs["color"]["on"] and costs["color"]["passes"] == ["color"]
     # Without shadow maps every light shines on surface patches, which are fewer VPLs.

@@ -13,10 +13,10 @@ import pytest
 from light_tools import FLAT, facing, floor, lambert, look, look_down, opened, picture, shoot
 from shadow_tools import Case, on_plane, visibility
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pack, wanted_sizes
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
@@ -74,10 +74,14 @@ def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
     """A light that is compiled into the shader, more than are, and lights drawn at random."""
     monkeypatch.setattr("taubench_gl.frame.shadow_faces.FULL_SIZE_SHADOWS", MAX_UNROLLED + 1)
     case, found = Case("wide spot", 20.0, 115.0), []
-    for parts, shading in ((1, None), (MAX_UNROLLED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
+    for parts, shading in (
+        (1, Shading()),
+        (MAX_UNROLLED + 1, Shading()),
+        (1, Shading(light_samples=1, indirect_samples=1)),
+    ):
         scene = case.scene(parts=parts)
         settings = Settings(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=shading))
+        source = RasterSource(gpu, AnimatedScene(scene), settings, shading=shading)
         found.append(shoot(source).direct)
         source.release()
     for other in found[1:]:

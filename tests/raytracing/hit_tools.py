@@ -15,7 +15,7 @@ from taubench_gl.animation import CameraTrack, pose_vertices
 from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
 from taubench_gl.frame.raytracing.structure import SceneStructure
-from taubench_gl.frame.renderer import RasterOptions, Renderer
+from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import BUFFER, IMAGE, ComputePass
 from taubench_gl.gpu.passes import GpuContext
@@ -191,8 +191,8 @@ def opened(
 
     ``traced``: with the acceleration structure, and without culling, as rays see both sides.
     """
-    raster = RasterOptions(textures=textures, culling="none" if traced else "gltf")
-    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(CHANNELS), raster)
+    culling = "none" if traced else "gltf"
+    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(CHANNELS), culling=culling, textures=textures)
     hits = Hits(renderer, options or HitOptions(), **how)
     if traced:
         hits.structure = SceneStructure(renderer)

@@ -9,7 +9,8 @@ from references.path_tracing import LightSegments, PathLight, TraceScene, trace
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.passes.pathtracing import subpath_choice
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
 from taubench_gl.metrics.stochastic import light_choice
@@ -58,8 +59,7 @@ def render(gpu, scene: Scene, one_light: bool = False, **given) -> dict[str, Arr
     options = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), **given}
     settings = Settings(width=SIZE[0], height=SIZE[1], **options)
     extra = (*LOBES, "path_info", "geometric_normal", "base_color", "material")
-    options = SourceOptions(extra=extra, shading=Shading(one_light=one_light))
-    source = RasterSource(gpu, scene, choose_camera(scene), settings, options)
+    source = RasterSource(gpu, AnimatedScene(scene), settings, extra=extra, shading=Shading(one_light=one_light))
     try:
         source.advance(0)
         names = ("position", "normal", "direct", "indirect", *extra)
@@ -173,7 +173,7 @@ def blocks(gpu, scene: Scene, samples: int, count: int, **given) -> Array:
     """Means (count, h, w, 3) of indirect light over ``samples`` independent samples each."""
     chosen = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), "pattern": "independent"}
     settings = Settings(width=SIZE[0], height=SIZE[1], spp=samples, **(chosen | given))
-    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions())
+    source = RasterSource(gpu, AnimatedScene(scene), settings)
     try:
         source.draw(0)
         out = []
@@ -263,7 +263,7 @@ def test_one_light_is_all_lights_in_the_mean(gpu, lights):
     settings = Settings(width=SIZE[0], height=SIZE[1], light="path-traced", pattern="independent", spp=1, bounces=1,
                         columns=("direct",), **FIXED_LIGHTING)  # fmt: skip
     exact = render(gpu, scene, spp=1, bounces=1)["direct"][..., :3].astype(np.float64)
-    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=Shading(one_light=True)))
+    source = RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(one_light=True))
     images = []
     try:
         source.draw(0)

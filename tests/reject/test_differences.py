@@ -10,7 +10,7 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import MethodError
 from taubench_gl.evaluation import PairEvaluator, open_scene
 from taubench_gl.frame.passes.pathtracing import pixel_footprint
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.paths import ASSETS
 from taubench_gl.reject.contract import builtin_tests, load_test
@@ -29,7 +29,7 @@ def pair(gpu):
         columns=("frustum", "position", "normal", "direct"), **FIXED_LIGHTING,
     )  # fmt: skip
     given = open_scene(ASSETS / "demo.glb", settings)
-    source = RasterSource(gpu, given.scene, given.camera, given.settings, SourceOptions(extra=CHANNELS))
+    source = RasterSource(gpu, given.animated, given.settings, extra=CHANNELS)
     context = GpuContext(gpu)
     evaluator = PairEvaluator(context, source, given.settings, images=True)
     differences = Differences(context, source, [load_test(name) for name in builtin_tests()])

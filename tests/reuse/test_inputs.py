@@ -15,6 +15,7 @@ from taubench_gl.animation.jitter import grid_offsets, halton_jitter
 from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.shading_rate import RATES, cycle
 from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.file_inputs import FileInputs
@@ -317,7 +318,7 @@ def exr_folder(session_gpu, tmp_path_factory):
     folder = tmp_path_factory.mktemp("exr")
     scene = looking_around("slide")
     with session_gpu as gpu:
-        source = RasterSource(gpu, scene, choose_camera(scene), settings(columns=("position", "normal", "color")))
+        source = RasterSource(gpu, AnimatedScene(scene), settings(columns=("position", "normal", "color")))
         for number in range(4):
             view = source.advance(number)
             p, n, light = (source.read(c).astype(np.float32) for c in ("position", "normal", "emission"))

@@ -7,9 +7,9 @@ import pytest
 from references.shading_rate import nearest_shaded, shaded
 from references.stochastic import choose, estimate_direct, estimate_indirect, pcg4d, random4
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.shading_rate import RATES
 from taubench_gl.metrics.stochastic import light_choice
@@ -43,7 +43,7 @@ def source_of(gpu, **shading):
         light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), environment=shading.pop("environment", "none"),
     )  # fmt: skip
     scene = lit_scene()
-    return RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=Shading(**shading)))
+    return RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(**shading))
 
 
 @pytest.fixture
@@ -239,13 +239,12 @@ def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
         width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="none", shadow_size=64, light_error=0.0,
         shadow_filter=filtering,
     )  # fmt: skip
-    exact = RasterSource(gpu, scene, choose_camera(scene), settings)
+    exact = RasterSource(gpu, AnimatedScene(scene), settings)
     noisy = RasterSource(
         gpu,
-        scene,
-        choose_camera(scene),
+        AnimatedScene(scene),
         settings,
-        SourceOptions(shading=Shading(light_samples=4, indirect_samples=1, seed=9)),
+        shading=Shading(light_samples=4, indirect_samples=1, seed=9),
     )
     exact.advance(0)
     assert exact.light.tile_counts() is not None

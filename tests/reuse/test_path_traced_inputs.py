@@ -11,7 +11,8 @@ from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.reference_store import LOBES
 from taubench_gl.pathtraced.references import References
 from taubench_gl.reuse.evaluate import evaluate_methods
@@ -35,14 +36,14 @@ def chosen(**more):
 
 
 def source_of(gpu, scene, made, extra=()):
-    return RasterSource(gpu, scene, choose_camera(scene), made, SourceOptions(extra=extra))
+    return RasterSource(gpu, AnimatedScene(scene), made, extra=extra)
 
 
 def test_a_reference_is_the_mean_of_its_samples(gpu):
     """32 samples in two halves and four parts, against frames of the same halves in one part."""
     scene, made = still(), chosen()
     with GpuOwner(gpu) as owner:
-        references = References.open(owner, scene, choose_camera(scene), made, 32)
+        references = References.open(owner, AnimatedScene(scene), made, 32)
         found = references.frame(3)
         again = references.frame(5)
     assert found.samples == 32 and found.noise.rms > 0
@@ -71,7 +72,7 @@ def test_a_reference_is_the_mean_of_its_samples(gpu):
 def test_the_noise_that_a_reference_states_is_its_error(gpu):
     scene, made = still(), chosen()
     with GpuOwner(gpu) as owner:
-        references = [References.open(owner, scene, choose_camera(scene), made, samples) for samples in (16, 512)]
+        references = [References.open(owner, AnimatedScene(scene), made, samples) for samples in (16, 512)]
         few, many = (r.frame(0) for r in references)
     gpu.collect()
     luminance = np.array([0.2126, 0.7152, 0.0722])
@@ -141,7 +142,7 @@ def test_a_dark_scene_has_no_reference(gpu):
     dark = scene.__class__(**{n: getattr(scene, n) for n in scene.__dataclass_fields__} | {"lights": ()})
     dark.nodes.light[:] = -1
     with pytest.raises(SettingsError):
-        References.open(GpuOwner(gpu), dark, choose_camera(dark), chosen(), 4)
+        References.open(GpuOwner(gpu), AnimatedScene(dark), chosen(), 4)
 
 
 @pytest.mark.parametrize("environment", ["none", (0.2, 0.3, 0.4), "image"])

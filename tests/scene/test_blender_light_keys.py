@@ -15,8 +15,8 @@ import pytest
 from gltf_builders import LIGHT, pointer
 from gltf_files import Gltf
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.gltf.blender import KEYS_SEEN, KEYS_SINCE
 from taubench_gl.scene.model import Scene
@@ -208,7 +208,7 @@ def test_an_animated_light_is_as_bright_as_its_static_twin(gpu, tmp_path: Path, 
         scene = lit_floor(tmp_path, light, animated=animated)
         settings = Settings(width=32, height=32, fps=24.0, light_unit="watt", exposure=1.0, environment="none",
                             columns=("frustum", "direct"))  # fmt: skip
-        source = RasterSource(gpu, scene, choose_camera(scene), settings)
+        source = RasterSource(gpu, AnimatedScene(scene), settings)
         for frame in (1, 3, 5):
             source.advance(frame)
             shots[animated, frame] = source.read("direct")[..., 0].astype(np.float64)

@@ -102,7 +102,7 @@ def test_another_run_is_compared(drive, tmp_path):
 
 def reference(driven) -> np.ndarray:
     source = driven.engine.comparisons["run"]._feed.source
-    assert source.renderer.options.culling == "none"
+    assert source.renderer.culling == "none"
     normal, position = source.read("normal")[..., :3], source.read("position")
     return np.where(position[..., 3:] > 0, 255 * (0.5 + 0.5 * normal), 255 * 0.06).round().astype(int)
 

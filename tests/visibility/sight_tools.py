@@ -10,7 +10,8 @@ from ray_caster import gather
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Visibility
 from taubench_gl.frame.passes.pathtracing import pixel_footprint
-from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.visibility import PreviousSurfaces, visibility
 from taubench_gl.settings import Settings
@@ -38,7 +39,7 @@ def look(gpu: Gpu, scene, camera, size, frame=1, *, fps=24.0, **settings) -> Sig
     settings = Settings(
         width=size[0], height=size[1], fps=fps, columns=("frustum", "position"), reprojection="motion", **settings
     )
-    source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=CHANNELS))
+    source = RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=CHANNELS)
     try:
         source.advance(frame)
         channels = {name: source.read(name) for name in source.channels}

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taubench_gl.animation import Poser
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.sources import SourceOptions
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.point_light import light_reasons
@@ -30,11 +28,9 @@ class Pair:
     def __init__(self, gpu, scene, frame=1, *, noise=False, **more):
         own = {"width": SIZE[0], "height": SIZE[1], "fps": 4.0, "columns": ("frustum", "direct"), "shadow_lights": 0}
         given = open_scene(scene, Settings(**(own | {"reprojection": "motion"} | more)))
-        poser = Poser(given.scene)
         with gpu, GpuOwner(gpu) as owner:
-            options = SourceOptions(extra=exact_channels())
-            source = owner.open_source(given.scene, given.camera, given.settings, options, poser=poser)
-            exact = ExactReasons(owner, given.scene, given.camera, given.settings, poser, source.radiance)
+            source = owner.open_source(given.animated, given.settings, extra=exact_channels())
+            exact = ExactReasons(owner, given.animated, given.settings, source.radiance)
             source.advance(frame - 1)
             source.advance(frame)
             found = exact.of(source, frame, noise=noise)

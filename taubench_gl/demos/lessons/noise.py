@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import (
@@ -26,7 +25,7 @@ from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import turn_x, turn_y
@@ -57,7 +56,7 @@ def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: in
     shading = Shading(light_samples=samples, indirect_samples=samples)
     settings = stage.settings(columns=("direct",))
     with GpuOwner(stage.gpu) as owner:
-        source = owner.open_source(what, choose_camera(what), settings, SourceOptions(shading=shading))
+        source = owner.open_source(AnimatedScene(what), settings, shading=shading)
         found = []
         for frame in frames:
             source.advance(frame)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.lessons.cost import scaled_to
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import quad, turn_x, turn_y
@@ -46,7 +46,7 @@ def light(stage: Stage, samples: int, frames: int) -> Array:
     """Direct light of ``frames`` frames with independent numbers.  (frames, h, w, 3)."""
     settings = stage.settings(columns=("direct",), spp=samples, width=SIZE[0], height=SIZE[1], **PATHS)
     with GpuOwner(stage.gpu) as owner:
-        source = owner.open_source(scene(), choose_camera(scene()), settings)
+        source = owner.open_source(AnimatedScene(scene()), settings)
         found = []
         for frame in range(frames):
             source.advance(frame)

@@ -86,7 +86,7 @@ def deform_passes(*, previous: bool, flat: bool, vertices: int, groups: tuple[in
 
 @stage(options=("skinning", "morphing", "previous_pose"))
 def deform(spec: FrameSpec) -> Sequence[Pass]:
-    posed = [(node, p) for node, p in spec.facts.drawn if spec.is_posed(node, p)]
+    posed = [(node, p) for node, p in spec.animated.drawn if spec.is_posed(node, p)]
     if not posed:
         return ()
     instances = spec.scene.nodes.instances

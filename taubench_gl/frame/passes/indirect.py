@@ -84,7 +84,7 @@ _LABEL = "indirect buffers"
 # ------------------------------------------------------------------------------------------------------------- layout
 def scene_center(spec: FrameSpec) -> Array:
     """(3,) world: origin of scene space, in which VPLs and probes are."""
-    low, high = spec.facts.box
+    low, high = spec.animated.box
     return 0.5 * (low + high)
 
 
@@ -172,7 +172,7 @@ class Declarations:
     """The passes of one ``spec``, by what they do."""
 
     def __init__(self, spec: FrameSpec):
-        self._spec, self.layout = spec, indirect_layout(spec.facts.box, spec.size, spec.settings.lighting.probes)
+        self._spec, self.layout = spec, indirect_layout(spec.animated.box, spec.size, spec.settings.lighting.probes)
         self.center, self.count, self.patch_count = scene_center(spec), vpl_count(spec), patch_count(spec)
         self.probes, self._faces = spec.indirect_method == "probes", len(rsm_faces(spec))
 
@@ -423,7 +423,7 @@ class IndirectPass:
         """Write ``indirect`` of the frame; where the stochastic pass does that, only find the VPLs."""
         spec, rows = self._spec, frame.light_rows[self._mapped]
         frame.tables |= self.tables
-        faces = faces_of(spec.scene, frame.state, self._mapped, spec.facts.bounds, self._resolution, spec.sun)
+        faces = faces_of(spec.scene, frame.state, self._mapped, spec.animated.bounds, self._resolution, spec.sun)
         lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"]))
         key = frame.casters.key() + lit + b"".join(face.key for face in faces)
         if self._patches is not None:
@@ -502,7 +502,7 @@ class PatchLight:
         self, context: GpuContext, spec: FrameSpec, passes: Declarations, tables: dict, draws: tuple[Draw, ...]
     ):
         """``tables``: of the indirect pass, to which buffers are added."""
-        mapped, facts = set(mapped_lights(spec)), spec.facts
+        mapped, facts = set(mapped_lights(spec)), spec.animated
         self._rows = [row for row in range(len(spec.light_kinds)) if row not in mapped]
         self._scene, self._center, self._tables = spec.scene, passes.center, tables
         lamps = lamps_of(facts.poser, self._rows, facts.times, spec.sun)

@@ -202,7 +202,7 @@ class ShadowPass:
         self._padded = FACE.zeros(-(-len(self.rows) // FACE_ROW) * FACE_ROW)
         self._table = gpu.ctx.texture((len(FACE.fields) * FACE_ROW, len(self._padded) // FACE_ROW), 4, dtype="f4")
         self._drawer = FaceDrawer(context, self._framebuffer, declaration)
-        self._anchor = AnchoredRecords(gpu, draws, spec.facts.bounds[0])
+        self._anchor = AnchoredRecords(gpu, draws, spec.animated.bounds[0])
 
     def depths(self) -> Array:
         """The atlas, (h, w) float32 reversed Z, row 0 at the bottom."""
@@ -211,7 +211,7 @@ class ShadowPass:
     def run(self, frame: FrameContext) -> None:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
         spec, light_rows = self._spec, frame.light_rows
-        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, spec.map_sizes, spec.sun)
+        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.animated.bounds, spec.map_sizes, spec.sun)
         light_rows["color"][:, 3] = -1.0
         stale: list[tuple[Face, tuple[int, int], Array]] = []
         parts: list[Rect] = []

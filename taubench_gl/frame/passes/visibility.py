@@ -90,7 +90,7 @@ class VisibilityPass:
         # Triangles of other draws are in the space of their primitive, which no mirror has turned over.
         self._world_space = np.array([d.posed for d in renderer.draws], dtype=bool)
         self._world_space[merged] = True
-        culling = renderer.options.culling == "gltf"
+        culling = renderer.culling == "gltf"
         keys = renderer.materials.keys
         self._culled = np.array([culling and not keys[d.material + 1].double_sided for d in renderer.draws], dtype=bool)
         p = declaration(spec)
