@@ -221,7 +221,7 @@ class RasterInputs(Inputs):
         ``exact``: provide ``exact_mask`` and ``exact_motion`` even if no method reads them; or the source that they are
         of, which stays the caller's: path-traced inputs need one.
         """
-        kind, scene, camera, settings = request.kind, request.scene, request.camera, request.settings
+        kind, scene, settings = request.kind, request.scene, request.settings
         self.output_size = (settings.sequence.width, settings.sequence.height)
         if kind.rate != "full" and min(self.output_size) < 2:
             raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
