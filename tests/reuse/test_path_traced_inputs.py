@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import OpenEXR
 import pytest
@@ -139,8 +141,7 @@ def test_a_dark_scene_has_no_reference(gpu):
     b = SceneBuilder()
     lit_room(b)
     scene = b.build()
-    dark = scene.__class__(**{n: getattr(scene, n) for n in scene.__dataclass_fields__} | {"lights": ()})
-    dark.nodes.light[:] = -1
+    dark = replace(scene, lights=(), nodes=replace(scene.nodes, light=np.full_like(scene.nodes.light, -1)))
     with pytest.raises(SettingsError):
         References.open(GpuOwner(gpu), AnimatedScene(dark), chosen(), 4)
 
