@@ -77,7 +77,7 @@ def test_every_shader_and_numeric_module_has_sites_and_every_seed_its_own_mutant
 
 def test_tests_that_import_a_module_cover_it(mutate):
     mutant = Mutant("taubench_gl/metrics/streaming.py", 0, 0, "", 1, "")
-    assert "tests/metrics/test_streaming.py" in mutate.tests_of(mutant, "numbers")[:3]
+    assert "tests/metrics/test_streaming.py" in mutate.tests_of(mutant)[:3]
 
 
 def test_a_mutant_is_noticed_and_its_file_is_as_before(mutate, tmp_path):
