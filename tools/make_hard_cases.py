@@ -32,7 +32,10 @@ TITLES = {
     "statistics": "Sums and counts",
     "storage": "Half, float and double precision",
     "files": "Invalid files",
+    "encodings": "Values in every form that glTF allows",
     "arithmetic": "Rates, means, cuts and exposure",
+    "formulas": "Formulas against other formulas",
+    "cross_checks": "One scene by two ways",
 }
 
 HEAD = """# Hard cases

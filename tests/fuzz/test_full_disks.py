@@ -18,19 +18,9 @@ SMALL = ("--size", "48x27", "--frames", "0:3", "--light-unit", "candela", "--exp
 COMMANDS = {
     "evaluate": ("evaluate", str(DEMO), "--save", "masks", *SMALL),
     "export": ("export", str(DEMO), "--channels", "gbuffer,flow", *SMALL),
-    "reuse": (
-        "reuse",
-        "evaluate",
-        str(DEMO),
-        "--methods",
-        "accumulate",
-        "--video",
-        "none",
-        "--metrics",
-        "psnr",
-        *SMALL,
-    ),
-}
+    "reuse": ("reuse", "evaluate", str(DEMO), "--methods", "accumulate", "--input", "full", "--video", "none",
+              "--metrics", "psnr", *SMALL),
+}  # fmt: skip
 
 
 @pytest.fixture
