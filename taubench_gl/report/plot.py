@@ -22,12 +22,14 @@ _STYLE = {"axes.spines.top": False, "axes.spines.right": False, "axes.grid": Tru
 
 
 class Plot:
-    """A figure of panels, one above the other, with one title, legends beside them, and no state outside it.
+    """A figure of panels with one title, legends beside them, and no state outside it.
 
-    ``axes``: the Matplotlib axes of the first panel, ``panels``: of all.
+    ``axes``: the Matplotlib axes of the first panel, ``panels``: of all, row by row.
     """
 
-    def __init__(self, title: str, width: float = 7.5, height: float = 4.6, rows: int = 1, **grid: Any):
+    def __init__(
+        self, title: str, width: float = 7.5, height: float = 4.6, rows: int = 1, columns: int = 1, **grid: Any
+    ):
         """``width`` x ``height`` inches; ``grid``: arguments of ``Figure.subplots``."""
         import matplotlib
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -38,7 +40,7 @@ class Plot:
             self.figure = Figure(figsize=(width, height), layout="constrained")
             FigureCanvasAgg(self.figure)
             self.figure._repr_png_ = MethodType(_png_of, self.figure)  # notebooks show figures of pyplot only
-            self.panels = list(self.figure.subplots(rows, 1, squeeze=False, **grid)[:, 0])
+            self.panels = list(self.figure.subplots(rows, columns, squeeze=False, **grid).flat)
         self.axes = self.panels[0]
         self.title(self.axes, title)
 
