@@ -81,7 +81,7 @@ def paper(
 
     make_engine(engine, workers, out)  # refuses what there is not before anything is drawn
     options = PaperOptions(size, light, spp, tuple(dict.fromkeys(lobes)), quick, pixels)
-    found = find_scenes(scenes, out / "scenes", resolve)
+    found = find_scenes(scenes, resolve)
     for name, why in found.missing.items():
         _say(f"not measured: {name}: {why}")
     jobs = plan(found.scenes, options)

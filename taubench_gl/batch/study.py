@@ -32,9 +32,8 @@ from taubench_gl.batch.merge import (
 )
 from taubench_gl.batch.pixels import MOST_PAIRS
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
-from taubench_gl.batch.units import HeadUnit, PairsUnit, Sparse, head_hash, head_key, pairs_key, resolved_job
+from taubench_gl.batch.units import head_key, head_unit, pairs_key, pairs_unit, resolved_job
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import files_identity
 from taubench_gl.folder_lock import lock_holder
 from taubench_gl.run import SUMMARY_FILE, load_run
 from taubench_gl.settings import Settings
@@ -65,28 +64,6 @@ class _About(msgspec.Struct):
     jobs: list[_Job]
 
 
-class _Head(msgspec.Struct):
-    frames: tuple[int, int]
-    facts: dict[str, Any]
-    lighting: dict[str, Any]
-    positions: list[tuple[float, float, float]]
-    rotations: list[Any]
-    stamp: list[int] | None
-
-
-class _Pair(msgspec.Struct):
-    position: int
-    words: Sparse
-    bins: Sparse
-    lobes: dict[str, Sparse]
-    exact: dict[str, int | None] | None
-
-
-class _Pairs(msgspec.Struct):
-    report: dict[str, Any]
-    pairs: list[_Pair]
-
-
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """``failed``: job id -> reason."""
@@ -113,8 +90,7 @@ class BatchStudy:
     def missing(self, job: str, width: int) -> tuple[Sequence[Unit], int]:
         head = self._head(job)
         if head is None:
-            stamp = file_stamp(self._jobs[job].scene)
-            return [HeadUnit(self._jobs[job], stamp)], 0
+            return [head_unit(self._jobs[job], file_stamp(self._jobs[job].scene))], 0
         resolved = resolved_job(self._jobs[job], head)
         positions = job_positions(resolved, head)
         if is_written(self.store, resolved, head):
@@ -129,8 +105,7 @@ class BatchStudy:
         chunks = [tuple(left[i : i + size]) for i in range(0, len(left), size)]
         if not positions and not reports:
             chunks = [()]
-        sha256 = files_identity(head["facts"]["scene"])
-        return [PairsUnit(resolved, chunk, head_hash(head), sha256) for chunk in chunks], len(positions)
+        return [pairs_unit(resolved, chunk, head) for chunk in chunks], len(positions)
 
     def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
         return (unit,)
@@ -154,10 +129,10 @@ class BatchStudy:
         """The job's head; None if it is missing, or made before the scene may have changed."""
         if job not in self._heads:
             self.store.log_file(job).unlink(missing_ok=True)
-            head, stamp = self.store.load(head_key(job), _Head), file_stamp(self._jobs[job].scene)
+            head, stamp = self.store.load(head_key(job)), file_stamp(self._jobs[job].scene)
             self._heads[job] = head if head is not None and head["stamp"] == stamp is not None else None
         elif self._heads[job] is None:  # its unit is done
-            self._heads[job] = self.store.load(head_key(job), _Head)
+            self._heads[job] = self.store.load(head_key(job))
         return self._heads[job]
 
 
@@ -170,7 +145,7 @@ def stored_pairs(
     """
     reports: list[dict[str, Any]] = []
     pairs: dict[int, dict[str, Any]] = {}
-    for record in store.find(pairs_key(job, "*", head_hash(head)), _Pairs, remove=remove):
+    for record in store.find(pairs_key(job, "*", head), remove=remove):
         reports.append(record["report"] | {"positions": [pair["position"] for pair in record["pairs"]]})
         for pair in record["pairs"]:
             pairs.setdefault(pair["position"], pair)
@@ -261,7 +236,7 @@ def batch_status(out: str | Path) -> tuple[str, str | None, list[JobStatus]]:
     spec = stored_spec(store)
     states = []
     for job in spec.jobs:
-        head, reason = store.load(head_key(job.id), _Head, remove=False), store.failure(job.id)
+        head, reason = store.load(head_key(job.id), remove=False), store.failure(job.id)
         positions = () if head is None else job_positions(resolved_job(job, head), head)
         done = 0 if head is None else len(stored_pairs(store, job.id, head, remove=False)[1])
         state = "part" if done else "waiting"

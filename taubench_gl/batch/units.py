@@ -49,7 +49,7 @@ from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import AUTO, Settings
 from taubench_gl.study.store import content_hash, json_bytes
-from taubench_gl.study.unit import Worker
+from taubench_gl.study.unit import Unit, Worker
 from taubench_gl.study.worker import open_context
 
 Array = np.ndarray
@@ -60,27 +60,12 @@ LIGHTING = ("light_unit", "exposure", "environment", "spp", "pairs")
 """Settings that are resolved once for all units of a job."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeadUnit:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadUnit(Unit):
     """All of a job that needs no pair.  ``stamp``: ``file_stamp`` of the scene before it is read."""
 
     of: Job
     stamp: list[int] | None
-    name: str = "head"
-    weight: int = 0
-    limit: float | None = None
-
-    @property
-    def job(self) -> str:
-        return self.of.id
-
-    @property
-    def key(self) -> str:
-        return head_key(self.job)
-
-    @property
-    def scene(self) -> str:
-        return self.of.scene
 
     def run(self, worker: Worker) -> bytes:
         worker.release()  # the scene may have changed
@@ -90,40 +75,17 @@ class HeadUnit:
         return json_bytes(_head_record(loaded, self.of.settings, self.stamp))
 
 
-@dataclass(frozen=True, slots=True)
-class PairsUnit:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairsUnit(Unit):
     """Pairs of a job whose lighting is resolved.
 
     ``positions``: ascending, among the job's pairs; empty for a job without pairs, whose frames are rendered all the
-    same.  ``head``: hash of the head; ``sha256``: of the files when it was made (``evaluation.files_identity``).
+    same.  ``sha256``: of the files when the head was made (``evaluation.files_identity``).
     """
 
     of: Job
     positions: tuple[int, ...]
-    head: str
     sha256: str | None
-    limit: float | None = None
-
-    @property
-    def job(self) -> str:
-        return self.of.id
-
-    @property
-    def key(self) -> str:
-        ends = f"{self.positions[0]:06d}-{self.positions[-1]:06d}" if self.positions else "none"
-        return pairs_key(self.job, ends, self.head)
-
-    @property
-    def scene(self) -> str:
-        return self.of.scene
-
-    @property
-    def name(self) -> str:
-        return f"pairs {self.positions[0]} to {self.positions[-1]}" if self.positions else "frames without pairs"
-
-    @property
-    def weight(self) -> int:
-        return len(self.positions)
 
     def run(self, worker: Worker) -> bytes:
         started, settings = time.perf_counter(), self.of.settings
@@ -159,14 +121,27 @@ class PairsUnit:
         return [pair_record(p, c, {}, None) for p, c in zip(self.positions, counts, strict=True)], report
 
 
+def head_unit(job: Job, stamp: list[int] | None) -> HeadUnit:
+    return HeadUnit(job=job.id, key=head_key(job.id), name="head", scene=job.scene, of=job, stamp=stamp)
+
+
+def pairs_unit(job: Job, positions: tuple[int, ...], head: Mapping[str, Any]) -> PairsUnit:
+    """``job``: with the lighting of its ``head``."""
+    ends = f"{positions[0]:06d}-{positions[-1]:06d}" if positions else "none"
+    name = f"pairs {positions[0]} to {positions[-1]}" if positions else "frames without pairs"
+    sha256 = files_identity(head["facts"]["scene"])
+    return PairsUnit(job=job.id, key=pairs_key(job.id, ends, head), name=name, scene=job.scene, weight=len(positions),
+                     of=job, positions=positions, sha256=sha256)  # fmt: skip
+
+
 def head_key(job: str) -> str:
     """Of the record of a job's head."""
     return f"{job}/head"
 
 
-def pairs_key(job: str, ends: str, head: str) -> str:
-    """Of a record of pairs.  ``ends``: first and last position, or a pattern; ``head``: hash of the job's head."""
-    return f"{job}/pairs-{ends}-{head}"
+def pairs_key(job: str, ends: str, head: Mapping[str, Any]) -> str:
+    """Of a record of pairs.  ``ends``: first and last position, or a pattern."""
+    return f"{job}/pairs-{ends}-{head_hash(head)}"
 
 
 def head_hash(head: Mapping[str, Any]) -> str:

@@ -6,7 +6,9 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from taubench_gl.animation import camera_of_run
 from taubench_gl.benchmark.scenes import scene_file

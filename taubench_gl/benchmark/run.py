@@ -7,7 +7,6 @@ into one.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,7 @@ class BenchmarkStudy:
         """One unit per different case with all methods, by job; those of most images first."""
         units: dict[str, BenchmarkUnit] = {}
         for case in self.suite.cases:
-            unit = BenchmarkUnit(case, self.entries, self.scenes[case.scene], self._limit)
+            unit = BenchmarkUnit.of(case, self.entries, self.scenes[case.scene], self._limit)
             units.setdefault(unit.identity, unit)
         return {unit.job: unit for unit in sorted(units.values(), key=lambda unit: -unit.weight)}
 
@@ -78,7 +77,7 @@ class BenchmarkStudy:
         unit = self.units[job]
         known = self.result(unit)["methods"]
         left = tuple(entry for entry in unit.entries if entry.label not in known)
-        return [replace(unit, entries=left)] if left else [], unit.weight
+        return [unit.part(left)] if left else [], unit.weight
 
     def instead(self, unit: BenchmarkUnit, died: bool) -> Sequence[BenchmarkUnit]:
         if len(unit.entries) == 1:
@@ -86,7 +85,7 @@ class BenchmarkStudy:
             return (unit,)
         alone = [entry for entry in unit.entries if died or entry.label in self._deadly]
         others = tuple(entry for entry in unit.entries if entry not in alone)
-        return [replace(unit, entries=part) for part in (*((entry,) for entry in alone), others) if part]
+        return [unit.part(part) for part in (*((entry,) for entry in alone), others) if part]
 
     def finish(self, job: str) -> None:
         """Nothing: a case has no file of its own."""
@@ -110,7 +109,7 @@ class BenchmarkStudy:
         methods: dict[tuple[str, str | None], Any] = {}
         times: dict[str, Any] = {}
         seconds = 0.0
-        for record in self.store.find(record_key(unit.identity, "*"), dict[str, Any]):
+        for record in self.store.find(record_key(unit.identity, "*")):
             facts |= {name: value for name, value in record.items() if name not in ("methods", "times", "case")}
             methods |= {(label, method["sha256"]): method for label, method in record["methods"].items()}
             times |= record["times"]["methods"]

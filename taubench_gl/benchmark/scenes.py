@@ -6,13 +6,11 @@ meters per frame) or a still camera and moving lights or objects (meters per fra
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from taubench_gl.data_files import read_bytes
+from taubench_gl.data_files import code_hash
 from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.motion_stats import MotionStats
@@ -21,7 +19,8 @@ from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
 from taubench_gl.datasets.stress import ANIMATIONS, Moves, stress
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import output_folder, replacing
-from taubench_gl.paths import ASSETS, PACKAGE, cache_folder
+from taubench_gl.paths import ASSETS, cache_folder
+from taubench_gl.study.store import content_hash
 
 STRESS = ("rotation", "translation", "light_speed", "object_speed")
 DEMO = "demo"
@@ -95,12 +94,11 @@ def _motion(recipe: SceneRecipe) -> tuple[CameraSpec, Moves]:
 
 
 def _cached(name: str, content: object) -> Path:
-    key = hashlib.sha256(json.dumps([_code(), content], sort_keys=True).encode()).hexdigest()[:12]
-    return output_folder(cache_folder() / "benchmark") / f"{name}-{key}.glb"
+    """Another version of the modules that make scenes has other files."""
+    key = content_hash([_code(), content])
+    return output_folder(cache_folder() / "scenes-made" / key) / f"{name}.glb"
 
 
 @cache
 def _code() -> str:
-    """Hash of the modules that make scenes: another version makes other files."""
-    files = [*sorted((PACKAGE / "datasets").glob("*.py")), Path(__file__)]
-    return hashlib.sha256(b"".join(read_bytes(path) for path in files)).hexdigest()
+    return code_hash(("datasets", "benchmark/scenes.py"), shaders=())

@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,12 +40,12 @@ HINT = "see docs/benchmark.md"
 Positive = Annotated[int, msgspec.Meta(ge=1)]
 
 
-class _Cases(msgspec.Struct, forbid_unknown_fields=True):
-    scene: str
+class _Evaluated(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What a table of ``cases`` and each of its cases share."""
+
     track: str
     input: str
     first: Annotated[int, msgspec.Meta(ge=0)] = 0
-    frames: Annotated[int, msgspec.Meta(ge=2)] | None = None
     fps: Annotated[float, msgspec.Meta(gt=0)] = 24.0
     seeds: Positive = 1
     light_samples: Positive = 1
@@ -54,6 +54,11 @@ class _Cases(msgspec.Struct, forbid_unknown_fields=True):
     reference_samples: Positive = 16
     environment: tuple[float, float, float] | None = None
     exposure: Annotated[float, msgspec.Meta(gt=0)] | None = None
+
+
+class _Cases(_Evaluated, frozen=True):
+    scene: str
+    frames: Annotated[int, msgspec.Meta(ge=2)] | None = None
     still: bool = False
     rotation: list[float] | None = None
     translation: list[float] | None = None
@@ -73,30 +78,18 @@ class _Suite(msgspec.Struct, forbid_unknown_fields=True):
     metrics: tuple[str, ...] = DEFAULT_METRICS
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(_Evaluated, frozen=True):
     """One evaluation.  ``series`` and ``value``: the axis and step of a series, None for a single case.
 
     ``first``: number of the first frame; ``cuts``: frames declared to have no history.
     """
 
     id: str
-    track: str
     series: str | None
     value: float | None
     scene: SceneRecipe
     size: tuple[int, int]
-    first: int
     frames: int
-    fps: float
-    input: str
-    light_samples: int
-    vpl_samples: int
-    seeds: int
-    reference: str
-    reference_samples: int
-    environment: tuple[float, float, float] | None
-    exposure: float | None
     cuts: tuple[int, ...]
     warmup: int
     shadow_size: int
@@ -140,7 +133,8 @@ class Case:
 
     def identity(self, scene_sha256: str) -> str:
         """Hash of what is evaluated, 64 hexadecimal digits; labels are no part of it."""
-        values = {name: value for name, value in asdict(self).items() if name not in ("id", "track", "series", "value")}
+        labels = ("id", "track", "series", "value")
+        values = {name: value for name, value in msgspec.structs.asdict(self).items() if name not in labels}
         values["scene"] = scene_sha256
         return hashlib.sha256(json.dumps([SCHEMA, values], sort_keys=True).encode()).hexdigest()
 
@@ -162,12 +156,11 @@ class Suite:
 
         A part is another suite: its name and hash tell.  Raises SettingsError for a pattern without a case.
         """
-        if lost := next(
-            (one for one in patterns if not any(fnmatch.fnmatchcase(case.id, one) for case in self.cases)), None
-        ):
+        ids = [case.id for case in self.cases]
+        if lost := next((pattern for pattern in patterns if not fnmatch.filter(ids, pattern)), None):
             hint = "see 'taubench-gl benchmark plan'"
             raise SettingsError(f"suite {self.name} has no case {lost!r}", hint=hint)
-        cases = tuple(case for case in self.cases if any(fnmatch.fnmatchcase(case.id, one) for one in patterns))
+        cases = tuple(case for case in self.cases if any(fnmatch.fnmatchcase(case.id, pattern) for pattern in patterns))
         if not patterns or len(cases) == len(self.cases):
             return self
         digest = hashlib.sha256(json.dumps([self.sha256, [case.id for case in cases]]).encode()).hexdigest()
@@ -183,29 +176,28 @@ def read_suite(text: str | Path) -> Suite:
     values = read_toml(path, fault=SettingsError, hint=HINT)
     if values.get("schema") != SCHEMA:
         raise SettingsError(f"schema is {values.get('schema')!r}, expected {SCHEMA!r}", where=str(path), hint=HINT)
-    suite = read_toml(path, _Suite, SettingsError, hint=HINT)
-    given = msgspec.convert(suite, _Suite)
+    suite = msgspec.convert(read_toml(path, _Suite, SettingsError, hint=HINT), _Suite)
     try:
-        cases = tuple(case for table in given.cases for case in _expanded(given, table, path.parent))
+        cases = tuple(case for table in suite.cases for case in _expanded(suite, table, path.parent))
     except SettingsError as error:
         raise SettingsError(error.what, where=str(path), hint=error.hint) from None
     ids = [case.id for case in cases]
-    if repeated := next((one for one in ids if ids.count(one) > 1), None):
+    if repeated := next((name for name in ids if ids.count(name) > 1), None):
         raise SettingsError(f"two cases are {repeated}", where=str(path), hint="leave one out")
-    return Suite(given.name, hashed(path, SettingsError).hexdigest(), cases)
+    return Suite(suite.name, hashed(path, SettingsError).hexdigest(), cases)
 
 
 def _expanded(suite: _Suite, table: _Cases, folder: Path) -> list[Case]:
     """The cases of one table.  Raises SettingsError."""
-    given = [axis for axis in SERIES if getattr(table, axis) is not None]
-    if len(given) > 1:
-        raise SettingsError(f"a series has {' and '.join(given)}", hint="give one of them")
-    if not given:
+    axes = [axis for axis in SERIES if getattr(table, axis) is not None]
+    if len(axes) > 1:
+        raise SettingsError(f"a series has {' and '.join(axes)}", hint="give one of them")
+    if not axes:
         return [_case(suite, table, folder, None, None)]
-    values = getattr(table, given[0])
+    values = getattr(table, axes[0])
     if not values or values != sorted(set(values)) or not all(math.isfinite(v) and v >= 0 for v in values):
-        raise SettingsError(f"{given[0]} is {values}", hint="give different numbers of at least 0, ascending")
-    return [_case(suite, table, folder, given[0], value) for value in values]
+        raise SettingsError(f"{axes[0]} is {values}", hint="give different numbers of at least 0, ascending")
+    return [_case(suite, table, folder, axes[0], value) for value in values]
 
 
 def _input_name(table: _Cases) -> str:
@@ -230,27 +222,17 @@ def _case(suite: _Suite, table: _Cases, folder: Path, axis: str | None, value: f
         cuts = tuple(range(table.first + int(value), table.first + frames, int(value)))
     step = "" if axis is None else f"/{axis}={value:g}"
     case = Case(
+        **{name: getattr(table, name) for name in _Evaluated.__struct_fields__},
         id=f"{Path(table.scene).stem}{step}/{_input_name(table)}",
-        track=table.track,
         series=axis,
         value=None if value is None else float(value),
         scene=recipe,
         size=parse_size(suite.size),
-        first=table.first,
         frames=frames,
-        fps=table.fps,
-        input=table.input,
-        light_samples=table.light_samples,
-        vpl_samples=table.vpl_samples,
-        seeds=table.seeds,
-        reference=table.reference,
-        reference_samples=table.reference_samples,
-        environment=table.environment,
-        exposure=table.exposure,
         cuts=cuts,
         warmup=suite.warmup,
         shadow_size=suite.shadow_size,
-        metrics=tuple(suite.metrics),
+        metrics=suite.metrics,
     )
     if case.kind.files is not None or is_sequence(case.reference):
         raise SettingsError(f"{case.id}: files are no part of a suite", hint="give a rendered input and reference")

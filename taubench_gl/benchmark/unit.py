@@ -27,7 +27,7 @@ from taubench_gl.reuse.inputs import missing_inputs
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.study.store import content_hash, json_bytes
-from taubench_gl.study.unit import Worker
+from taubench_gl.study.unit import Unit, Worker
 from taubench_gl.study.worker import open_context
 
 DIVERGED = 100.0
@@ -76,40 +76,36 @@ def _files_sha256(path: Path, root: Path) -> str:
     return digest.hexdigest()
 
 
-@dataclass(frozen=True, slots=True)
-class BenchmarkUnit:
-    """Methods on one case, a unit of a study.  ``sha256``: of the scene's file, which the worker checks."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchmarkUnit(Unit):
+    """Methods on one case.  ``sha256``: of the scene's file, which the worker checks; ``identity``: of the case."""
 
     case: Case
     entries: tuple[Entry, ...]
     sha256: str
-    limit: float | None = None
+    identity: str
 
-    @property
-    def job(self) -> str:
-        return self.case.id
+    @classmethod
+    def of(cls, case: Case, entries: tuple[Entry, ...], sha256: str, limit: float | None = None) -> BenchmarkUnit:
+        """Its weight is the number of images that it evaluates, without those of references."""
+        identity = case.identity(sha256)
+        methods = content_hash([[entry.label, entry.sha256] for entry in entries])
+        return cls(
+            job=case.id,
+            key=record_key(identity, methods),
+            name=f"{len(entries)} methods" if len(entries) > 1 else entries[0].label,
+            scene=case.scene.source,
+            weight=case.frames * case.seeds * len(entries),
+            limit=limit,
+            case=case,
+            entries=entries,
+            sha256=sha256,
+            identity=identity,
+        )
 
-    @property
-    def identity(self) -> str:
-        """Of the case, 64 hexadecimal digits."""
-        return self.case.identity(self.sha256)
-
-    @property
-    def key(self) -> str:
-        return record_key(self.identity, content_hash([[entry.label, entry.sha256] for entry in self.entries]))
-
-    @property
-    def weight(self) -> int:
-        """Images that it evaluates, without those of references."""
-        return self.case.frames * self.case.seeds * len(self.entries)
-
-    @property
-    def scene(self) -> str:
-        return self.case.scene.source
-
-    @property
-    def name(self) -> str:
-        return f"{len(self.entries)} methods" if len(self.entries) > 1 else self.entries[0].label
+    def part(self, entries: tuple[Entry, ...]) -> BenchmarkUnit:
+        """Some of its methods."""
+        return self.of(self.case, entries, self.sha256, self.limit)
 
     def run(self, worker: Worker) -> bytes:
         started = time.perf_counter()

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from taubench_gl.data_files import hashed, opened
+from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
 from taubench_gl.datasets.registry import Entry, known_name
 from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
-from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
+from taubench_gl.datasets.stand_ins import FITTED, STAND_INS
 from taubench_gl.errors import DatasetError, TaubenchError
-from taubench_gl.outputs import copy_atomically
 from taubench_gl.report.paper import paper_numbers
 
 DATASET, STAND_IN = "dataset", "stand-in"
@@ -56,27 +53,27 @@ def paper_entries(entries: dict[str, Entry] | None = None) -> dict[str, Entry]:
     return {name: entry for name, entry in entries.items() if entry.paper in rows}
 
 
-def find_scenes(names: Sequence[str], folder: Path, resolve: Resolver) -> Found:
+def find_scenes(names: Sequence[str], resolve: Resolver) -> Found:
     """The scenes that ``names`` selects; none: all of the paper.
 
-    A scene that is not in the cache has its stand-in, which is written to ``folder``.  A scene that ``names`` holds and
-    that is not there raises DatasetError; so does a name that is not of the paper.
+    A scene that is not in the cache has its stand-in, which is made.  Raises DatasetError for a scene of ``names`` that
+    is not there, and for a name that is not of the paper.
     """
     entries = paper_entries()
-    chosen = list(dict.fromkeys(known_name(entries, name) for name in names))
+    selected = list(dict.fromkeys(known_name(entries, name) for name in names))
     scenes: list[PaperScene] = []
     missing: dict[str, str] = {}
-    for name in chosen or entries:
+    for name in selected or entries:
         try:
-            scenes.append(_find(name, entries[name], folder, resolve))
+            scenes.append(_find(name, entries[name], resolve))
         except TaubenchError as error:
-            if chosen:
+            if selected:
                 raise
             missing[name] = str(error).removeprefix(f"{name}: ")
     return Found(tuple(scenes), missing)
 
 
-def _find(name: str, entry: Entry, folder: Path, resolve: Resolver) -> PaperScene:
+def _find(name: str, entry: Entry, resolve: Resolver) -> PaperScene:
     row, activity = str(entry.paper), {"fps": CAMERA_FPS} | entry.camera_settings()
     if CachedScene(name, entry).record() is not None:
         path, settings = resolve(f"scene:{name}")
@@ -85,18 +82,5 @@ def _find(name: str, entry: Entry, folder: Path, resolve: Resolver) -> PaperScen
     if name not in STAND_INS:
         hint = f"taubench-gl scenes get {name}, with --from FILE for a local file"
         raise DatasetError("is not in the cache and has no stand-in", where=name, hint=hint)
-    file = (folder / f"{name}.glb").absolute()
-    _write_stand_in(name, file)
     rates = {"fps": entry.fps} if entry.fps is not None else {}
-    return PaperScene(name, row, STAND_IN, str(file), rates, {"fps": activity["fps"]}, FITTED)
-
-
-def _write_stand_in(name: str, file: Path) -> None:
-    """Write the stand-in of this version of the package; a file that has the same bytes stays untouched."""
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / file.name
-        make_stand_in(name, made)
-        if not file.is_file() or hashed(made).digest() != hashed(file).digest():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with opened(made) as data:
-                copy_atomically(data, file)
+    return PaperScene(name, row, STAND_IN, str(scene_file(SceneRecipe(name))), rates, {"fps": activity["fps"]}, FITTED)

@@ -98,29 +98,24 @@ class Store:
         sha256 = hashlib.sha256(data).hexdigest().encode()
         write_atomically(self._record(key), b'{"sha256":"' + sha256 + b'","value":' + data + b"}\n", parents=True)
 
-    def load(self, key: str, kind: Any = Any, *, remove: bool = True) -> Any:
-        """The value of a record; None if it is missing, damaged or not of the type ``kind``.
-
-        ``remove``: a damaged file, so that it is written again.
-        """
+    def load(self, key: str, *, remove: bool = True) -> Any:
+        """The value of a record; None if it is missing or damaged.  ``remove``: a damaged file."""
         path = self._record(key)
         try:
             record = msgspec.json.decode(read_bytes(path, max_bytes=MAX_RECORD_BYTES), type=_Record)
             data = bytes(record.value)
             if hashlib.sha256(data).hexdigest() == record.sha256:
-                value = parse_json(data)
-                msgspec.convert(value, kind)
-                return value
+                return parse_json(data)
         except (OutputError, OSError, ValueError, RecursionError):  # damaged by a disk error: files appear complete
             pass
         if remove:
             path.unlink(missing_ok=True)
         return None
 
-    def find(self, pattern: str, kind: Any = Any, *, remove: bool = True) -> Iterator[Any]:
+    def find(self, pattern: str, *, remove: bool = True) -> Iterator[Any]:
         """Values of the records whose keys match ``pattern``, in the order of the keys; as of ``load``."""
         for path in sorted((self.out / RECORDS).glob(f"{pattern}.json")):
-            value = self.load(path.relative_to(self.out / RECORDS).with_suffix("").as_posix(), kind, remove=remove)
+            value = self.load(path.relative_to(self.out / RECORDS).with_suffix("").as_posix(), remove=remove)
             if value is not None:
                 yield value
 

@@ -17,35 +17,20 @@ ATTEMPTS = 3
 """Workers that may die in one unit before it fails."""
 
 
-class Unit(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
     """A part of a job.  It can be pickled, and its result depends on its fields only."""
 
-    @property
-    def job(self) -> str:
-        """The job it is part of: a worker gets units of the same job if it can."""
-
-    @property
-    def key(self) -> str:
-        """Name of its record, with a hash of everything that the result depends on."""
-
-    @property
-    def name(self) -> str:
-        """Which part of its job it is, for messages."""
-
-    @property
-    def scene(self) -> str:
-        """For messages."""
-
-    @property
-    def weight(self) -> int:
-        """Its amount of work, such as its number of pairs."""
-
-    @property
-    def limit(self) -> float | None:
-        """Seconds between two calls of ``Worker.done`` after which a worker process is ended; None: no limit."""
+    job: str  # a worker gets units of the same job if it can
+    key: str  # of its record, with a hash of everything that the result depends on
+    name: str  # which part of its job it is, for messages
+    scene: str  # for messages
+    weight: int = 0  # amount of work, such as the number of pairs
+    limit: float | None = None  # seconds between two calls of ``Worker.done`` that end a worker process
 
     def run(self, worker: Worker) -> bytes:
         """The result, a JSON value.  Raises TaubenchError; NoOpenGL if no context opens."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

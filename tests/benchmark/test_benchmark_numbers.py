@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from taubench_gl.animation import FileCamera, Poser, camera_of_run
 from taubench_gl.benchmark.estimate import cost_of
@@ -110,8 +110,8 @@ def test_a_part_of_a_suite_is_another_suite(tmp_path):
 def test_the_identity_of_a_case_is_what_is_evaluated(tmp_path):
     suite = suite_of(tmp_path, HEAD + CASE + "rotation = [0, 1]\n" + CASE + "translation = [0, 1]\n")
     still, _, still_too, _ = suite.cases
-    same = dataclasses.replace(still, id="x", track="y", series=None, value=None)
-    own, longer = still.identity("a" * 64), dataclasses.replace(still, seeds=2)
+    same = replace(still, id="x", track="y", series=None, value=None)
+    own, longer = still.identity("a" * 64), replace(still, seeds=2)
     assert {case.identity("a" * 64) for case in (still_too, same)} == {own}
     assert len({own, still.identity("b" * 64), longer.identity("a" * 64)}) == 3
 
@@ -241,11 +241,11 @@ def test_the_mean_of_errors_without_a_common_scale_is_geometric():
 def test_estimated_costs_of_known_times():
     """A unit that takes 3 s to begin, 2 s for each further seed, and 0.5 s for a small frame."""
     case = next(case for case in read_suite("quick").cases if case.seeds == 5)
-    small = dataclasses.replace(case, frames=3, seeds=2, size=(80, 45))
+    small = replace(case, frames=3, seeds=2, size=(80, 45))
     frames = [3.5, 0.5, 0.5, 2.5, 0.5, 0.5]
     times = np.cumsum([0.0, *frames])
     cost = cost_of(times, times[-1] + 1.0, small)
     assert cost.of(small).total == pytest.approx(sum(frames) + 1.0)
     assert cost.of(case).total == pytest.approx(3.0 + 1.0 + 4 * 2.0 + 5 * 8 * 0.5 * 4)  # four times the pixels
-    alone = dataclasses.replace(small, seeds=1)
+    alone = replace(small, seeds=1)
     assert cost_of(times[:4], times[3] + 1.0, alone).of(alone).total == pytest.approx(5.5)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
+from taubench_gl.benchmark import scenes as benchmark_scenes
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
@@ -38,7 +38,7 @@ def cache(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TAUBENCH_CACHE", str(folder))
-        patch.setattr(scenes, "make_stand_in", copy)
+        patch.setattr(benchmark_scenes, "make_stand_in", copy)
         patch.setattr(figures, "SIZE", (32, 18))
         patch.setattr(figures, "TURNS", {"yaw": figures.TURNS["yaw"]})
         patch.setattr(figures, "COLUMNS", {name: figures.COLUMNS[name] for name in ("normal", "direct")})
@@ -61,8 +61,8 @@ def run(*arguments):
     return CliRunner().invoke(cli, ["paper", *map(str, arguments)])
 
 
-def test_datasets_come_before_stand_ins(tmp_path):
-    found = find_scenes((), tmp_path / "made", resolved)
+def test_datasets_come_before_stand_ins():
+    found = find_scenes((), resolved)
     assert {scene.name: scene.kind for scene in found.scenes} == {
         "eternal-valley-fps": STAND_IN, "eternal-valley-vr": DATASET,
     }  # fmt: skip
@@ -79,9 +79,9 @@ def test_datasets_come_before_stand_ins(tmp_path):
 
 def test_a_named_scene_that_is_not_there_is_an_error(tmp_path):
     with pytest.raises(DatasetError, match="bistro-interior"):
-        find_scenes(("BistroInterior",), tmp_path, resolved)
+        find_scenes(("BistroInterior",), resolved)
     with pytest.raises(DatasetError, match="no scene is named"):
-        find_scenes(("bart-kitchen",), tmp_path, resolved)
+        find_scenes(("bart-kitchen",), resolved)
     with pytest.raises(SettingsError):
         PaperOptions(lights=("raytraced",))
     assert isinstance(run("bistro-interior", "--out", tmp_path / "out").exception, DatasetError)
@@ -193,13 +193,6 @@ def test_an_engine_that_is_not_there_is_refused_before_anything_is_made(tmp_path
     assert not (tmp_path / "out").exists()
 
 
-def test_a_stand_in_of_another_version_is_replaced(tmp_path):
-    old = tmp_path / "eternal-valley-fps.glb"
-    old.write_bytes(b"old")
-    (scene,) = find_scenes(("eternal-valley-fps",), tmp_path, resolved).scenes
-    assert Path(scene.path) == old and old.read_bytes() == DEMO.read_bytes()
-
-
 def test_estimate_draws_a_few_frames_and_stops(tmp_path):
     out = tmp_path / "out"
     done = run("eternal-valley-fps", "--out", out, *SMALL, "--light", "path-traced", "--spp", "2", "--estimate")
@@ -210,7 +203,7 @@ def test_estimate_draws_a_few_frames_and_stops(tmp_path):
 def test_the_estimate_counts_frames(tmp_path, monkeypatch):
     """All pairs share their frames, those of a sample do not."""
     monkeypatch.setattr(estimate, "_slowest", lambda _scene, _settings: 2.0)
-    found = find_scenes(("eternal-valley-fps",), tmp_path, resolved)
+    found = find_scenes(("eternal-valley-fps",), resolved)
     (every,) = estimate.estimate(plan(found.scenes, PaperOptions()), tmp_path / "every")
     assert every.total == pytest.approx(2.0 * (every.weight + 1))
     (some,) = estimate.estimate(plan(found.scenes, PaperOptions(quick=True)), tmp_path / "some")
