@@ -19,7 +19,7 @@ from taubench_gl.evaluation.exposure import exposure_of
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURE_BIT, FEATURES
 from taubench_gl.frame.passes.pathtracing import pixel_footprint
-from taubench_gl.frame.sources import SourceOptions
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.math3d import mat3_from_quat
 from taubench_gl.metrics.environment import directions
 from taubench_gl.metrics.visibility import PreviousSurfaces, visibility
@@ -470,7 +470,7 @@ def sight_of_a_moving_room(bench: Bench) -> Outcome:
     own = {"width": 64, "height": 36, "fps": 1.0, "columns": ("position",), "reprojection": "motion"}
     settings, extra = bench._settings(own), ("prev_visibility", "prev_position")
     with GpuOwner(bench.gpu) as owner:
-        source = owner.open_source(scene, choose_camera(scene), settings, SourceOptions(extra=extra))
+        source = owner.open_source(AnimatedScene(scene), settings, extra=extra)
         source.advance(0)
         source.advance(1)
         bits = source.read("prev_visibility")[..., 0]
