@@ -32,7 +32,7 @@ from taubench_gl.viewer.state import (
     set_variable,
 )
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
-from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar, wrapped
+from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
 LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
 
@@ -126,11 +126,8 @@ class Panels:
         loop = f"loop {low}-{high}   " if s.loop is not None else ""
         speed = "" if s.speed == 1.0 else f"speed {s.speed:g}   "
         rate, percent, _ = viewer.engine.reusable()
-        reusable = (
-            ""
-            if percent is None
-            else f"{'reusable' if rate == 'shading' else f'reusable {rate}'} {percent:.1f} % of surface pixels   "
-        )
+        label = "reusable" if rate == "shading" else f"reusable {rate}"
+        reusable = "" if percent is None else f"{label} {percent:.1f} % of surface pixels   "
         at = f"{s.frame / s.fps:.3f} s at {s.fps:g} fps"
         self._ui.faint(f"{at}   {reusable}{speed}{loop}")
         self._ui.faint(s.message or viewer.hint, wrap=True)
@@ -180,13 +177,12 @@ class Panels:
 
     def _compare(self) -> None:
         s = self._viewer.state
-        s.against = self._ui.choose("with", s.against, s.others, "against") or s.against
-        s.comparison = self._ui.choose("mode", s.comparison, COMPARISONS, "comparison") or s.comparison
+        self._ui.pick("with", "against", s.others)
+        self._ui.pick("mode", "comparison", COMPARISONS)
         self._ui.check("beside the image, with the error map", s.beside, "beside", "beside")
         if s.against == "method":
-            s.method = self._ui.choose("method", s.method, builtin_methods(), "method") or s.method
-            kind = self._ui.choose("input", s.method_input, METHOD_INPUTS, "method_input")
-            s.method_input = kind or s.method_input
+            self._ui.pick("method", "method", builtin_methods())
+            self._ui.pick("input", "method_input", METHOD_INPUTS)
             self._ui.faint("results are colors: show the channel color", wrap=True)
         if s.beside or s.comparison in ("difference", "error"):
             self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
@@ -207,36 +203,24 @@ class Panels:
         if s.exact:
             self._exact_legend(percentages)
             return
-        right = imgui.get_content_region_avail().x
-        for name in OVERLAYS:
+        for name, reason in OVERLAYS.items():
             percent = percentages.get(name)
             if percent is None or (percent == 0.0 and name in ("first", "cut", "invalid", "behind")):
                 continue
-            color = ImVec4(*(c / 255.0 for c in color_of(OVERLAYS[name])), 1.0)
-            imgui.color_button(f"##{name}", color, imgui.ColorEditFlags_.no_tooltip.value, ImVec2(12, 18))
-            imgui.same_line()
-            term = REASONS[OVERLAYS[name]]
+            self._ui.swatch(name, color_of(reason))
+            term = REASONS[reason]
             self._ui.check(term.label, s.shown[name], f"show {name}", f"show.{name}", term.tooltip)
-            text = f"{percent:.2f} %"
-            imgui.same_line(right - imgui.calc_text_size(text).x)
-            imgui.text(text)
+            self._ui.percent(percent)
         missing = [label_of(OVERLAYS[name]) for name in OVERLAYS if percentages.get(name) is None]
         if missing:
             self._ui.faint(f"not measured: {', '.join(missing)}", wrap=True)
 
     def _exact_legend(self, percentages: Mapping[str, float | None]) -> None:
-        right = imgui.get_content_region_avail().x
         for name, bits in EXACT_OVERLAYS.items():
-            color = ImVec4(*(c / 255.0 for c in EXACT_COLORS[bits]), 1.0)
-            imgui.color_button(f"##{name}", color, imgui.ColorEditFlags_.no_tooltip.value, ImVec2(12, 18))
-            imgui.same_line()
-            term, percent = EXACT_REASONS[bits], percentages.get(name)
-            imgui.text(term.label)
-            if imgui.is_item_hovered():
-                imgui.set_tooltip(wrapped(term.tooltip))
-            text = "not measured" if percent is None else f"{percent:.2f} %"
-            imgui.same_line(right - imgui.calc_text_size(text).x)
-            imgui.text(text)
+            self._ui.swatch(name, EXACT_COLORS[bits])
+            imgui.text(EXACT_REASONS[bits].label)
+            self._ui.explain(EXACT_REASONS[bits].tooltip)
+            self._ui.percent(percentages.get(name))
 
     def _reusable(self) -> None:
         """The reuse rates of the pair, sky and the largest reasons; the reprojection mode beside them."""
@@ -245,13 +229,9 @@ class Panels:
         lines = {f"reusable_{rate}": (f"reusable {rate}", CONCEPTS[rate]) for rate in RATES}
         lines["sky"] = "sky, of all pixels", STATISTICS["sky_percent"]
         for name, (label, term) in lines.items():
-            percent = percentages.get(name)
             imgui.text(label)
-            if imgui.is_item_hovered():
-                imgui.set_tooltip(wrapped(term.tooltip))
-            text = "not measured" if percent is None else f"{percent:.2f} %"
-            imgui.same_line(imgui.get_content_region_avail().x - imgui.calc_text_size(text).x)
-            imgui.text(text)
+            self._ui.explain(term.tooltip)
+            self._ui.percent(percentages.get(name))
         self._ui.faint(f"{engine.feed.settings.metrics.reprojection} reprojection: {words}", wrap=True)
 
     def _settings(self) -> None:
@@ -266,13 +246,9 @@ class Panels:
         self._ui.place("stops", slider=True)
         if changed:
             set_variable(s, "stops", str(stops))
-        s.moving_light = (
-            self._ui.choose("while moving", s.moving_light, MOVING_LIGHTS, "moving_light") or s.moving_light
-        )
-        changed, samples = imgui.slider_int("path tracing", s.samples, 0, 1024, "%d samples", LOGARITHMIC)
-        self._ui.place("samples", slider=True)
-        if changed:
-            s.samples = samples
+        self._ui.pick("while moving", "moving_light", MOVING_LIGHTS)
+        samples = self._ui.number("path tracing", s.samples, 0, 1024, "%d samples", "samples", LOGARITHMIC)
+        s.samples = s.samples if samples is None else samples
         width, height = feed.size
         self._ui.faint(f"{width} x {height} pixels, exposure {feed.settings.lighting.exposure_factor:.4g}", wrap=True)
 

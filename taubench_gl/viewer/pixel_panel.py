@@ -58,14 +58,8 @@ class PixelPanel:
                 _mark(x, corner.y, side, s.magnified, MARK[name])
             imgui.set_cursor_screen_pos(ImVec2(x, corner.y + side + 2))
             self._ui.faint(name)
-        self._magnified()
-
-    def _magnified(self) -> None:
-        s = self._ui.viewer.state
-        changed, half = imgui.slider_int("pixels", s.magnified // 2, 1, 30, f"{s.magnified} x {s.magnified}")
-        self._ui.place("magnified", slider=True)
-        if changed:
-            s.magnified = 2 * half + 1
+        half = self._ui.number("pixels", s.magnified // 2, 1, 30, f"{s.magnified} x {s.magnified}", "magnified")
+        s.magnified = s.magnified if half is None else 2 * half + 1
 
     def _names(self, found: Explanation) -> None:
         where = "none" if found.at is None else f"{found.at[0]:.2f}, {found.at[1]:.2f}"

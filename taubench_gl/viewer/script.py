@@ -5,6 +5,7 @@ One command per line; ``#`` starts a comment.  The whole script is parsed before
 
 from __future__ import annotations
 
+import inspect
 import operator
 import shlex
 from collections.abc import Callable
@@ -19,31 +20,6 @@ from taubench_gl.viewer.actions import ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
 from taubench_gl.viewer.session_file import SUFFIX, is_session
 from taubench_gl.viewer.state import set_variable, variables
-
-COMMANDS: dict[str, tuple[int, int, str]] = {
-    "frame": (1, 1, "frame N: go to frame N"),
-    "key": (1, 1, "key CHORD: press and release a key, such as SPACE or SHIFT+N"),
-    "hold": (2, 2, "hold KEY N: hold a key for N frames"),
-    "action": (1, 9, "action NAME: run an action"),
-    "set": (2, 2, "set NAME VALUE"),
-    "mouse": (2, 2, "mouse X Y: move to a window position; mouse @WIDGET F: along a control, F from 0 to 1"),
-    "press": (0, 1, "press [BUTTON]: press a mouse button (0 left, 1 right)"),
-    "release": (0, 1, "release [BUTTON]"),
-    "click": (0, 2, "click [X Y]: press and release the left button; also click @WIDGET F"),
-    "drag": (2, 2, "drag X Y: press, move to X Y, release"),
-    "scroll": (1, 1, "scroll N: turn the wheel by N steps"),
-    "resize": (2, 2, "resize W H: resize the window"),
-    "minimize": (0, 0, "minimize: the window has no area until it is resized"),
-    "drop": (1, 1, "drop PATH: drop a file on the window"),
-    "wait": (1, 1, "wait N: run N frames of 1/fps seconds"),
-    "session": (1, 1, "session FILE: save a session file; its name ends with .session.json"),
-    "screenshot": (1, 2, "screenshot FILE [window]: save the image, or the window, as PNG"),
-    "expect": (3, 4, "expect NAME OP VALUE [TOLERANCE]: OP is one of == != < <= > >="),
-    "print": (1, 1, "print NAME: print a variable"),
-    "bench": (1, 1, "bench N: print the median frames per second over N played frames"),
-    "quit": (0, 0, "quit"),
-}
-"""Name -> smallest and largest number of arguments, and usage."""
 
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
     "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
@@ -71,12 +47,13 @@ def parse(path: Path) -> list[Line]:
             continue
         command, arguments = words[0], tuple(words[1:])
         if command not in COMMANDS:
-            raise SettingsError(
-                f"there is no command {command!r}", where=where, hint=f"choose from {', '.join(COMMANDS)}"
-            )
-        least, most, usage = COMMANDS[command]
-        if not least <= len(arguments) <= most:
-            raise SettingsError(f"{command} with {len(arguments)} arguments", where=where, hint=f"write {usage}")
+            hint = f"choose from {', '.join(COMMANDS)}"
+            raise SettingsError(f"there is no command {command!r}", where=where, hint=hint)
+        try:
+            inspect.signature(COMMANDS[command]).bind(None, *arguments)
+        except TypeError:
+            hint = f"write {COMMANDS[command].__doc__}"
+            raise SettingsError(f"{command} with {len(arguments)} arguments", where=where, hint=hint) from None
         lines.append(Line(where, command, arguments))
     return lines
 
@@ -101,7 +78,7 @@ class ScriptRunner:
             if self._viewer.done:
                 return
             try:
-                getattr(self, f"do_{line.command}")(*line.arguments)
+                COMMANDS[line.command](self, *line.arguments)
                 self._frame()
             except SettingsError as error:
                 raise SettingsError(error.what, where=line.where, hint=error.hint) from None
@@ -113,12 +90,14 @@ class ScriptRunner:
     # -- commands
 
     def do_key(self, text: str) -> None:
+        """key CHORD: press and release a key, such as SPACE or SHIFT+N"""
         key, modifiers = _chord(text)
         held = {m.lower(): True for m in modifiers}
         self._viewer.input.key(key, True, **held)
         self._viewer.input.key(key, False, **held)
 
     def do_hold(self, text: str, count: str) -> None:
+        """hold KEY N: hold a key for N frames"""
         key, modifiers = _chord(text)
         pressed = [*(["LEFT_SHIFT"] if "SHIFT" in modifiers else []), key]
         for name in pressed:
@@ -128,27 +107,33 @@ class ScriptRunner:
         for name in pressed:
             self._viewer.input.key(name, False)
 
-    def do_action(self, *words: str) -> None:
-        name = " ".join(words)
+    def do_action(self, first: str, *words: str) -> None:
+        """action NAME: run an action"""
+        name = " ".join((first, *words))
         if name not in ACTIONS:
             raise SettingsError(f"there is no action {name!r}", hint=f"choose from {', '.join(ACTIONS)}")
         self._viewer.act(name)
 
     def do_set(self, name: str, value: str) -> None:
+        """set NAME VALUE"""
         set_variable(self._viewer.state, name, value)
 
     def do_mouse(self, x: str, y: str) -> None:
+        """mouse X Y: move to a window position; mouse @WIDGET F: along a control, F from 0 to 1"""
         self._viewer.input.mouse_move(*self._place(x, y))
 
     def do_press(self, button: str = "0") -> None:
+        """press [BUTTON]: press a mouse button (0 left, 1 right)"""
         self._viewer.input.mouse_button(_whole(button), True)
 
     def do_release(self, button: str = "0") -> None:
+        """release [BUTTON]"""
         self._viewer.input.mouse_button(_whole(button), False)
 
-    def do_click(self, *place: str) -> None:
-        if place:
-            self.do_mouse(*(place if len(place) == 2 else (*place, "0.5")))
+    def do_click(self, x: str | None = None, y: str = "0.5") -> None:
+        """click [X Y]: press and release the left button; also click @WIDGET F"""
+        if x is not None:
+            self.do_mouse(x, y)
             self._frame()
         self.do_press()
         self._frame()
@@ -156,6 +141,7 @@ class ScriptRunner:
         self._frame()
 
     def do_drag(self, x: str, y: str) -> None:
+        """drag X Y: press, move to X Y, release"""
         start, end = self._viewer.input.mouse, self._place(x, y)
         self.do_press()
         self._frame()
@@ -165,28 +151,35 @@ class ScriptRunner:
         self.do_release()
 
     def do_scroll(self, steps: str) -> None:
+        """scroll N: turn the wheel by N steps"""
         self._viewer.input.scroll(0.0, _number(steps))
 
     def do_resize(self, width: str, height: str) -> None:
+        """resize W H: resize the window"""
         self._viewer.input.resize(*self._resize(_whole(width), _whole(height)))
 
     def do_minimize(self) -> None:
+        """minimize: the window has no area until it is resized"""
         self._viewer.input.resize(0, 0)
 
     def do_drop(self, path: str) -> None:
+        """drop PATH: drop a file on the window"""
         self._viewer.drop([path])
 
     def do_wait(self, count: str) -> None:
+        """wait N: run N frames of 1/fps seconds"""
         for _ in range(_whole(count)):
             self._frame(1.0 / self._viewer.state.fps)
 
     def do_session(self, path: str) -> None:
+        """session FILE: save a session file; its name ends with .session.json"""
         if not is_session(path):
             raise SettingsError(f"{path!r} is not a session file", hint=f"give a name that ends with {SUFFIX}")
         if not self._viewer.save_session(Path(path)):
             raise OutputError(self._viewer.state.message)
 
     def do_screenshot(self, path: str, what: str = "image") -> None:
+        """screenshot FILE [window]: save the image, or the window, as PNG"""
         if what not in ("image", "window"):
             raise SettingsError(f"screenshot of {what!r}", hint="choose from image, window")
         save = self._viewer.window_screenshot if what == "window" else self._viewer.screenshot
@@ -194,6 +187,7 @@ class ScriptRunner:
             raise OutputError(self._viewer.state.message)
 
     def do_expect(self, name: str, sign: str, text: str, tolerance: str = "0") -> None:
+        """expect NAME OP VALUE [TOLERANCE]: OP is one of == != < <= > >="""
         if sign not in OPERATORS:
             raise SettingsError(f"there is no comparison {sign!r}", hint=f"choose from {' '.join(OPERATORS)}")
         found = self._read(name)
@@ -208,16 +202,20 @@ class ScriptRunner:
             raise SettingsError(f"expected {name} {sign} {text}, got {got}")
 
     def do_print(self, name: str) -> None:
+        """print NAME: print a variable"""
         self._report(f"{name} {self._read(name)}")
 
     def do_bench(self, count: str) -> None:
+        """bench N: print the median frames per second over N played frames"""
         self._bench = self._viewer.bench(max(_whole(count), 1), self._present)
         self._report(f"{self._bench:.1f} frames/s, median of {count}")
 
     def do_quit(self) -> None:
+        """quit"""
         self._viewer.done = True
 
     def do_frame(self, number: str) -> None:
+        """frame N: go to frame N"""
         self.do_set("frame", number)
 
     # -- reading
@@ -267,6 +265,12 @@ class ScriptRunner:
         self._frame()  # scrolling takes effect one frame later
         left, top, width, height = self._viewer.panels.widgets[x[1:]]
         return left + _number(y) * width, top + height / 2
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    name.removeprefix("do_"): method for name, method in vars(ScriptRunner).items() if name.startswith("do_")
+}
+"""Name -> method, whose docstring is the usage."""
 
 
 def _chord(text: str) -> tuple[str, set[str]]:

@@ -12,7 +12,7 @@ from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE
 from taubench_gl.glossary import COLUMNS
 from taubench_gl.metrics.counts import edges
 from taubench_gl.report.palette import color_of
-from taubench_gl.viewer.widgets import Widgets, bar, wrapped
+from taubench_gl.viewer.widgets import Widgets, bar
 
 LEAST = 1e-4
 MOST = {feature.name: feature.most for feature in TABLE if feature.most}
@@ -73,8 +73,7 @@ class ThresholdsPanel:
         imgui.push_item_width(width)
         self._ui.place(f"threshold.{feature}", slider=True)
         imgui.pop_item_width()
-        if imgui.is_item_hovered():
-            imgui.set_tooltip(wrapped(COLUMNS[feature].tooltip))
+        self._ui.explain(COLUMNS[feature].tooltip)
         if changed:
             s.feature = feature
             s.set_threshold(feature, value)

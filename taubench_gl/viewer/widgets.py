@@ -51,6 +51,23 @@ class Widgets:
         imgui.text_wrapped(text)
         imgui.pop_text_wrap_pos()
 
+    def explain(self, definition: str) -> None:
+        """Tooltip of the last item."""
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(wrapped(definition))
+
+    def percent(self, percent: float | None) -> None:
+        """A share at the right end of the line of the last item."""
+        text = "not measured" if percent is None else f"{percent:.2f} %"
+        imgui.same_line(imgui.get_content_region_avail().x - imgui.calc_text_size(text).x)
+        imgui.text(text)
+
+    def swatch(self, name: str, color: tuple[int, int, int]) -> None:
+        """A small rectangle of an 8-bit color; the next item is beside it."""
+        value = ImVec4(*(c / 255.0 for c in color), 1.0)
+        imgui.color_button(f"##{name}", value, imgui.ColorEditFlags_.no_tooltip.value, ImVec2(12, 18))
+        imgui.same_line()
+
     def tip(self, action: str, definition: str = "") -> None:
         """Tooltip of the last item: the action with its keys, below the definition if there is one."""
         if imgui.is_item_hovered():
@@ -73,6 +90,18 @@ class Widgets:
         self.place(name, slider=True)
         if changed:
             setattr(s, name, value)
+
+    def pick(self, label: str, name: str, choices: tuple[str, ...]) -> None:
+        """A list of choices for a text of the state."""
+        picked = self.choose(label, getattr(self.viewer.state, name), choices, name)
+        if picked is not None:
+            setattr(self.viewer.state, name, picked)
+
+    def number(self, label: str, value: int, low: int, high: int, text: str, name: str, flags: int = 0) -> int | None:
+        """A slider for an integer; the one that the user chooses now, else None."""
+        changed, value = imgui.slider_int(label, value, low, high, text, flags)
+        self.place(name, slider=True)
+        return value if changed else None
 
     def choose(self, label: str, value: str, choices: tuple[str, ...], key: str = "") -> str | None:
         """A list of choices; the one that the user picks now, else None."""
