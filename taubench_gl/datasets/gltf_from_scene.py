@@ -44,7 +44,7 @@ def write_scene(scene: Scene, path: Path) -> None:
 def _refuse(scene: Scene) -> None:
     """Raise SceneError for content that only glTF files have; those are edited instead (``gltf_edit``)."""
     nodes, where = scene.nodes, str(scene.path or scene.name)
-    for present, what in (
+    for present, content in (
         (bool(scene.skins), "skins"),
         (bool(nodes.instances), "instances"),
         (bool(np.any(nodes.has_matrix)), "nodes with a matrix"),
@@ -52,7 +52,7 @@ def _refuse(scene: Scene) -> None:
         (any(c.target != "node" or c.path not in _PATHS for c in scene.channels), "animated lenses or lights"),
     ):
         if present:
-            raise SceneError(f"has {what}, which cannot be written from this format", where=where)
+            raise SceneError(f"has {content}, which cannot be written from this format", where=where)
 
 
 def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int], lights: list[dict]) -> dict:

@@ -114,9 +114,9 @@ class CachedScene:
             _require_inside(scene, self.name)
         if not source.is_file():
             raise DatasetError("is not a file", where=str(source), hint="name the archive or the scene file itself")
-        found = sha256_of(source)
-        if self.entry.sha256 not in (None, found):
-            raise DatasetError(f"has checksum {found}, the registry has {self.entry.sha256}", where=str(source))
+        checksum = sha256_of(source)
+        if self.entry.sha256 not in (None, checksum):
+            raise DatasetError(f"has checksum {checksum}, the registry has {self.entry.sha256}", where=str(source))
         try:
             made = make_folders(self.folder)
         except OSError as e:
@@ -134,10 +134,10 @@ class CachedScene:
         path = self.folder / record.file
         if not path.is_file():
             raise DatasetError("is missing", where=str(path), hint=f"scenes get {self.name}")
-        found = sha256_of(path)
-        if found != record.sha256:
+        checksum = sha256_of(path)
+        if checksum != record.sha256:
             raise DatasetError(
-                f"has changed: checksum {found}, was {record.sha256}",
+                f"has changed: checksum {checksum}, was {record.sha256}",
                 where=str(path),
                 hint="delete it and get it again",
             )
@@ -146,15 +146,15 @@ class CachedScene:
     def scene(self) -> Path:
         """The path to evaluate.  Raises DatasetError if it is not found."""
         folder, record = self.folder / "scene", self.record()
-        chosen = (record.scene if record is not None else None) or self.entry.scene
-        if chosen is not None:
-            _require_inside(chosen, self.name)
-            direct = folder / chosen
-            if direct.exists() or "*" in chosen or "%" in chosen:
+        selected = (record.scene if record is not None else None) or self.entry.scene
+        if selected is not None:
+            _require_inside(selected, self.name)
+            direct = folder / selected
+            if direct.exists() or "*" in selected or "%" in selected:
                 return direct
-            found = sorted(folder.rglob(Path(chosen).name)) if folder.is_dir() else []
-            if len(found) == 1:
-                return found[0]
+            matches = sorted(folder.rglob(Path(selected).name)) if folder.is_dir() else []
+            if len(matches) == 1:
+                return matches[0]
         if self.entry.format == "obj sequence":
             folders = sorted({p.parent for p in folder.rglob("*.obj")})
             if len(folders) == 1:
@@ -162,12 +162,12 @@ class CachedScene:
             raise DatasetError(f"holds OBJ files in {len(folders)} folders, expected one", where=str(folder))
         files = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES[self.entry.format])
         # A single scene file that the user gave is accepted under any name.
-        if len(files) == 1 and (chosen is None or (record is not None and record.file == files[0].name)):
+        if len(files) == 1 and (selected is None or (record is not None and record.file == files[0].name)):
             return files[0]
         names = ", ".join(p.name for p in files[:8])
-        what = f"no {chosen}" if chosen else f"{len(files)} files of the format {self.entry.format}, expected one"
+        fault = f"no {selected}" if selected else f"{len(files)} files of the format {self.entry.format}, expected one"
         hint = f"choose with --scene from {names}" if files else "check that it is the right file"
-        raise DatasetError(f"holds {what}", where=str(folder), hint=hint)
+        raise DatasetError(f"holds {fault}", where=str(folder), hint=hint)
 
     def settings(self) -> dict[str, Any]:
         """``Entry.settings``, with the path of an environment image of the archive.  Raises DatasetError."""
@@ -175,11 +175,11 @@ class CachedScene:
         name = str(out.get("environment", ""))
         if name.lower().endswith(ENVIRONMENT_FILES):
             direct = self.folder / "scene" / name
-            found = [direct] if direct.is_file() else sorted((self.folder / "scene").rglob(Path(name).name))
-            if len(found) != 1:
-                what = f"holds {len(found)} files named {Path(name).name}, the environment of {self.name}"
-                raise DatasetError(what, where=str(self.folder / "scene"))
-            out["environment"] = str(found[0])
+            matches = [direct] if direct.is_file() else sorted((self.folder / "scene").rglob(Path(name).name))
+            if len(matches) != 1:
+                message = f"holds {len(matches)} files named {Path(name).name}, the environment of {self.name}"
+                raise DatasetError(message, where=str(self.folder / "scene"))
+            out["environment"] = str(matches[0])
         return out
 
     # ------------------------------------------------------------------------------------------------------- fetching
@@ -219,12 +219,12 @@ class CachedScene:
                 stale.unlink() if target.exists() else stale.replace(target)
         forget(part)
 
-    def _keep(self, source: Path, url: str | None, chosen: str | None) -> Path:
+    def _keep(self, source: Path, url: str | None, selected: str | None) -> Path:
         """Unpack a file, copy it to the cache, and write its record.  An invalid file changes nothing."""
         old, checksum, target = self.record(), sha256_of(source), self.folder / source.name
-        if chosen is None and old is not None and old.sha256 == checksum:
-            chosen = old.scene
-        record = Record(target.name, source.stat().st_size, checksum, url, chosen)
+        if selected is None and old is not None and old.sha256 == checksum:
+            selected = old.scene
+        record = Record(target.name, source.stat().st_size, checksum, url, selected)
         scene, unpacked = self.folder / "scene", self.folder / "unpacking"
         fresh = old is None or old.sha256 != record.sha256 or not scene.is_dir()
         shutil.rmtree(unpacked, ignore_errors=True)

@@ -87,28 +87,28 @@ def stress(
         raise SettingsError(f"{out} is the scene itself", hint="give --out another name")
     moves = moves or Moves()
     scene, editor, lost = _opened(str(source), strict)
-    chosen = _scene_index(editor)
+    scene_index = _scene_index(editor)
     lens = editor.camera(CAMERA_NAME, *_lens(scene))
     path = None
     if isinstance(camera, RecordedPath):
-        node = editor.node(None, chosen, name=CAMERA_NAME, camera=lens, translation=camera.position[0].tolist(),
+        node = editor.node(None, scene_index, name=CAMERA_NAME, camera=lens, translation=camera.position[0].tolist(),
                            rotation=camera.rotation[0].tolist())  # fmt: skip
         tracks = [(node, "translation", camera.times, camera.position, "LINEAR"),
                   (node, "rotation", camera.times, camera.rotation, "LINEAR")]  # fmt: skip
         frames, fps = max(2, round(float(camera.times[-1]) * camera.fps) + 1), camera.fps
-        what = "a recorded camera"
+        words = "a recorded camera"
     else:
         path = generate(camera, VoxelSpace(scene))
-        tracks = add_rig(path, lambda name, parent, **more: editor.node(parent, chosen, name=name, **more), lens,
+        tracks = add_rig(path, lambda name, parent, **more: editor.node(parent, scene_index, name=name, **more), lens,
                          CAMERA_NAME, keep_still=True)  # fmt: skip
         frames, fps = camera.frames, camera.fps
-        what = f"a generated camera (translation {camera.translation}; yaw {camera.yaw}; pitch {camera.pitch}; " \
+        words = f"a generated camera (translation {camera.translation}; yaw {camera.yaw}; pitch {camera.pitch}; " \
                f"roll {camera.roll}; seed {camera.seed})"  # fmt: skip
     editor.animation(CAMERA_NAME, tracks)
     lights, objects, tracks = _moved(editor, scene, moves, frames, fps, seed)
     editor.animation(MOVES_NAME, tracks)
     moved = f", {lights} moving lights and {objects} moving objects" if lights or objects else ""
-    editor.note(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}", **_exposure(scene))
+    editor.note(camera=CAMERA_NAME, note=f"stressed: {words} at {fps:.6g} fps{moved}{lost}", **_exposure(scene))
     editor.save(out)
     return StressResult(Path(out), path, fps, (frames - 1) / fps, lights, objects)
 

@@ -66,18 +66,18 @@ def load_scene(
 def _no_scene_in(folder: Path) -> SceneError:
     """The error for a folder that is not a sequence: its contents and a hint."""
     try:
-        found = sorted(p for p in folder.iterdir() if not p.name.startswith("."))
+        entries = sorted(p for p in folder.iterdir() if not p.name.startswith("."))
     except OSError as error:
         return SceneError(f"cannot be read: {error.strerror}", where=str(folder))
-    scenes = [p for p in found if p.suffix.lower() in READERS]
+    scenes = [p for p in entries if p.suffix.lower() in READERS]
     if scenes:
         more = f" and {len(scenes) - 1} more" if len(scenes) > 1 else ""
         return SceneError(f"is a folder that contains {scenes[0].name}{more}", where=str(folder), hint="give one file")
-    if any(p.suffix.lower() == ".exr" for p in found):
+    if any(p.suffix.lower() == ".exr" for p in entries):
         return SceneError("is a folder of EXR files", where=str(folder), hint=f"path-traced frames are exr:{folder}")
-    what = "is a folder without a scene" if found else "is an empty folder"
+    message = "is a folder without a scene" if entries else "is an empty folder"
     hint = f"give a file ({', '.join(sorted(READERS))}), or numbered .obj files"
-    return SceneError(what, where=str(folder), hint=hint)
+    return SceneError(message, where=str(folder), hint=hint)
 
 
 __all__ = ["CONVERTIBLE", "READERS", "Scene", "load_scene"]

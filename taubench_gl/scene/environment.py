@@ -72,8 +72,8 @@ def _opened(path: Path) -> BinaryIO:
         raise _fault(path, error.what) from None
 
 
-def _fault(path: Path, what: str, hint: str | None = None) -> SettingsError:
-    return SettingsError(f"environment image {what}", where=str(path), hint=hint, setting="environment")
+def _fault(path: Path, message: str, hint: str | None = None) -> SettingsError:
+    return SettingsError(f"environment image {message}", where=str(path), hint=hint, setting="environment")
 
 
 @lru_cache(maxsize=2)

@@ -27,7 +27,7 @@ from taubench_gl.scene.notes import Notes
 Array = np.ndarray
 ImageSource = Path | bytes | memoryview
 MakeError = Callable[[str, str | None], SceneError]
-"""(what is wrong, hint) -> the error, with its location."""
+"""(message, hint) -> the error, with its location."""
 
 MAX_TEXT_BYTES = 2**30
 """Size limit of a text file."""
@@ -179,8 +179,8 @@ def read_image(path: Path, check: bool = False) -> Image:
     ``check``: also raise for an image that is cut off.  Raises SceneError.
     """
 
-    def error(what: str, hint: str | None) -> SceneError:
-        return SceneError(what, where=path.name, hint=hint)
+    def error(message: str, hint: str | None) -> SceneError:
+        return SceneError(message, where=path.name, hint=hint)
 
     with open_image(path, TEXT_SCENE_IMAGES, error) as opened:
         size = opened.size

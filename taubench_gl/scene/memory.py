@@ -85,16 +85,16 @@ def within_memory(scene: Scene, fault: Fault = SceneError) -> Scene:
     if (total := sum(sums.values())) <= (most := limit()):
         return scene
     kind, name, count = max(parts(scene), key=lambda part: part[2])
-    what = f"the scene would take {shown_bytes(total)} of memory, {shown_bytes(sums[kind])} of it for {kind}"
-    raise fault(f"{what}, such as {name} with {shown_bytes(count)}", where=scene.name, hint=over(most))
+    message = f"the scene would take {shown_bytes(total)} of memory, {shown_bytes(sums[kind])} of it for {kind}"
+    raise fault(f"{message}, such as {name} with {shown_bytes(count)}", where=scene.name, hint=over(most))
 
 
 def _arrays(primitive: Primitive) -> Iterable[Array]:
-    given = [primitive.positions, primitive.triangles, primitive.normals, primitive.tangents, primitive.colors,
+    arrays = [primitive.positions, primitive.triangles, primitive.normals, primitive.tangents, primitive.colors,
              primitive.joints, primitive.weights, *primitive.texcoords]  # fmt: skip
     for target in primitive.targets:
-        given += [target.positions, target.normals, target.tangents]
-    return (array for array in given if array is not None)
+        arrays += [target.positions, target.normals, target.tangents]
+    return (array for array in arrays if array is not None)
 
 
 def _owner(array: Array) -> Array:

@@ -25,15 +25,15 @@ def listed(names: Iterable[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of finding: ``what`` is counted, with ``{s}`` for the plural, and what the reader does about it."""
+    """A kind of finding: ``counted``, with ``{s}`` for the plural, and what the reader does about it."""
 
-    what: str
+    counted: str
     consequence: str
 
     def message(self, count: int, details: tuple[str, ...] = ()) -> str:
         """``3 normals ...: normalized``, with the distinct ``details`` in parentheses."""
         named = f" ({listed(details)})" if details else ""
-        return f"{count} {self.what.replace('{s}', '' if count == 1 else 's')}{named}: {self.consequence}"
+        return f"{count} {self.counted.replace('{s}', '' if count == 1 else 's')}{named}: {self.consequence}"
 
 
 REPAIRS: dict[str, Kind] = {
@@ -190,8 +190,8 @@ def page() -> str:
             "| kind | what is counted | what the reader does |",
             "| --- | --- | --- |",
         ]
-        rows = ((name, kind.what.replace("{s}", "s"), kind.consequence) for name, kind in kinds.items())
-        lines += [f"| `{name}` | {what} | {consequence} |" for name, what, consequence in rows]
+        rows = ((name, kind.counted.replace("{s}", "s"), kind.consequence) for name, kind in kinds.items())
+        lines += [f"| `{name}` | {counted} | {consequence} |" for name, counted, consequence in rows]
     return "\n".join(lines) + "\n"
 
 

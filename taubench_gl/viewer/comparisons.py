@@ -41,21 +41,21 @@ class Comparison(Protocol):
 
 def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Comparison]:
     """What the frames of ``feed`` can be compared with, by name.  Raises TaubenchError."""
-    found: dict[str, Comparison] = {}
+    comparisons: dict[str, Comparison] = {}
     try:
         if request.reference is not None:
             settings = feed.settings.replace(frames=(None, None))
             reference = PathTracedFeed(gpu, request.reference, settings, request.options)
-            found["reference"] = PathTracedComparison(reference, feed)
+            comparisons["reference"] = PathTracedComparison(reference, feed)
         if request.run is not None:
-            found["run"] = run_comparison(gpu, request, feed)
+            comparisons["run"] = run_comparison(gpu, request, feed)
         if isinstance(feed, SceneFeed):
-            found["method"] = MethodComparison(gpu)
+            comparisons["method"] = MethodComparison(gpu)
     except TaubenchError:
-        for one in found.values():
-            one.release()
+        for comparison in comparisons.values():
+            comparison.release()
         raise
-    return found
+    return comparisons
 
 
 def run_comparison(gpu: Gpu, request: OpenRequest, feed: Feed) -> Comparison:

@@ -162,9 +162,9 @@ class Display:
             "gain": content.gain,
         }
         bits, colors = [_bits(name) for name in content.shown], [_packed_color(name) for name in content.shown]
-        one = len(bits) == 1  # moderngl takes an array of one as a number
+        single = len(bits) == 1  # moderngl takes an array of one as a number
         values["all_bits"] = _bits_of(content.shown)
-        values |= {"bits": bits[0] if one else bits, "colors": colors[0] if one else colors}
+        values |= {"bits": bits[0] if single else bits, "colors": colors[0] if single else colors}
         if content.frozen is not None:
             textures["frozen_position"] = content.frozen.position
             values |= {"frozen_clip": column_major(content.frozen.clip_from_relative).ravel().tolist()}

@@ -295,10 +295,10 @@ class ViewerEngine:
 
     def _add_light(self, counts: Counts) -> None:
         """Counts of light from fewer pixels, scaled to those of the image."""
-        found = counts_of(counts.mask_histogram)
-        share = self.counts["pixels"] / found["pixels"]
+        coarse = counts_of(counts.mask_histogram)
+        share = self.counts["pixels"] / coarse["pixels"]
         names = (*(bit.name.lower() for bit in LIGHT_BITS), "reusable_shading")
-        self.counts |= {name: round(share * found[name]) for name in names}
+        self.counts |= {name: round(share * coarse[name]) for name in names}
         reasons = disjoint_reasons(counts.mask_histogram, "shading")
         self.reasons["shading"] = {name: round(share * pixels) for name, pixels in reasons.items()}
         light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n in LIGHT_FEATURES}
@@ -439,32 +439,32 @@ class ViewerEngine:
         return Other(previous[channel], previous["position"], self._active.motion_texture if reprojected else None)
 
     def _no_comparison(self, state: ViewerState) -> str:
-        what = state.channel.replace("_", " ")
+        channel = state.channel.replace("_", " ")
         if state.freeze_current:
             return "a view from outside is not compared: press C"
         if state.against in HISTORY:
-            return f"history has no {what}"
+            return f"history has no {channel}"
         if state.against not in self.comparisons:
             return f"there is no {state.against} to compare with"
         if state.camera != "file":
             return f"the {state.against} has the file's camera: press V"
-        return f"{self.comparisons[state.against].name} has no {what} of this frame"
+        return f"{self.comparisons[state.against].name} has no {channel} of this frame"
 
     @property
     def magnified(self) -> moderngl.Texture | None:
         """What ``magnify`` drew last."""
         return self._magnifier.texture
 
-    def magnify(self, state: ViewerState, found: Explanation) -> moderngl.Texture:
+    def magnify(self, state: ViewerState, explained: Explanation) -> moderngl.Texture:
         """The images of ``magnifier.TILES`` around an explained pixel of the pair."""
-        key = (self._image_key, found.pixel, state.magnified)
+        key = (self._image_key, explained.pixel, state.magnified)
         if key != self._magnified:
             height = self.feed.size[1]
             channel = VISUALIZATIONS[state.channel].channel
             at = None  # rounded as the masks do, y up
-            if found.at is not None:
-                at = math.floor(found.at[0] + 0.5), math.floor(height - 1 - found.at[1] + 0.5)
-            pixel = (found.pixel[0], height - 1 - found.pixel[1])
+            if explained.at is not None:
+                at = math.floor(explained.at[0] + 0.5), math.floor(height - 1 - explained.at[1] + 0.5)
+            pixel = (explained.pixel[0], height - 1 - explained.pixel[1])
             content = self._content
             if self.light_samples(state):  # history has the light of the light method
                 content = replace(content, channel=self.source.current[channel])
@@ -506,10 +506,10 @@ class ViewerEngine:
 
     def explain(self, state: ViewerState) -> Explanation:
         """The probed pixel; with coarse light, its geometry alone."""
-        found = self._active.explain(*state.probe, thresholds=state.thresholds)
+        explained = self._active.explain(*state.probe, thresholds=state.thresholds)
         if self._lights.active is None:
-            return found
-        return replace(found, features={n: f for n, f in found.features.items() if n not in LIGHT_FEATURES})
+            return explained
+        return replace(explained, features={n: f for n, f in explained.features.items() if n not in LIGHT_FEATURES})
 
     def exact_words(self, x: int, row: int) -> str | None:
         """The exact reason of a pixel; None unless the masks are exact ones."""

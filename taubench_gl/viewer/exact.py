@@ -39,8 +39,8 @@ class ExactMasks:
         """
         source = feed.source
         if id(source) not in self._reasons:  # with coarse light, geometry has a source of its own
-            found = ExactReasons(self._owner, feed.animated, feed.settings, source.radiance, without=tuple(off))
-            self._reasons[id(source)] = source, found
+            reasons = ExactReasons(self._owner, feed.animated, feed.settings, source.radiance, without=tuple(off))
+            self._reasons[id(source)] = source, reasons
         reasons = self._reasons[id(source)][1]
         bits = self.bits = reasons.of(source, frame).bits
         self.lit = reasons.lit

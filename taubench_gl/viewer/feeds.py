@@ -396,11 +396,11 @@ def scene_path(out: Path | None, path: str) -> str:
     if Path(path).exists() or any(sign in path for sign in "*?[%@"):  # the sequence reader resolves patterns
         return path
     above = () if out is None or Path(path).is_absolute() else (out.resolve(), *out.resolve().parents)
-    found = next((folder / path for folder in above if (folder / path).exists()), None)
-    if found is None:
+    existing = next((folder / path for folder in above if (folder / path).exists()), None)
+    if existing is None:
         hint = "start in the folder of the evaluation, or open the scene itself"
         raise OutputError(f"the run's scene {path} does not exist", where=str(out), hint=hint)
-    return str(found)
+    return str(existing)
 
 
 def worst_frame(run: Run) -> int | None:

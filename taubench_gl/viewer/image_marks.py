@@ -63,17 +63,17 @@ def _titles(viewer: ViewerModel, layout: Layout) -> None:
 
 def _pinned(viewer: ViewerModel, layout: Layout) -> None:
     """A frame around the pinned pixel, blue, and around its history position, orange, in every image."""
-    s, found = viewer.state, viewer.probe()
-    if not s.probe_pinned or found is None:
+    s, explained = viewer.state, viewer.probe()
+    if not s.probe_pinned or explained is None:
         return
     size = viewer.engine.feed.size
     for tile, rect in enumerate(layout.images):
         side = max(rect[2] / size[0], LEAST_SIDE)
-        if found.at is not None:
-            at = layout.place(*found.at, size, tile)
+        if explained.at is not None:
+            at = layout.place(*explained.at, size, tile)
             _box(at, side, HISTORY_COLOR)
-            _line(at, layout.place(*found.pixel, size, tile))
-        _box(layout.place(*found.pixel, size, tile), side, PIXEL_COLOR)
+            _line(at, layout.place(*explained.pixel, size, tile))
+        _box(layout.place(*explained.pixel, size, tile), side, PIXEL_COLOR)
 
 
 def _box(at: tuple[float, float], side: float, color: tuple[float, float, float]) -> None:

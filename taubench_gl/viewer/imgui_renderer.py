@@ -146,8 +146,8 @@ def apply_theme() -> None:
 
 def _font() -> None:
     """Load Roboto from imgui-bundle; without the file ImGui uses its built-in font."""
-    found = importlib.util.find_spec("imgui_bundle")
-    fonts = Path(found.origin).parent / "assets" / "fonts" if found and found.origin else Path()
+    spec = importlib.util.find_spec("imgui_bundle")
+    fonts = Path(spec.origin).parent / "assets" / "fonts" if spec and spec.origin else Path()
     path = next((p for p in (fonts / "Roboto" / "Roboto-Regular.ttf", fonts / "DroidSans.ttf") if p.is_file()), None)
     if path is not None:
         imgui.get_io().fonts.add_font_from_file_ttf(str(path), FONT_PX)

@@ -236,12 +236,12 @@ class ViewerModel:
 
     def probe_names(self) -> PixelNames | None:
         """Names of what the probed pixel shows; None without a pixel, and where names are not known."""
-        found = self.probe()
-        if found is None:
+        explained = self.probe()
+        if explained is None:
             return None
-        key = (found.pixel, self.engine.drawn.pairs, self.engine.drawn.plans)
+        key = (explained.pixel, self.engine.drawn.pairs, self.engine.drawn.plans)
         if self._named is None or self._named[0] != key:
-            self._named = (key, self.engine.names_at(*found.pixel))
+            self._named = (key, self.engine.names_at(*explained.pixel))
         return self._named[1]
 
     def close(self) -> None:

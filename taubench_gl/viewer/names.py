@@ -56,7 +56,7 @@ def light_shares(
     scene: Scene, state: FrameState, point: np.ndarray, normal: np.ndarray
 ) -> tuple[tuple[str, float], ...]:
     """Shares of the irradiance at a point, (3,) world space, by light."""
-    found = []
+    lights = []
     for node in scene.light_nodes.tolist():
         light = state.lights[int(scene.nodes.light[node])]
         if not state.visible[node]:
@@ -65,7 +65,7 @@ def light_shares(
         to_light, irradiance = incident(light, world[:3, 3], normalize(-world[:3, 2]), point)
         strength = max(float(to_light @ normal), 0.0) * float(np.max(irradiance))
         if strength > 0.0:
-            found.append((scene.nodes.names[node] or light.name or f"node {node}", strength))
-    total = sum(strength for _, strength in found)
-    ranked = sorted(((name, strength / total) for name, strength in found), key=lambda item: -item[1])
+            lights.append((scene.nodes.names[node] or light.name or f"node {node}", strength))
+    total = sum(strength for _, strength in lights)
+    ranked = sorted(((name, strength / total) for name, strength in lights), key=lambda item: -item[1])
     return tuple(ranked[:MOST_LIGHTS])

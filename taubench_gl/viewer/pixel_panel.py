@@ -25,27 +25,27 @@ class PixelPanel:
 
     def draw(self) -> None:
         viewer, s = self._ui.viewer, self._ui.viewer.state
-        found = viewer.probe()
+        explained = viewer.probe()
         self._ui.check("pin", s.probe_pinned, "pin probe", "probe_pinned")
         imgui.same_line()
-        if found is None:
+        if explained is None:
             self._ui.faint("click a pixel of the image")
             return
-        imgui.text(f"pixel {found.pixel[0]}, {found.pixel[1]}")
+        imgui.text(f"pixel {explained.pixel[0]}, {explained.pixel[1]}")
         if s.probe_pinned:
-            self._strip(found)
-        imgui.text_wrapped(found.reason)
-        exact = viewer.engine.exact_words(*found.pixel) if s.exact else None
+            self._strip(explained)
+        imgui.text_wrapped(explained.reason)
+        exact = viewer.engine.exact_words(*explained.pixel) if s.exact else None
         if exact is not None:
             self._ui.pair("exact", exact)
-        self._names(found)
-        for name, values in found.features.items():
+        self._names(explained)
+        for name, values in explained.features.items():
             self._feature(name, values)
 
-    def _strip(self, found: Explanation) -> None:
+    def _strip(self, explained: Explanation) -> None:
         """TILES side by side, with the pixel marked in each."""
         viewer, s = self._ui.viewer, self._ui.viewer.state
-        texture = viewer.engine.magnify(s, found)
+        texture = viewer.engine.magnify(s, explained)
         side = int((imgui.get_content_region_avail().x - GAP * (len(TILES) - 1)) / len(TILES))
         corner = imgui.get_cursor_screen_pos()
         for i, name in enumerate(TILES):
@@ -54,16 +54,16 @@ class PixelPanel:
             low, high = i / len(TILES), (i + 1) / len(TILES)
             imgui.image(imgui.ImTextureRef(texture.glo), ImVec2(side, side), ImVec2(low, 1), ImVec2(high, 0))
             self._ui.place(f"tile.{name}")
-            if name != "previous" or found.at is not None:
+            if name != "previous" or explained.at is not None:
                 _mark(x, corner.y, side, s.magnified, MARK[name])
             imgui.set_cursor_screen_pos(ImVec2(x, corner.y + side + 2))
             self._ui.faint(name)
         half = self._ui.number("pixels", s.magnified // 2, 1, 30, f"{s.magnified} x {s.magnified}", "magnified")
         s.magnified = s.magnified if half is None else 2 * half + 1
 
-    def _names(self, found: Explanation) -> None:
-        where = "none" if found.at is None else f"{found.at[0]:.2f}, {found.at[1]:.2f}"
-        self._ui.pair("history", f"{where}  ({found.motion_px[0]:+.2f}, {found.motion_px[1]:+.2f} px)")
+    def _names(self, explained: Explanation) -> None:
+        where = "none" if explained.at is None else f"{explained.at[0]:.2f}, {explained.at[1]:.2f}"
+        self._ui.pair("history", f"{where}  ({explained.motion_px[0]:+.2f}, {explained.motion_px[1]:+.2f} px)")
         names = self._ui.viewer.probe_names()
         if names is not None:
             self._ui.pair("object", names.object)

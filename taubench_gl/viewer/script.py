@@ -178,11 +178,11 @@ class ScriptRunner:
         if not self._viewer.save_session(Path(path)):
             raise OutputError(self._viewer.state.message)
 
-    def do_screenshot(self, path: str, what: str = "image") -> None:
+    def do_screenshot(self, path: str, part: str = "image") -> None:
         """screenshot FILE [window]: save the image, or the window, as PNG"""
-        if what not in ("image", "window"):
-            raise SettingsError(f"screenshot of {what!r}", hint="choose from image, window")
-        save = self._viewer.window_screenshot if what == "window" else self._viewer.screenshot
+        if part not in ("image", "window"):
+            raise SettingsError(f"screenshot of {part!r}", hint="choose from image, window")
+        save = self._viewer.window_screenshot if part == "window" else self._viewer.screenshot
         if not save(Path(path)):
             raise OutputError(self._viewer.state.message)
 
@@ -190,14 +190,14 @@ class ScriptRunner:
         """expect NAME OP VALUE [TOLERANCE]: OP is one of == != < <= > >="""
         if sign not in OPERATORS:
             raise SettingsError(f"there is no comparison {sign!r}", hint=f"choose from {' '.join(OPERATORS)}")
-        found = self._read(name)
-        if isinstance(found, str) or found is None:
-            got: Any = "none" if found is None else found
+        value = self._read(name)
+        if isinstance(value, str) or value is None:
+            got: Any = "none" if value is None else value
             good = OPERATORS[sign](got, text) if sign in ("==", "!=") else False
         elif sign == "==" and _number(tolerance):
-            got, good = found, abs(found - _number(text)) <= _number(tolerance)
+            got, good = value, abs(value - _number(text)) <= _number(tolerance)
         else:
-            got, good = found, OPERATORS[sign](found, _number(text))
+            got, good = value, OPERATORS[sign](value, _number(text))
         if not good:
             raise SettingsError(f"expected {name} {sign} {text}, got {got}")
 
@@ -242,15 +242,15 @@ class ScriptRunner:
 
     def _probed(self) -> dict[str, Any]:
         """Readings of the probed pixel; None for each that it does not have."""
-        found, names = self._viewer.probe(), self._viewer.probe_names()
-        out: dict[str, Any] = {"probe.reason": None if found is None else found.reason}
+        explained, names = self._viewer.probe(), self._viewer.probe_names()
+        out: dict[str, Any] = {"probe.reason": None if explained is None else explained.reason}
         for name in ("object", "material"):
             out[f"probe.{name}"] = None if names is None else getattr(names, name)
-        exact = found is not None and self._viewer.state.exact
-        out["probe.exact"] = self._viewer.engine.exact_words(*found.pixel) if exact else None
+        exact = explained is not None and self._viewer.state.exact
+        out["probe.exact"] = self._viewer.engine.exact_words(*explained.pixel) if exact else None
         out["probe.lights"] = None if names is None else names.lights_text
         for feature in FEATURES:
-            values = None if found is None else found.features.get(feature)
+            values = None if explained is None else explained.features.get(feature)
             out[f"probe.{feature}"] = None if values is None else values.distance
         return out
 

@@ -116,8 +116,8 @@ def load(path: str | Path, resolve: Resolve | None = None) -> OpenRequest:
     """The request that a session file stores, with ``restored``.  Raises OutputError and SettingsError."""
     value = read_json(path, _File)
     if value["schema"] != SCHEMA:
-        what = f"schema is {value['schema']!r}, expected {SCHEMA!r}"
-        raise OutputError(what, where=str(path), hint="save the session with this version")
+        message = f"schema is {value['schema']!r}, expected {SCHEMA!r}"
+        raise OutputError(message, where=str(path), hint="save the session with this version")
     file, folder = msgspec.convert(value, _File), Path(path).parent
     if unknown := sorted(set(file.path_traced) - set(_OPTIONS)):
         raise OutputError(f"there is no option {unknown[0]!r} of path-traced files", where=str(path))

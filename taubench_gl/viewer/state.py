@@ -338,10 +338,10 @@ def _pixel(name: str, text: str, size: tuple[int, int]) -> tuple[int, int] | Non
     """``X,Y`` within an image of ``size``, row from the top; ``none``."""
     if text == "none":
         return None
-    found = re.fullmatch(r"(\d{1,6}),(\d{1,6})", text)
-    if found is None or int(found[1]) >= size[0] or int(found[2]) >= size[1]:
+    match = re.fullmatch(r"(\d{1,6}),(\d{1,6})", text)
+    if match is None or int(match[1]) >= size[0] or int(match[2]) >= size[1]:
         raise SettingsError(f"{name} cannot be {text!r}", hint=f"give X,Y below {size[0]},{size[1]}, or none")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def _pixel_text(pixel: tuple[int, int] | None) -> str:

@@ -51,23 +51,23 @@ class Tokens:
     def where(self, at: int | None = None) -> str:
         return f"{self.path.name}:{self.line(at)}"
 
-    def error(self, what: str, hint: str | None = None, at: int | None = None) -> SceneError:
+    def error(self, message: str, hint: str | None = None, at: int | None = None) -> SceneError:
         """A SceneError at file and line of word ``at``, for the caller to raise."""
-        return SceneError(what, where=self.where(at), hint=hint)
+        return SceneError(message, where=self.where(at), hint=hint)
 
     def done(self) -> bool:
         return self.at >= len(self.words)
 
-    def word(self, what: str) -> str:
+    def word(self, subject: str) -> str:
         if self.done():
-            raise self.error(f"the file ends before {what}", "the file may be truncated")
+            raise self.error(f"the file ends before {subject}", "the file may be truncated")
         self.at += 1
         return self.words[self.at - 1]
 
-    def expect(self, word: str, what: str) -> None:
-        found = self.word(f"{word!r} of {what}")
-        if found != word:
-            raise self.error(f"{shortened(found, 40)} instead of {word!r} in {what}")
+    def expect(self, word: str, subject: str) -> None:
+        actual = self.word(f"{word!r} of {subject}")
+        if actual != word:
+            raise self.error(f"{shortened(actual, 40)} instead of {word!r} in {subject}")
 
     def number_follows(self) -> bool:
         if self.done():
@@ -78,11 +78,13 @@ class Tokens:
             return False
         return True
 
-    def floats(self, count: int, what: str) -> Array:
+    def floats(self, count: int, subject: str) -> Array:
         """The next ``count`` words as numbers.  (count,) float64, finite."""
         taken = self.words[self.at : self.at + count]
         if len(taken) < count:
-            raise self.error(f"{what} needs {count} numbers; {len(taken)} words are left", "the file may be truncated")
+            raise self.error(
+                f"{subject} needs {count} numbers; {len(taken)} words are left", "the file may be truncated"
+            )
         try:
             out = np.fromiter(map(float, taken), dtype=np.float64, count=count)
         except ValueError:
@@ -90,37 +92,37 @@ class Tokens:
                 try:
                     float(word)
                 except ValueError:
-                    raise self.error(f"{shortened(word, 40)} where {what} needs a number", at=self.at + i) from None
+                    raise self.error(f"{shortened(word, 40)} where {subject} needs a number", at=self.at + i) from None
             raise
         bad = ~(np.abs(out) < LARGEST)
         if np.any(bad):
             i = int(np.argmax(bad))
-            raise self.error(f"{shortened(taken[i], 40)} in {what} is not a usable number", at=self.at + i)
+            raise self.error(f"{shortened(taken[i], 40)} in {subject} is not a usable number", at=self.at + i)
         self.at += count
         return out
 
-    def table(self, rows: int, columns: int, what: str) -> Array:
+    def table(self, rows: int, columns: int, subject: str) -> Array:
         """(rows, columns) float64."""
-        return self.floats(rows * columns, what).reshape(rows, columns)
+        return self.floats(rows * columns, subject).reshape(rows, columns)
 
-    def integer(self, what: str, low: int, high: int) -> int:
-        word = self.word(what)
+    def integer(self, subject: str, low: int, high: int) -> int:
+        word = self.word(subject)
         try:
             value = int(word)
         except ValueError:
-            raise self.error(f"{shortened(word, 40)} where {what} must be an integer") from None
+            raise self.error(f"{shortened(word, 40)} where {subject} must be an integer") from None
         if not low <= value <= high:
-            raise self.error(f"{what} is {shortened(word, 40)}; it must be in {low}..{high}")
+            raise self.error(f"{subject} is {shortened(word, 40)}; it must be in {low}..{high}")
         return value
 
-    def indices(self, rows: int, columns: int, what: str) -> Array:
+    def indices(self, rows: int, columns: int, subject: str) -> Array:
         """(rows, columns) int64."""
         start = self.at
-        values = self.floats(rows * columns, what)
+        values = self.floats(rows * columns, subject)
         bad = values != np.floor(values)
         if np.any(bad):
             at = start + int(np.argmax(bad))
-            raise self.error(f"{shortened(self.words[at], 40)} where {what} needs an integer", at=at)
+            raise self.error(f"{shortened(self.words[at], 40)} where {subject} needs an integer", at=at)
         return np.clip(values, -(2.0**53), 2.0**53).astype(np.int64).reshape(rows, columns)
 
 
@@ -296,12 +298,12 @@ class Parser:
 
     def _with_texture(self, name: str, t: Tokens) -> int:
         """The current fill with a texture, or without it if the image cannot be read."""
-        found = find_referenced(self.path.parent, name)
-        if isinstance(found, str):
-            self.file.notes.remark("texture-missing", t.where(), detail=found)
+        target = find_referenced(self.path.parent, name)
+        if isinstance(target, str):
+            self.file.notes.remark("texture-missing", t.where(), detail=target)
             return self.fill
         base = self.current or Fill((0.0,) * 3, (1.0,) * 3, (0.0,) * 3, 0.0, 0.0)
-        fill = Fill(base.ambient, base.diffuse, base.specular, base.shine, base.transmittance, found)
+        fill = Fill(base.ambient, base.diffuse, base.specular, base.shine, base.transmittance, target)
         return self.file.fills.setdefault(fill, len(self.file.fills))
 
     # ------------------------------------------------------------------------------------------------------ surfaces
@@ -380,9 +382,9 @@ class Parser:
             bad = (corners[:, k] < 0) | (corners[:, k] >= len(part))
             if np.any(bad):
                 row, column = (int(x) for x in np.argwhere(bad)[0])
-                what = "vertices" if k == 0 else "normals" if part is normals else "texture coordinates"
+                noun = "vertices" if k == 0 else "normals" if part is normals else "texture coordinates"
                 at = start + (row * len(parts) + k) * 3 + column
-                raise t.error(f"index {t.words[at][:20]} in a mesh of {len(part)} {what}", at=at)
+                raise t.error(f"index {t.words[at][:20]} in a mesh of {len(part)} {noun}", at=at)
         if count:
             self._draw(t, _with_shared_vertices(positions, normals, texcoords, corners), material)
 
@@ -450,10 +452,10 @@ class Parser:
         self.includes += 1
         if self.includes > MAX_INCLUDES:
             raise t.error(f"more than {MAX_INCLUDES} files are included")
-        found = find_referenced(self.path.parent, name)
-        if isinstance(found, str):
-            raise t.error(f"include {found}", "put the file into the scene's folder and use a relative path")
-        self._run(found, self.chain, where)
+        target = find_referenced(self.path.parent, name)
+        if isinstance(target, str):
+            raise t.error(f"include {target}", "put the file into the scene's folder and use a relative path")
+        self._run(target, self.chain, where)
 
 
 def _rewound(cached: Tokens) -> Tokens:

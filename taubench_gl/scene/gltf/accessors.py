@@ -107,8 +107,8 @@ class Accessors:
                 if self._has_data(accessor):
                     self.raw(index, f"/accessors/{index}", allow_nonfinite=True)
 
-    def _empty(self, what: str, pointer: str, collection: str) -> None:
-        self.document.repair("empty-object", what, pointer, detail=collection)
+    def _empty(self, message: str, pointer: str, collection: str) -> None:
+        self.document.repair("empty-object", message, pointer, detail=collection)
 
     def _check_layout(self, accessor: schema.Accessor, pointer: str) -> None:
         """Checks that need no data, also for accessors in buffers without data."""
@@ -183,22 +183,22 @@ class Accessors:
         target = self.document.item("buffer_views", view, pointer).target
         declared = {34962: "vertex attributes", 34963: "indices"}.get(target, usage)
         if self._usage.setdefault(view, declared) != usage:
-            what = f"bufferViews[{view}] contains {self._usage[view]} and {usage}"
-            self.document.repair("buffer-target", what, pointer)
+            message = f"bufferViews[{view}] contains {self._usage[view]} and {usage}"
+            self.document.repair("buffer-target", message, pointer)
 
     def no_stride(self, index: int, pointer: str) -> None:
         """Check for a bufferView with byteStride, which glTF allows for vertex attributes only."""
         view = self.get(index, pointer).buffer_view
         if view is not None and self.document.item("buffer_views", view, pointer).byte_stride is not None:
-            what = "its bufferView has a byteStride, which only vertex attributes may have"
-            self.document.repair("stride", what, pointer)
+            message = "its bufferView has a byteStride, which only vertex attributes may have"
+            self.document.repair("stride", message, pointer)
 
     def fill(self, size: int, pointer: str) -> None:
         """Count bytes that no byte of the file stands for.  Raises SceneError."""
         self._filled += size
         if self._filled > MAX_FILLED_BYTES:
-            what = f"accessors without a bufferView request more than {MAX_FILLED_BYTES >> 20} MiB"
-            raise self.document.error(what, pointer)
+            message = f"accessors without a bufferView request more than {MAX_FILLED_BYTES >> 20} MiB"
+            raise self.document.error(message, pointer)
 
     def view_bytes(self, index: int, pointer: str) -> memoryview:
         """Bytes of one bufferView, decompressed where necessary."""
@@ -230,8 +230,8 @@ class Accessors:
         if stride is None:
             return
         if stride % 4 or not 4 <= stride <= 252:
-            what = f"byteStride {stride} is not a multiple of 4 from 4 to 252"
-            self.document.repair("stride", what, f"{pointer}/byteStride")
+            message = f"byteStride {stride} is not a multiple of 4 from 4 to 252"
+            self.document.repair("stride", message, f"{pointer}/byteStride")
         if stride > view.byte_length:
             self.document.repair("stride", f"byteStride {stride} exceeds byteLength {view.byte_length}", pointer)
 
@@ -306,8 +306,8 @@ class Accessors:
         """
         dtype = self.dtype(accessor)
         if accessor.normalized and accessor.component_type in (FLOAT, 5125):
-            what = "only 8- and 16-bit integers can be normalized"
-            self.document.repair("normalized-number", what, f"{pointer}/normalized")
+            message = "only 8- and 16-bit integers can be normalized"
+            self.document.repair("normalized-number", message, f"{pointer}/normalized")
         rows, columns = ROWS_COLUMNS[accessor.type]
         # Columns of matrices are aligned to four bytes.
         column = rows * dtype.itemsize
@@ -319,8 +319,8 @@ class Accessors:
             raise self.document.error(f"byteStride {stride} is less than an element's {size} bytes", pointer)
         start = view.byte_offset
         if offset % dtype.itemsize or (start + offset) % dtype.itemsize or stride % dtype.itemsize:
-            what = f"byte offset {offset} (total {start + offset}) is not a multiple of the component's "
-            self.document.repair("alignment", f"{what}{dtype.itemsize} bytes", pointer)
+            message = f"byte offset {offset} (total {start + offset}) is not a multiple of the component's "
+            self.document.repair("alignment", f"{message}{dtype.itemsize} bytes", pointer)
         if offset + stride * (count - 1) + size > length:
             raise self.document.error(
                 f"{count} elements of {size} bytes with stride {stride}, from byte {offset}, do not fit {length} bytes",
@@ -345,8 +345,8 @@ class Accessors:
             at = f"{where}/{name}"
             view = self.document.item("buffer_views", part.buffer_view, f"{at}/bufferView")
             if view.byte_stride is not None:
-                what = "its bufferView has a byteStride, which only vertex attributes may have"
-                self.document.repair("stride", what, f"{at}/bufferView")
+                message = "its bufferView has a byteStride, which only vertex attributes may have"
+                self.document.repair("stride", message, f"{at}/bufferView")
             self._layout(element, view.byte_length, part.byte_offset, sparse.count, view, at)
             parts.append((element, part, view, at))
         return parts
@@ -383,8 +383,8 @@ class Accessors:
                 continue
             where = f"{pointer}/{name}"
             if len(declared) != len(actual):
-                what = f"{name} has {len(declared)} numbers, expected {len(actual)}"
-                self.document.repair("bounds", what, where)
+                message = f"{name} has {len(declared)} numbers, expected {len(actual)}"
+                self.document.repair("bounds", message, where)
                 continue
             with np.errstate(over="ignore"):
                 expected = np.array(declared).astype(array.dtype if array.dtype == np.float32 else np.float64)

@@ -101,8 +101,8 @@ class AnimationReader:
         for name in ("channels", "samplers"):
             if not getattr(animation, name):
                 hint = "glTF forbids empty arrays: omit the property"
-                what = "Expected array of length >= 1"
-                self.document.repair("empty-array", what, f"{pointer}/{name}", hint, detail=name)
+                message = "Expected array of length >= 1"
+                self.document.repair("empty-array", message, f"{pointer}/{name}", hint, detail=name)
         for k, sampler in enumerate(animation.samplers):
             self._check_sampler(sampler, f"{pointer}/samplers/{k}")
         channels: list[Channel] = []
@@ -121,8 +121,8 @@ class AnimationReader:
             for target in self._targets(channel, where):
                 key = (target.kind, target.index, target.path)
                 if key in taken:
-                    what = f"has the same target as channel {taken[key]}"
-                    self.document.repair("channel-ignored", what, f"{where}/target")
+                    message = f"has the same target as channel {taken[key]}"
+                    self.document.repair("channel-ignored", message, f"{where}/target")
                     continue
                 taken[key] = k
                 channels.append(self._channel(sampler, target, at))
@@ -135,8 +135,8 @@ class AnimationReader:
         if animated is not None:
             where = f"{pointer}/target/extensions/{POINTER}"
             if target.path != "pointer":
-                what = f"target path is {shortened(target.path)}; the extension requires 'pointer'"
-                document.repair("channel-path", what, where)
+                message = f"target path is {shortened(target.path)}; the extension requires 'pointer'"
+                document.repair("channel-path", message, where)
             return resolve_pointer(document, animated.pointer, self._weight_count, f"{where}/pointer")
         if target.node is None:
             document.remark("channel-without-target", pointer)
@@ -146,8 +146,8 @@ class AnimationReader:
         if target.path == "weights":
             count = self._weight_count(target.node)
             if count == 0:
-                what = f"nodes[{target.node}] has no morph targets to animate"
-                document.repair("channel-ignored", what, f"{pointer}/target")
+                message = f"nodes[{target.node}] has no morph targets to animate"
+                document.repair("channel-ignored", message, f"{pointer}/target")
                 return []
             return [Target("node", target.node, "weights", count)]
         if target.path not in PATHS:
@@ -174,14 +174,14 @@ class AnimationReader:
         accessors.no_stride(sampler.output, f"{pointer}/output")
 
     def _interpolation(self, sampler: schema.AnimationSampler, pointer: str) -> str:
-        given = sampler.interpolation
-        if given in ("STEP", "LINEAR", "CUBICSPLINE"):
-            return given
-        if isinstance(given, int):
+        word = sampler.interpolation
+        if word in ("STEP", "LINEAR", "CUBICSPLINE"):
+            return word
+        if isinstance(word, int):
             self.document.remark("interpolation-number", pointer)
             return "LINEAR"
-        what, hint = f"{shortened(given)} is not an interpolation", "STEP, LINEAR or CUBICSPLINE"
-        self.document.repair("interpolation", what, f"{pointer}/interpolation", hint)
+        message, hint = f"{shortened(word)} is not an interpolation", "STEP, LINEAR or CUBICSPLINE"
+        self.document.repair("interpolation", message, f"{pointer}/interpolation", hint)
         return "LINEAR"
 
     def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
@@ -200,10 +200,10 @@ class AnimationReader:
             steps = times[1:] - times[:-1]
             if times[0] < 0 or (steps < 0).any():
                 at = 0 if times[0] < 0 else int(np.argmax(steps < 0)) + 1
-                what = f"key time {at} is {times[at]:g}; times must be at least 0 and increasing"
+                message = f"key time {at} is {times[at]:g}; times must be at least 0 and increasing"
                 if (steps < 0).any():
-                    raise self.document.error(what, pointer)
-                self.document.repair("negative-time", what, pointer, count=int((times < 0).sum()))
+                    raise self.document.error(message, pointer)
+                self.document.repair("negative-time", message, pointer, count=int((times < 0).sum()))
             if (steps == 0).any():
                 last = np.append(steps > 0, True)
                 times = times[last]

@@ -34,8 +34,8 @@ _EXPORTER = re.compile(r"Khronos glTF Blender I/O v(\d+)\.(\d+)")
 
 def exporter_version(generator: str) -> tuple[int, int] | None:
     """Version of Blender's exporter that wrote a file with this ``asset.generator``; None for other programs."""
-    found = _EXPORTER.match(generator)
-    return (int(found[1]), int(found[2])) if found else None
+    match = _EXPORTER.match(generator)
+    return (int(match[1]), int(match[2])) if match else None
 
 
 CONES = {"spot.innerConeAngle": "inner_cone", "spot.outerConeAngle": "outer_cone"}
@@ -70,8 +70,8 @@ def light_keys(document: Document, channels: tuple[Channel, ...], lights: tuple[
             out.append(_intensity(document, c, lights[c.index]))
         else:
             out.append(c)
-    for index, found in cones.items():
-        out += _cone(document, found.get("inner_cone"), found.get("outer_cone"), lights[index])
+    for index, cone in cones.items():
+        out += _cone(document, cone.get("inner_cone"), cone.get("outer_cone"), lights[index])
         document.remark("blender-cone", _pointer(index))
     return tuple(out)
 

@@ -46,15 +46,15 @@ class Document:
     identity: Identity = field(default_factory=Identity)
     budget: Budget = field(default_factory=Budget)  # of what is allocated while it is read
 
-    def error(self, what: str, pointer: str = "", hint: str | None = None) -> SceneError:
+    def error(self, message: str, pointer: str = "", hint: str | None = None) -> SceneError:
         """A SceneError at a JSON pointer of this file, for the caller to raise."""
-        return SceneError(what, where=f"{self.path.name}#{pointer}" if pointer else self.path.name, hint=hint)
+        return SceneError(message, where=f"{self.path.name}#{pointer}" if pointer else self.path.name, hint=hint)
 
     def reserve(self, kind: str, count: int, pointer: str) -> None:
         """Count bytes that are about to be allocated for the object at ``pointer``.  Raises SceneError."""
-        if (what := self.budget.add(kind, count)) is not None:
+        if (message := self.budget.add(kind, count)) is not None:
             place = f"{self.path.name}#{pointer}" if pointer else self.path.name
-            raise OverMemory(what, where=place, hint=over(self.budget.limit))
+            raise OverMemory(message, where=place, hint=over(self.budget.limit))
 
     @property
     def strict(self) -> bool:
@@ -69,13 +69,13 @@ class Document:
         self.notes.remark(kind, pointer, count, detail)
 
     def repair(
-        self, kind: str, what: str, pointer: str = "", hint: str | None = None, *, count: int = 1, detail: str = ""
+        self, kind: str, message: str, pointer: str = "", hint: str | None = None, *, count: int = 1, detail: str = ""
     ) -> None:
         """Count departures from glTF that the caller repairs (``scene.notes.REPAIRS``).
 
         Raises SceneError where the document is read strictly.
         """
-        error = self.error(what, pointer, hint)
+        error = self.error(message, pointer, hint)
         self.notes.repair(kind, error, count=count, detail=detail, where=pointer or self.path.name)
 
     def item(self, collection: str, index: int, pointer: str) -> Any:
@@ -104,23 +104,23 @@ class Document:
         try:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError as e:
-            what, inner = explain(e)
-            fault = self.error(what, where := f"{pointer}/extensions/{name}{inner}")
+            message, inner = explain(e)
+            fault = self.error(message, where := f"{pointer}/extensions/{name}{inner}")
         if self.strict or name in COMPRESSION:
             raise fault
         value = Lenient(self.notes, f"{pointer}/extensions/{name}").conform(value, kind)
         try:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError:
-            self.repair("extension-invalid", what, where, detail=name)
+            self.repair("extension-invalid", message, where, detail=name)
             return None
 
 
 def explain(error: msgspec.ValidationError) -> tuple[str, str]:
     """msgspec's message, split into (what is wrong, JSON pointer)."""
-    what, _, path = str(error).partition(" - at `$")
+    message, _, path = str(error).partition(" - at `$")
     pointer = re.sub(r"\[(\d+|\.\.\.)\]", lambda m: "/*" if m[1] == "..." else f"/{m[1]}", path.rstrip("`"))
-    return what.replace("`", ""), pointer.replace(".", "/")
+    return message.replace("`", ""), pointer.replace(".", "/")
 
 
 def read_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> bytes:
@@ -148,19 +148,19 @@ def resolve_uri(document: Document, uri: str, pointer: str) -> Path:
         name = unquote(uri, errors="strict")
     except UnicodeDecodeError:
         raise document.error(f"{shortened(uri)} is not percent-encoded UTF-8", pointer) from None
-    found = find_referenced(document.path.parent, name, backslashes=False)
-    if isinstance(found, str) and not document.strict:
-        written = found  # as the file has it: a percent sign that encodes nothing, backslashes
+    target = find_referenced(document.path.parent, name, backslashes=False)
+    if isinstance(target, str) and not document.strict:
+        written = target  # as the file has it: a percent sign that encodes nothing, backslashes
         for other in dict.fromkeys((uri, name, uri.replace("\\", "/"), name.replace("\\", "/"))):
-            found = find_referenced(document.path.parent, other, backslashes=False)
-            if not isinstance(found, str):
+            target = find_referenced(document.path.parent, other, backslashes=False)
+            if not isinstance(target, str):
                 document.repair("uri-spelling", written, pointer)
                 break
         else:
-            found = written
-    if isinstance(found, str):
-        raise document.error(found, pointer, f"put the file into the folder of {document.path.name}")
-    return found
+            target = written
+    if isinstance(target, str):
+        raise document.error(target, pointer, f"put the file into the folder of {document.path.name}")
+    return target
 
 
 def _data_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> bytes:
@@ -229,8 +229,8 @@ def open_document(path: Path, strict: bool = False) -> Document:
 def _split_glb(data: bytes, path: Path) -> tuple[memoryview, memoryview | None, int]:
     """JSON chunk, BIN chunk and the number of bytes after the container.  Checks every length.  Raises SceneError."""
 
-    def bad(what: str, hint: str = "the file is damaged or truncated: export or download it again") -> SceneError:
-        return SceneError(what, where=path.name, hint=hint)
+    def bad(message: str, hint: str = "the file is damaged or truncated: export or download it again") -> SceneError:
+        return SceneError(message, where=path.name, hint=hint)
 
     if data[:4] != GLB_MAGIC:
         raise bad(f"not a binary glTF file: begins with {data[:4]!r} instead of {GLB_MAGIC!r}", "check the file format")
@@ -280,9 +280,9 @@ def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.
             raw = Lenient(notes, "").conform(_integral(msgspec.json.decode(data)), schema.Root)
             return msgspec.convert(raw, schema.Root), msgspec.json.encode(raw)
     except msgspec.ValidationError as e:
-        what, pointer = explain(e)
-        hint = "glTF forbids empty arrays: omit the property" if "length >= 1" in what else None
-        raise SceneError(what, where=f"{path.name}#{pointer}", hint=hint) from None
+        message, pointer = explain(e)
+        hint = "glTF forbids empty arrays: omit the property" if "length >= 1" in message else None
+        raise SceneError(message, where=f"{path.name}#{pointer}", hint=hint) from None
     except RecursionError:
         raise SceneError("JSON is nested too deeply", where=path.name) from None
     except (ValueError, UnicodeError) as e:

@@ -35,8 +35,8 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     if image.uri is not None and image.buffer_view is not None:
         document.repair("image-source", "must have either a uri or a bufferView", pointer)
     if image.mime_type is not None and image.mime_type not in IMAGE_MEDIA_TYPES:
-        what = f"image of type {image.mime_type} is not supported"
-        document.repair("image-source", what, pointer, "use PNG, JPEG, WebP or KTX 2")
+        message = f"image of type {image.mime_type} is not supported"
+        document.repair("image-source", message, pointer, "use PNG, JPEG, WebP or KTX 2")
     if image.buffer_view is not None:
         source: ImageSource = accessors.view_bytes(image.buffer_view, f"{pointer}/bufferView")
     elif is_data_uri(image.uri):
@@ -46,8 +46,8 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
         document.identity.add_file(source)
     where = f"{document.path.name}#{pointer}"  # not the document, which the decoder would keep in memory
 
-    def error(what: str, hint: str | None) -> SceneError:
-        return SceneError(what, where=where, hint=hint)
+    def error(message: str, hint: str | None) -> SceneError:
+        return SceneError(message, where=where, hint=hint)
 
     name = image.name or (source.stem if isinstance(source, Path) else "")
     if is_ktx2(source, error):
@@ -91,8 +91,8 @@ class MaterialReader:
         """All materials.  Also checks the textures and samplers that no material uses."""
         root = self.document.root
         if len(root.materials or ()) > MAX_MATERIALS:
-            what, hint = f"{len(root.materials)} materials, the limit is {MAX_MATERIALS}", "merge equal materials"
-            raise self.document.error(what, f"/materials/{MAX_MATERIALS}", hint)
+            message, hint = f"{len(root.materials)} materials, the limit is {MAX_MATERIALS}", "merge equal materials"
+            raise self.document.error(message, f"/materials/{MAX_MATERIALS}", hint)
         for i, texture in enumerate(root.textures or []):
             self._resolved("samplers", texture.sampler, f"/textures/{i}/sampler")
             self._resolved("images", texture.source, f"/textures/{i}/source")
@@ -183,16 +183,16 @@ class MaterialReader:
         return replace(read, base_color_texture=None, metallic_roughness_texture=None, **glossy.factors())
 
     def _specular_glossiness(self, material: schema.Material, pointer: str) -> SpecularGlossiness | None:
-        given = self.document.extension(material, GLOSSINESS, schema.PbrSpecularGlossiness, pointer)
-        if given is None:
+        extension = self.document.extension(material, GLOSSINESS, schema.PbrSpecularGlossiness, pointer)
+        if extension is None:
             return None
         where = f"{pointer}/extensions/{GLOSSINESS}"
         out = SpecularGlossiness(
-            given.diffuse_factor,
-            given.specular_factor,
-            given.glossiness_factor,
-            self._texture(given.diffuse_texture, f"{where}/diffuseTexture"),
-            self._texture(given.specular_glossiness_texture, f"{where}/specularGlossinessTexture"),
+            extension.diffuse_factor,
+            extension.specular_factor,
+            extension.glossiness_factor,
+            self._texture(extension.diffuse_texture, f"{where}/diffuseTexture"),
+            self._texture(extension.specular_glossiness_texture, f"{where}/specularGlossinessTexture"),
         )
         if not out.aligned:
             self.document.remark("specular-texture", where, detail=material.name)

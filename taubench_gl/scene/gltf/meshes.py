@@ -65,8 +65,8 @@ def known_attributes(document: Document, primitive: schema.Primitive, pointer: s
             continue
         where = f"{pointer}/attributes/{name}"
         if _SEMANTIC.fullmatch(name) is None:
-            what, hint = "is not an attribute of glTF 2.0", "custom names begin with an underscore"
-            document.repair("unknown-attribute", what, where, hint, detail=name[:40])
+            message, hint = "is not an attribute of glTF 2.0", "custom names begin with an underscore"
+            document.repair("unknown-attribute", message, where, hint, detail=name[:40])
             continue
         known[name] = index
         base, _, number = name.partition("_")
@@ -109,19 +109,19 @@ def check_format(
     if accessor.type in types and (accessor.component_type, accessor.normalized) in allowed:
         return True
     hint = "KHR_mesh_quantization is not declared" if quantized and not declared else None
-    what = f"{semantic} is {accessors.describe(index, pointer)}, which glTF does not allow"
+    message = f"{semantic} is {accessors.describe(index, pointer)}, which glTF does not allow"
     if accessor.component_type == 5125:
-        what = "vertex attributes cannot be UNSIGNED_INT"
+        message = "vertex attributes cannot be UNSIGNED_INT"
     if accessor.type in types and (accessor.component_type, accessor.normalized) in quantized:
-        document.repair("quantization", what, pointer, hint)
+        document.repair("quantization", message, pointer, hint)
         return True
     if semantic == "JOINTS" and accessor.type in types and accessor.component_type == 5125:
-        document.repair("attribute-format", what, pointer, detail=name)
+        document.repair("attribute-format", message, pointer, detail=name)
         return True
     if semantic in APPEARANCE:
-        document.repair("attribute-ignored", what, pointer, hint, detail=name)
+        document.repair("attribute-ignored", message, pointer, hint, detail=name)
         return False
-    raise document.error(what, pointer, hint)
+    raise document.error(message, pointer, hint)
 
 
 POINTS, LINES, LINE_LOOP, LINE_STRIP, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = range(7)
@@ -168,8 +168,8 @@ def skin_weights(
     weights = np.concatenate([arrays[f"WEIGHTS_{i}"] for i in sets], axis=1).astype(np.float64)
     negative = np.any(weights < 0, axis=1)
     if np.any(negative):
-        what, where = f"vertex {int(np.argmax(negative))} has a negative weight", f"{pointer}/attributes/WEIGHTS_0"
-        document.repair("negative-weight", what, where, count=int(negative.sum()))
+        message, where = f"vertex {int(np.argmax(negative))} has a negative weight", f"{pointer}/attributes/WEIGHTS_0"
+        document.repair("negative-weight", message, where, count=int(negative.sum()))
         weights = np.maximum(weights, 0.0)
     total = weights.sum(axis=1)
     empty = total == 0
@@ -212,9 +212,9 @@ def repaired_normals(normals: Array, bad: Array, positions: Array, triangles: Ar
         total = np.zeros(positions.shape)
         for corner in range(3):
             np.add.at(total, triangles[:, corner], face)
-        found = normalize(total[lost])
-        usable = np.any(total[lost] != 0.0, axis=1) & np.all(np.isfinite(found), axis=1)
-        out[lost] = np.where(usable[:, None], found, [0.0, 0.0, 1.0])
+        mean = normalize(total[lost])
+        usable = np.any(total[lost] != 0.0, axis=1) & np.all(np.isfinite(mean), axis=1)
+        out[lost] = np.where(usable[:, None], mean, [0.0, 0.0, 1.0])
     result = np.where(bad[:, None], out, normals).astype(np.float32)
     result.flags.writeable = False
     return result
@@ -260,22 +260,22 @@ class MeshReader:
     def read(self) -> tuple[Mesh, ...]:
         meshes = tuple(self._mesh(mesh, f"/meshes/{i}") for i, mesh in enumerate(self.document.root.meshes or []))
         if self.undrawn:
-            parts = ", ".join(f"{n} {what}" for what, n in self.undrawn.items() if what != "primitives")
+            parts = ", ".join(f"{n} {kind}" for kind, n in self.undrawn.items() if kind != "primitives")
             self.document.note(f"{self.undrawn['primitives']} primitives of points or lines are not drawn ({parts})")
-        for what, count in self.fixes.items():
-            self.document.note(f"{count} {what}")
+        for message, count in self.fixes.items():
+            self.document.note(f"{count} {message}")
         return meshes
 
     def _mesh(self, mesh: schema.Mesh, pointer: str) -> Mesh:
         document = self.document
         if not mesh.primitives:
-            what = "Expected array of length >= 1"
-            document.repair("empty-array", what, f"{pointer}/primitives", EMPTY, detail="primitives")
+            message = "Expected array of length >= 1"
+            document.repair("empty-array", message, f"{pointer}/primitives", EMPTY, detail="primitives")
         targets = {len(p.targets or []) for p in mesh.primitives}
         count = max(targets, default=0)
         if len(targets) > 1:
-            what = f"primitives have different numbers of morph targets {sorted(targets)}"
-            document.repair("morph-count", what, pointer)
+            message = f"primitives have different numbers of morph targets {sorted(targets)}"
+            document.repair("morph-count", message, pointer)
         weights = np.zeros(count) if mesh.weights is None else morph_weights(document, mesh.weights, count, pointer)
         read = (self._primitive(p, f"{pointer}/primitives/{i}") for i, p in enumerate(mesh.primitives))
         return Mesh(mesh.name, tuple(_padded(p, count) for p in read if p is not None), weights)
@@ -283,8 +283,8 @@ class MeshReader:
     def _primitive(self, primitive: schema.Primitive, pointer: str) -> Primitive | None:
         document = self.document
         if not primitive.attributes:
-            what = "Expected object of length >= 1"
-            document.repair("empty-array", what, f"{pointer}/attributes", EMPTY, detail="attributes")
+            message = "Expected object of length >= 1"
+            document.repair("empty-array", message, f"{pointer}/attributes", EMPTY, detail="attributes")
         names = self._readable(known_attributes(document, primitive, pointer), pointer)
         for name, index in names.items():
             self.accessors.use(index, "vertex attributes", f"{pointer}/attributes/{name}")
@@ -340,10 +340,10 @@ class MeshReader:
             where = f"{pointer}/attributes/{name}"
             if not check_format(self.document, self.accessors, name, index, FORMATS, where):
                 continue
-            found = self.accessors.get(index, where).count
-            if name.startswith(APPEARANCE) and count is not None and found != count:
-                what = f"has {found} elements; POSITION has {count}"
-                self.document.repair("attribute-ignored", what, where, detail=name)
+            elements = self.accessors.get(index, where).count
+            if name.startswith(APPEARANCE) and count is not None and elements != count:
+                message = f"has {elements} elements; POSITION has {count}"
+                self.document.repair("attribute-ignored", message, where, detail=name)
                 continue
             out[name] = index
         return out
@@ -359,8 +359,8 @@ class MeshReader:
         normals = arrays.get("NORMAL")
         if normals is None or not np.any(bad := _not_unit(normals)):
             return None
-        what = f"element {int(np.argmax(bad))} has length {_length(normals, bad):.6g}, must be 1"
-        self.document.repair("normal-length", what, f"{pointer}/attributes/NORMAL", count=int(bad.sum()))
+        message = f"element {int(np.argmax(bad))} has length {_length(normals, bad):.6g}, must be 1"
+        self.document.repair("normal-length", message, f"{pointer}/attributes/NORMAL", count=int(bad.sum()))
         return bad
 
     @staticmethod
@@ -376,10 +376,10 @@ class MeshReader:
         off, sign = _not_unit(tangents), np.abs(tangents[:, 3]) != 1.0
         if not (np.any(off) or np.any(sign)):
             return tangents
-        what = f"element {int(np.argmax(sign))} has w = {tangents[np.argmax(sign), 3]:g}, must be 1 or -1"
+        message = f"element {int(np.argmax(sign))} has w = {tangents[np.argmax(sign), 3]:g}, must be 1 or -1"
         if np.any(off):
-            what = f"element {int(np.argmax(off))} has length {_length(tangents, off):.6g}, must be 1"
-        self.document.repair("tangent", what, f"{pointer}/attributes/TANGENT", count=int((off | sign).sum()))
+            message = f"element {int(np.argmax(off))} has length {_length(tangents, off):.6g}, must be 1"
+        self.document.repair("tangent", message, f"{pointer}/attributes/TANGENT", count=int((off | sign).sum()))
         return repaired_tangents(tangents)
 
     def _share(self, key: Hashable, make: Callable[[], T]) -> T:
@@ -412,15 +412,15 @@ class MeshReader:
             return array
         wild = ~np.all(np.isfinite(array), axis=1)
         if np.any(wild):
-            what = f"element {int(np.argmax(wild))} is NaN or infinite"
-            self.document.repair("nonfinite-attribute", what, pointer, count=int(wild.sum()))
+            message = f"element {int(np.argmax(wild))} is NaN or infinite"
+            self.document.repair("nonfinite-attribute", message, pointer, count=int(wild.sum()))
             array = np.where(wild[:, None], np.float32(name.startswith("COLOR")), array)
         if name.startswith("COLOR"):
             outside = np.any((array < 0.0) | (array > 1.0), axis=1)
             if np.any(outside):
                 at = int(np.argmax(outside))
-                what = f"element {at} is {array[at].tolist()}, must lie in 0..1"
-                self.document.repair("color-range", what, pointer, count=int(outside.sum()))
+                message = f"element {at} is {array[at].tolist()}, must lie in 0..1"
+                self.document.repair("color-range", message, pointer, count=int(outside.sum()))
                 array = np.clip(array, 0.0, 1.0)
         return array
 
@@ -542,8 +542,8 @@ class MeshReader:
 def morph_weights(document: Document, weights: list[float], count: int, pointer: str) -> Array:
     """Weights of ``count`` morph targets, of the mesh or node at ``pointer``; missing ones are 0.  (count,)."""
     if len(weights) != count:
-        what = f"{len(weights)} weights for {count} morph targets"
-        document.repair("morph-weights", what, f"{pointer}/weights")
+        message = f"{len(weights)} weights for {count} morph targets"
+        document.repair("morph-weights", message, f"{pointer}/weights")
     out = np.zeros(count)
     out[: len(weights)] = weights[:count]
     return out

@@ -60,8 +60,8 @@ def unknown_lights(document: Document) -> frozenset[int]:
 def _camera(document: Document, camera: schema.Camera, pointer: str) -> Camera:
     p, o = camera.perspective, camera.orthographic
     if (p is None) == (o is None) or (p is None) == (camera.type == "perspective"):
-        what = f"must have exactly one of perspective and orthographic, matching its type {camera.type}"
-        document.repair("camera", what, pointer)
+        message = f"must have exactly one of perspective and orthographic, matching its type {camera.type}"
+        document.repair("camera", message, pointer)
         if p is None and o is None:
             return Camera(camera.name, camera.type, zfar=math.inf if camera.type == "perspective" else 100.0)
         p = p if o is None or camera.type == "perspective" else None
@@ -78,8 +78,8 @@ def _perspective(document: Document, name: str, p: schema.Perspective, pointer: 
         document.repair("camera", f"yfov {yfov:g} is not below pi", f"{pointer}/perspective/yfov")
         yfov = WIDEST_YFOV
     if zfar <= p.znear:
-        what = f"zfar {zfar:g} is not greater than znear {p.znear:g}"
-        document.repair("camera", what, f"{pointer}/perspective/zfar")
+        message = f"zfar {zfar:g} is not greater than znear {p.znear:g}"
+        document.repair("camera", message, f"{pointer}/perspective/zfar")
         zfar = math.inf
     return Camera(name, "perspective", yfov=yfov, aspect=p.aspect_ratio, znear=p.znear, zfar=zfar)
 
@@ -91,8 +91,8 @@ def _orthographic(document: Document, name: str, o: schema.Orthographic, pointer
             document.repair("camera", f"{side} must not be 0", f"{pointer}/orthographic/{side}")
     xmag, ymag = xmag or ymag or 1.0, ymag or xmag or 1.0
     if zfar <= o.znear:
-        what = f"zfar {zfar:g} is not greater than znear {o.znear:g}"
-        document.repair("camera", what, f"{pointer}/orthographic/zfar")
+        message = f"zfar {zfar:g} is not greater than znear {o.znear:g}"
+        document.repair("camera", message, f"{pointer}/orthographic/zfar")
         zfar = o.znear + 100.0
     return Camera(name, "orthographic", xmag=xmag, ymag=ymag, znear=o.znear, zfar=zfar)
 
@@ -105,8 +105,8 @@ def _light(document: Document, light: schema.PunctualLight, pointer: str) -> Lig
             document.repair("light-cone", "a spot light must have the property spot", pointer)
         # The extension wants inner < outer; Blender writes equal angles for a spot light with blend 0.
         if not inner <= outer <= math.pi / 2 + 1e-6 or not outer:
-            what = f"needs innerConeAngle {inner:g} <= outerConeAngle {outer:g} <= pi/2"
-            document.repair("light-cone", what, f"{pointer}/spot")
+            message = f"needs innerConeAngle {inner:g} <= outerConeAngle {outer:g} <= pi/2"
+            document.repair("light-cone", message, f"{pointer}/spot")
             outer = min(outer, math.pi / 2) or schema.Spot().outer_cone_angle
             inner = min(inner, outer)
     return Light(
@@ -146,17 +146,17 @@ def _skin(document: Document, accessors: Accessors, skin: schema.Skin, parent: A
                 f"is {accessors.describe(skin.inverse_bind_matrices, where)}, must be MAT4 of FLOAT", where
             )
         accessors.no_stride(skin.inverse_bind_matrices, where)
-        given = min(accessor.count, count)
-        if given < count:
-            what = f"{accessor.count} matrices for {count} joints"
-            document.repair("bind-matrix", what, where, count=count - given)
+        stored = min(accessor.count, count)
+        if stored < count:
+            message = f"{accessor.count} matrices for {count} joints"
+            document.repair("bind-matrix", message, where, count=count - stored)
         # glTF is column-major: rows of the reshaped array are columns.
-        raw = accessors.raw(skin.inverse_bind_matrices, where)[:given].astype(np.float64)
-        inverse_bind[:given] = raw.reshape(given, 4, 4).swapaxes(1, 2)
+        raw = accessors.raw(skin.inverse_bind_matrices, where)[:stored].astype(np.float64)
+        inverse_bind[:stored] = raw.reshape(stored, 4, 4).swapaxes(1, 2)
         projective = np.any(inverse_bind[:, 3] != (0, 0, 0, 1), axis=1)
         if np.any(projective):
-            what = f"matrix {int(np.argmax(projective))} has a last row other than 0 0 0 1"
-            document.repair("bind-matrix", what, where, count=int(projective.sum()))
+            message = f"matrix {int(np.argmax(projective))} has a last row other than 0 0 0 1"
+            document.repair("bind-matrix", message, where, count=int(projective.sum()))
             inverse_bind[:, 3] = (0, 0, 0, 1)
     joints = np.array(skin.joints, dtype=np.int32)
     joints.flags.writeable = inverse_bind.flags.writeable = False
@@ -183,8 +183,8 @@ def _check_common_root(document: Document, skin: schema.Skin, parent: Array, poi
     if not common and skin.joints:
         document.repair("skin-joints", "joints have no common root", f"{pointer}/joints")
     if skin.skeleton is not None and skin.skeleton not in (common or ()):
-        what = f"nodes[{skin.skeleton}] is not a common root of the joints"
-        document.repair("skin-joints", what, f"{pointer}/skeleton")
+        message = f"nodes[{skin.skeleton}] is not a common root of the joints"
+        document.repair("skin-joints", message, f"{pointer}/skeleton")
 
 
 QUATERNION_TOLERANCE = 0.00769  # on the length, as in the Khronos validator: a step of a normalized byte
@@ -242,8 +242,8 @@ def choose_scene(document: Document, requested: str | int | None, parent: Array)
             pointer = f"/scenes/{i}/nodes/{k}"
             document.item("nodes", node, pointer)
             if parent[node] >= 0:
-                what = f"nodes[{node}] is not a root: it is a child of nodes[{parent[node]}]"
-                document.repair("scene-roots", what, pointer)
+                message = f"nodes[{node}] is not a root: it is a child of nodes[{parent[node]}]"
+                document.repair("scene-roots", message, pointer)
             if node in listed:
                 document.repair("scene-roots", f"nodes[{node}] is listed twice", pointer)
             listed.add(node)
@@ -260,15 +260,15 @@ def choose_scene(document: Document, requested: str | int | None, parent: Array)
     return in_scene, names
 
 
-def pick(document: Document, requested: str | int, names: list[str], what: str, pointer: str) -> int:
+def pick(document: Document, requested: str | int, names: list[str], noun: str, pointer: str) -> int:
     """Index of the item with this name or this number (also as text).  Raises SceneError."""
     index = -1
     if isinstance(requested, str):
-        found = [i for i, name in enumerate(names) if name == requested]
-        if len(found) > 1:
-            raise document.error(f"{len(found)} {what}s are named {requested!r}", pointer, f"use an index: {found}")
-        if found:
-            return found[0]
+        matches = [i for i, name in enumerate(names) if name == requested]
+        if len(matches) > 1:
+            raise document.error(f"{len(matches)} {noun}s are named {requested!r}", pointer, f"use an index: {matches}")
+        if matches:
+            return matches[0]
         if requested.isascii() and requested.isdigit() and len(requested) < 10:
             index = int(requested)
     else:
@@ -276,7 +276,7 @@ def pick(document: Document, requested: str | int, names: list[str], what: str, 
     if 0 <= index < len(names):
         return index
     known = ", ".join(f"{i}: {name!r}" for i, name in enumerate(names[:20])) or "none"
-    raise document.error(f"has no {what} {requested!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
+    raise document.error(f"has no {noun} {requested!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
 
 
 class NodeTargets(NamedTuple):
@@ -303,8 +303,8 @@ def read_nodes(document: Document, accessors: Accessors, parent: Array, in_scene
         _references(document, node, new, targets, pointer)
         light = document.extension(node, LIGHTS, schema.LightReference, pointer)
         if light is not None and light.light >= len(targets.lights):
-            what = f"refers to lights[{light.light}]; the file has {len(targets.lights)}"
-            document.repair("light-reference", what, f"{pointer}/extensions/{LIGHTS}/light")
+            message = f"refers to lights[{light.light}]; the file has {len(targets.lights)}"
+            document.repair("light-reference", message, f"{pointer}/extensions/{LIGHTS}/light")
         elif light is not None and light.light not in unknown:
             new.light = light.light
         visibility = document.extension(node, VISIBILITY, schema.Visibility, pointer)
@@ -327,8 +327,8 @@ def _transform(document: Document, node: schema.Node, new: Node, pointer: str) -
         axes = math3d.normalize(matrix[:3, :3].T)
         shear = np.abs(axes @ axes.T)[np.triu_indices(3, 1)]
         if np.any(matrix[3] != (0, 0, 0, 1)) or np.any(shear > MATRIX_TOLERANCE):
-            what, hint = "matrix is not a translation, rotation and scale", "it shears or projects"
-            document.repair("matrix-shear", what, f"{pointer}/matrix", hint)
+            message, hint = "matrix is not a translation, rotation and scale", "it shears or projects"
+            document.repair("matrix-shear", message, f"{pointer}/matrix", hint)
             matrix[3] = (0, 0, 0, 1)
         new.matrix = matrix
         return
@@ -338,8 +338,8 @@ def _transform(document: Document, node: schema.Node, new: Node, pointer: str) -
         length = math.hypot(*node.rotation)
         new.rotation = node.rotation
         if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
-            what = f"quaternion has length {length:.6g}, must be 1"
-            document.repair("quaternion-length", what, f"{pointer}/rotation")
+            message = f"quaternion has length {length:.6g}, must be 1"
+            document.repair("quaternion-length", message, f"{pointer}/rotation")
             new.rotation = unit_quaternions(np.array(node.rotation))
     if node.scale is not None:
         new.scale = node.scale
@@ -368,8 +368,8 @@ def _references(document: Document, node: schema.Node, new: Node, targets: NodeT
     new.skin = node.skin
     for k, primitive in enumerate(mesh.primitives):
         if primitive.joints is not None and (last := int(primitive.joints.max())) >= joints:
-            what = f"joint {last} in primitives[{k}] of meshes[{node.mesh}]; skins[{node.skin}] has {joints} joints"
-            raise document.error(what, pointer)
+            message = f"joint {last} in primitives[{k}] of meshes[{node.mesh}]; skins[{node.skin}] has {joints} joints"
+            raise document.error(message, pointer)
 
 
 def _instances(document: Document, accessors: Accessors, instancing: schema.Instancing, pointer: str) -> Array:
@@ -409,8 +409,8 @@ def check_quaternions(document: Document, quaternions: Array, pointer: str) -> A
     if not np.any(bad):
         return quaternions
     at = int(np.argmax(bad))
-    what = f"quaternion {at} has length {length[at]:.6g}, must be 1"
-    document.repair("quaternion-length", what, pointer, count=int(bad.sum()))
+    message = f"quaternion {at} has length {length[at]:.6g}, must be 1"
+    document.repair("quaternion-length", message, pointer, count=int(bad.sum()))
     return np.where(bad[:, None], unit_quaternions(quaternions), quaternions)
 
 

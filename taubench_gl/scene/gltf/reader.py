@@ -132,9 +132,9 @@ def _environment(document: Document, own: dict[str, str]) -> str | tuple[float, 
     if isinstance(value, tuple):
         usable = len(value) == 3 and all(0.0 <= c < math.inf for c in value)
         return value if usable else None
-    found = find_referenced(document.path.parent, text)
-    if isinstance(found, str) or not text.lower().endswith(ENVIRONMENT_FILES):
-        reason = found if isinstance(found, str) else "is no .hdr or .exr file"
+    target = find_referenced(document.path.parent, text)
+    if isinstance(target, str) or not text.lower().endswith(ENVIRONMENT_FILES):
+        reason = target if isinstance(target, str) else "is no .hdr or .exr file"
         document.note(f"the file's environment image is left out: {reason}", "/asset/extras/taubench_gl")
         return None
-    return str(found)
+    return str(target)

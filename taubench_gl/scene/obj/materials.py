@@ -35,15 +35,15 @@ class Library:
 
     def read(self, names: str, where: str) -> None:
         """``mtllib``: one file name, which can contain spaces, or several.  Missing files get a note."""
-        found = find_referenced(self.folder, names)
-        several = [names] if isinstance(found, Path) else names.split()
+        target = find_referenced(self.folder, names)
+        several = [names] if isinstance(target, Path) else names.split()
         for name in several:
-            found = find_referenced(self.folder, name)
-            if isinstance(found, str):
-                self.notes.remark("library-missing", where, detail=found)
-            elif found not in self.data:
-                self.data[found], text = read_any_text(found, self.notes, where)
-                self._parse(found, text)
+            target = find_referenced(self.folder, name)
+            if isinstance(target, str):
+                self.notes.remark("library-missing", where, detail=target)
+            elif target not in self.data:
+                self.data[target], text = read_any_text(target, self.notes, where)
+                self._parse(target, text)
 
     def use(self, name: str) -> int:
         """Index of a material; -1 for none and, with a note, for an unknown name."""
@@ -110,11 +110,11 @@ class Library:
         self.materials.append(look.material(name))
 
     def _texture(self, words: list[str], where: str) -> Texture | None:
-        found = find_referenced(self.folder, " ".join(_without_options(words)))
-        if isinstance(found, str):
-            self.notes.remark("texture-missing", where, detail=found)
+        target = find_referenced(self.folder, " ".join(_without_options(words)))
+        if isinstance(target, str):
+            self.notes.remark("texture-missing", where, detail=target)
             return None
-        return self.images.texture(found)
+        return self.images.texture(target)
 
 
 def _without_options(words: list[str]) -> list[str]:

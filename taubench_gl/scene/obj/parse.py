@@ -108,13 +108,13 @@ class _Lines:
         line = int(np.searchsorted(self.breaks, self.words[self.first[row]])) + 1
         return f"{self.path.name}:{line}"
 
-    def error(self, row: int, what: str, hint: str | None = None) -> SceneError:
-        return SceneError(what, where=self.where(row), hint=hint)
+    def error(self, row: int, message: str, hint: str | None = None) -> SceneError:
+        return SceneError(message, where=self.where(row), hint=hint)
 
-    def repair(self, kind: str, rows: Array, what: str, hint: str | None = None, detail: str = "") -> None:
+    def repair(self, kind: str, rows: Array, message: str, hint: str | None = None, detail: str = "") -> None:
         """Count the used lines ``rows`` as departures; strict: raise the error of the first."""
         row = int(rows[0])
-        self.notes.repair(kind, self.error(row, what, hint), count=len(rows), detail=detail)
+        self.notes.repair(kind, self.error(row, message, hint), count=len(rows), detail=detail)
 
     def rest(self, row: int) -> str:
         """The text after the keyword of a used line."""
@@ -134,28 +134,28 @@ class _Lines:
         counts = self.count[rows] - 1
         bad = ~np.isin(counts, COUNTS[kind])
         if np.any(bad):
-            what = f"{kind.decode()} with {counts[np.argmax(bad)]} numbers"
+            message = f"{kind.decode()} with {counts[np.argmax(bad)]} numbers"
             if np.any(counts[bad] < COUNTS[kind][0]):
-                raise self.error(rows[np.argmax(bad)], what)
-            self.repair("statement-numbers", rows[bad], what, detail=kind.decode())
+                raise self.error(rows[np.argmax(bad)], message)
+            self.repair("statement-numbers", rows[bad], message, detail=kind.decode())
         out = np.zeros((len(rows), width))
         for count in np.unique(counts).tolist():
-            chosen = rows[counts == count]
+            lines = rows[counts == count]
             try:
-                values = np.array(list(map(float, self._joined(chosen).split())))
+                values = np.array(list(map(float, self._joined(lines).split())))
             except ValueError:
-                fault = self._not_a_number(chosen, float)
+                fault = self._not_a_number(lines, float)
                 if kind == b"v" or self.notes.strict:
                     raise fault from None
-                values = np.array([_number(word) for word in self._joined(chosen).split()])
+                values = np.array([_number(word) for word in self._joined(lines).split()])
             values = values.reshape(-1, count)[:, :width]
             ok = np.abs(values) < LARGEST
             if not np.all(ok):
-                wrong = chosen[~np.all(ok, axis=1)]
-                what = "contains a number that is not finite or too large"
+                wrong = lines[~np.all(ok, axis=1)]
+                message = "contains a number that is not finite or too large"
                 if kind == b"v":
-                    raise self.error(wrong[0], what)
-                self.repair("statement-nonfinite", wrong, what, detail=kind.decode())
+                    raise self.error(wrong[0], message)
+                self.repair("statement-nonfinite", wrong, message, detail=kind.decode())
                 values = np.where(ok, values, 0.0)
             out[counts == count, : values.shape[1]] = values
         return out
@@ -203,13 +203,13 @@ class _Lines:
         for row, kind in sorted(unknown):
             name = kind.decode("utf-8", errors="replace")[:20]
             if kind in CURVES:
-                what = f"{name!r}: curves and surfaces are not supported"
-                self.repair("curve", self.rows(kind), what, "export triangles", name)
+                message = f"{name!r}: curves and surfaces are not supported"
+                self.repair("curve", self.rows(kind), message, "export triangles", name)
                 continue
-            what, hint = f"{name!r} is not an OBJ statement", "check the file format"
+            message, hint = f"{name!r} is not an OBJ statement", "check the file format"
             if not len(self.rows(b"v")):
-                raise self.error(row, what, hint)
-            self.repair("unknown-statement", self.rows(kind), what, hint, name)
+                raise self.error(row, message, hint)
+            self.repair("unknown-statement", self.rows(kind), message, hint, name)
 
     # --------------------------------------------------------------------------------------------------------- faces
     def _parts(self, nv: int, nt: int, nn: int) -> list[Part]:
@@ -238,8 +238,8 @@ class _Lines:
         label = objects[0] * len(materials[1]) + materials[0]
         parts = []
         for value in np.unique(label).tolist():
-            chosen = triangles[label[face] == value]
-            parts.append(Part(objects[1][value // len(materials[1])], materials[1][value % len(materials[1])], chosen))
+            own = triangles[label[face] == value]
+            parts.append(Part(objects[1][value // len(materials[1])], materials[1][value % len(materials[1])], own))
         return parts
 
     def _corners(self, rows: Array, sizes: Array) -> Array:
@@ -289,8 +289,8 @@ class _Lines:
                 at = int(np.argmax(bad))
                 owner = np.repeat(np.arange(len(rows)), sizes)
                 faces = np.unique(owner[bad])
-                what = f"index {values[at]}; the file has {total} {kind.decode()}"
-                self.repair("face-index", rows[faces], what, detail=kind.decode())
+                message = f"index {values[at]}; the file has {total} {kind.decode()}"
+                self.repair("face-index", rows[faces], message, detail=kind.decode())
                 resolved = np.where(bad, MISSING, resolved)
                 if column == 0:
                     drawn[faces] = False

@@ -73,21 +73,21 @@ def find_frames(text: str) -> tuple[list[Path], float, list[str]]:
         names = sorted(p.name for p in folder.iterdir())
     except OSError as e:
         raise SceneError(f"cannot be read: {e.strerror}", where=str(folder)) from None
-    found = [m for m in map(pattern.fullmatch, names) if m]
-    if not found:
+    matches = [m for m in map(pattern.fullmatch, names) if m]
+    if not matches:
         raise SceneError("no numbered .obj file matches", where=text, hint="name files name000.obj, name001.obj")
-    stems = {(m[1], m[3]) for m in found}
+    stems = {(m[1], m[3]) for m in matches}
     if len(stems) > 1:
         shown = ", ".join(f"{a}*{b}" for a, b in sorted(stems)[:4])
         raise SceneError(f"the folder contains several sequences: {shown}", where=text, hint="give one of them")
-    if len(found) > MAX_FRAMES:
-        raise SceneError(f"{len(found)} files, more than {MAX_FRAMES}", where=text)
-    found.sort(key=lambda m: (int(m[2]), m[2]))
-    numbers = [int(m[2]) for m in found]
+    if len(matches) > MAX_FRAMES:
+        raise SceneError(f"{len(matches)} files, more than {MAX_FRAMES}", where=text)
+    matches.sort(key=lambda m: (int(m[2]), m[2]))
+    numbers = [int(m[2]) for m in matches]
     warnings = []
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         warnings.append("the file numbers have gaps or repeat: frames are the files in order")
-    return [folder / m[0] for m in found], fps, warnings
+    return [folder / m[0] for m in matches], fps, warnings
 
 
 @dataclass(slots=True)
@@ -223,8 +223,8 @@ class _Assembly:
     def _notes(self, file: ObjFile) -> None:
         for names, where in file.libraries:
             self.library.read(names, where)
-        for what, count in file.undrawn.items():
-            self.notes.remark("undrawn", file.path.name, count, detail=what, key=f"{file.path.name} {what}")
+        for message, count in file.undrawn.items():
+            self.notes.remark("undrawn", file.path.name, count, detail=message, key=f"{file.path.name} {message}")
 
     def scene(self, name: str, path: Path, animation: Sequence[str | int] | None) -> Scene:
         nodes, meshes, channels, replacements = NodeList(), [], [], []
