@@ -1,9 +1,5 @@
 """Download of one file over HTTP that resumes where it stopped, as long as the server still offers the same file.
 
-This is the downloader that scene_cache.py hands to ``pooch.retrieve``, which verifies the checksum and moves the
-file into place.  The downloader of pooch itself cannot resume: it hides the status of the answer, and its
-``iter_content`` loses the bytes that arrived last when the connection drops.
-
 ``<file>.part`` holds the bytes received so far, ``<file>.part.json`` the version of the file they belong to.  A resumed
 request carries If-Range (RFC 9110, 13.1.5), to which a server with another version answers with the whole file.  A
 server that ignores If-Range is caught by the ETag, date and size of its answer.
@@ -19,9 +15,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from taubench_gl.data_files import opened, read_json
+from taubench_gl.data_files import read_json
 from taubench_gl.errors import DatasetError, OutputError
-from taubench_gl.outputs import copy_atomically, own_file, write_atomically
+from taubench_gl.outputs import own_file, write_atomically
 
 CHUNK = 1 << 20
 TRIES = 4
@@ -53,8 +49,8 @@ class Version:
         return self.url == other.url and all(a == b for a, b in pairs if a is not None and b is not None)
 
 
-def fetch(url: str, out: Path, part: Path, progress: Progress | None = None) -> None:
-    """Download ``url`` to ``out`` through ``part``, which a later call resumes.  Raises DatasetError."""
+def fetch(url: str, part: Path, progress: Progress | None = None) -> None:
+    """Download ``url`` to ``part``; a later call resumes where this one stops.  Raises DatasetError."""
     import requests
     import urllib3
 
@@ -76,8 +72,6 @@ def fetch(url: str, out: Path, part: Path, progress: Progress | None = None) -> 
         except requests.exceptions.RequestException as error:
             raise DatasetError(f"cannot be fetched: {error}", where=url) from None
         if problem is None:
-            with opened(part, DatasetError) as file:
-                copy_atomically(file, out)
             return
     raise DatasetError(f"the download failed {TRIES} times: {problem}", where=url, hint="run it again to resume")
 

@@ -7,6 +7,7 @@ refused.
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import lzma
 import os
@@ -184,39 +185,21 @@ class CachedScene:
 
     # ------------------------------------------------------------------------------------------------------- fetching
     def _download(self, url: str, target: Path, expected: str | None, progress: Progress | None) -> None:
-        try:
-            import pooch
-        except ModuleNotFoundError:
-            raise DatasetError(
-                "downloading requires the package pooch", hint="pip install 'taubench-gl[datasets]'"
-            ) from None
+        if importlib.util.find_spec("requests") is None:
+            hint = "pip install 'taubench-gl[datasets]'"
+            raise DatasetError("downloading requires the package requests", hint=hint)
         part = self.folder / (target.name + ".part")
         self.folder.mkdir(parents=True, exist_ok=True)
-        stale = self.folder / (target.name + ".old")
-        if target.exists():
-            target.replace(stale)  # pooch would keep it; it stays until the new file is complete
-        pooch.get_logger().setLevel("ERROR")
         try:
-            pooch.retrieve(
-                url,
-                known_hash=None if expected is None else f"sha256:{expected}",
-                fname=target.name,
-                path=self.folder,
-                downloader=lambda address, out, _: fetch(address, Path(out), part, progress),
-            )
-        except ValueError as e:  # raised by pooch if the checksum differs
-            forget(part)
-            if "hash" not in str(e).lower():
-                raise
-            raise DatasetError(
-                "the file differs from the first download", where=url,
-                hint=f"to accept it, delete {self.folder / 'record.json'} and get it again",
-            ) from None  # fmt: skip
+            fetch(url, part, progress)
+            if expected is not None and sha256_of(part) != expected:
+                forget(part)
+                hint = f"to accept it, delete {self.folder / 'record.json'} and get it again"
+                raise DatasetError("the file differs from the first download", where=url, hint=hint)
+            with opened(part, DatasetError) as file:
+                copy_atomically(file, target)
         except OSError as e:
             raise DatasetError(f"cannot be stored: {e.strerror or e}", where=str(target)) from None
-        finally:
-            if stale.exists():
-                stale.unlink() if target.exists() else stale.replace(target)
         forget(part)
 
     def _keep(self, source: Path, url: str | None, selected: str | None) -> Path:

@@ -14,7 +14,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 from click.testing import CliRunner
 
-pytest.importorskip("pooch")
+pytest.importorskip("requests")
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.datasets import download
