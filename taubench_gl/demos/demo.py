@@ -1,18 +1,20 @@
-"""Records of a demo: one idea, things to look for, figures, and measured numbers with their theoretical values."""
+"""Records of a demo: one idea, things to look for, a figure, and measured numbers with their theoretical values."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taubench_gl.conventions import Reason
+from taubench_gl.demos.theory import edge_pixels
 
 if TYPE_CHECKING:
+    from taubench_gl.demos.sheet import Sheet
     from taubench_gl.demos.stage import Stage
     from taubench_gl.scene.model import Scene
 
@@ -47,18 +49,14 @@ class Expected:
             text = f"at most {high:.{digits}f}" if math.isinf(low) else f"{low:.{digits}f} to {high:.{digits}f}"
         return cls(low, high, text, source)
 
+    @classmethod
+    def share(cls, region: Array, source: str) -> Expected:
+        """Percent of the pixels in ``region`` (h, w) bool, ± half of the pixels on its edge."""
+        return cls.near(100.0 * float(region.mean()), 50.0 * edge_pixels(region) / region.size, source)
+
     def met_by(self, number: float) -> bool:
         """Whether ``number`` is in the range; False for NaN."""
         return bool(self.low <= number <= self.high)
-
-
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """A figure of a demo.  ``path``: PNG; ``colors``: legend entry -> 8-bit sRGB."""
-
-    path: Path
-    caption: str
-    colors: Mapping[str, RGB] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +150,6 @@ def threshold_parameter(
     ``base`` (h, w, 3) uint8; ``start``: the value that is shown first, in place of the nearest one; ``texts``: fields
     of Parameter.
     """
-    from taubench_gl.demos.theory import edge_pixels
-
     values, first = with_value(values, start)
     regions = [expected > value for value in values]
     return Parameter(
@@ -200,27 +196,21 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Findings and figures of a demo; the first finding is its main number."""
+    """Findings and figure of a demo; the first finding is its main number.
+
+    ``sheet`` is the figure, ``path`` its PNG once it is saved; ``colors``: legend entry -> 8-bit sRGB.
+    """
 
     findings: tuple[Finding, ...]
-    figures: tuple[Figure, ...]
+    sheet: Sheet
+    caption: str
     parameter: Parameter
+    colors: Mapping[str, RGB] = field(default_factory=dict)
+    path: Path | None = None
 
-    @property
-    def number(self) -> float:
-        return self.findings[0].number
-
-    @property
-    def unit(self) -> str:
-        return self.findings[0].unit
-
-    @property
-    def meaning(self) -> str:
-        return self.findings[0].meaning
-
-    @property
-    def expected(self) -> Expected:
-        return self.findings[0].expected
+    def saved(self, path: Path) -> Result:
+        """The result with its figure in a file.  Raises OutputError."""
+        return replace(self, path=self.sheet.save(path), colors={**self.sheet.colors, **self.colors})
 
     @property
     def as_expected(self) -> bool:
@@ -232,19 +222,19 @@ class Result:
 class Demo:
     """One numbered demo.
 
-    ``idea``: two or three sentences for students; ``look_for``: what to notice in the figures; ``question``: asked
-    before the first finding is shown.  ``run`` writes figures into a folder and returns its result; ``scene`` builds
-    its scene, for the viewer and other commands; ``opening``: the pair of it that page and viewer show.
+    ``idea``: two or three sentences for students; ``look_for``: what to notice in the figure; ``question``: asked
+    before the first finding is shown.  ``run`` measures and draws; ``scene`` builds its scene, for the viewer and
+    other commands; ``opening``: the pair of it that page and viewer show.
     """
 
     number: int
     name: str
     title: str
+    run: Callable[[Stage], Result]
     idea: str
     look_for: tuple[str, ...]
     question: Question
     opening: Opening
-    run: Callable[[Stage, Path], Result]
     scene: Callable[[], Scene]
     see_also: tuple[tuple[str, str], ...] = ()  # (text, page of docs/)
 
@@ -257,24 +247,13 @@ class Demo:
 REGISTRY: dict[str, Demo] = {}
 
 
-def demo(
-    number: int,
-    name: str,
-    title: str,
-    *,
-    idea: str,
-    look_for: tuple[str, ...],
-    question: Question,
-    opening: Opening,
-    scene: Callable[[], Scene],
-    see_also: tuple[tuple[str, str], ...] = (),
-) -> Callable[[Callable[[Stage, Path], Result]], Callable[[Stage, Path], Result]]:
-    """Register a function as the run of demo ``number``."""
+def demo(number: int, name: str, title: str, **fields: Any) -> Callable[[Callable[[Stage], Result]], Any]:
+    """Register a function as the run of demo ``number``; ``fields``: the others of Demo."""
 
-    def register(run: Callable[[Stage, Path], Result]) -> Callable[[Stage, Path], Result]:
+    def register(run: Callable[[Stage], Result]) -> Callable[[Stage], Result]:
         if name in REGISTRY or any(d.number == number for d in REGISTRY.values()):
             raise ValueError(f"two demos have number {number} or name {name}")
-        REGISTRY[name] = Demo(number, name, title, idea, look_for, question, opening, run, scene, see_also)
+        REGISTRY[name] = Demo(number, name, title, run, **fields)
         return run
 
     return register

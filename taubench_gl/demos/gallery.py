@@ -89,7 +89,7 @@ def run_demos(
     folder = output_folder(out)
     shown: list[Shown] = []
     for i, demo in enumerate(chosen):
-        result, pair = demo.run(stage, folder), open_pair(stage, demo)
+        result, pair = demo.run(stage).saved(folder / f"{demo.stem}.png"), open_pair(stage, demo)
         around = (chosen[i - 1] if i else None, chosen[i + 1] if i + 1 < len(chosen) else None)
         page = folder / f"{demo.stem}.html"
         write_atomically(page, demo_page(demo, result, pair, around if index else None))
@@ -131,9 +131,7 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | No
     key = [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
     step("frames", "The two frames", "frames", _screens(demo, pair), pair_text(demo), key, link="Frames")
     step("question", "Guess first", "question", demo.question.text, link="Question")
-    for i, figure in enumerate(result.figures, start=1):
-        values = i, data_uri(read_bytes(figure.path)), figure.caption, demo.look_for if i == 1 else ()
-        step(f"figure-{i}", f"Figure {i}" if len(result.figures) > 1 else "Figure", "figure", *values)
+    step("figure-1", "Figure", "figure", data_uri(read_bytes(result.path)), result.caption, demo.look_for)
     size = parameter.picture(0).shape[1::-1]
     step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]
@@ -209,7 +207,7 @@ def index_page(shown: Sequence[tuple[Demo, Result]]) -> str:
         "predicts."
     )
     cards = [
-        {"demo": demo, "uri": data_uri(_thumbnail(result.figures[0].path)), "finding": result.findings[0],
+        {"demo": demo, "uri": data_uri(_thumbnail(result.path)), "finding": result.findings[0],
          "as_expected": result.as_expected}
         for demo, result in shown
     ]  # fmt: skip
@@ -303,8 +301,7 @@ from taubench_gl.demos.gallery import run_demo
 
 demo = find_demo("{name}")
 result = run_demo(demo.name, tempfile.mkdtemp(), size=({width}, {height}))
-for figure in result.figures:
-    display(Image(figure.path, width=1000), Markdown(figure.caption))"""
+display(Image(result.path, width=1000), Markdown(result.caption))"""
 
 _NUMBERS = """\
 rows = ["| measured | meaning | expected | reason |", "| --- | --- | --- | --- |"]

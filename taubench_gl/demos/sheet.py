@@ -5,16 +5,18 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import RGB
 from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.mask_images import mask_overlay
-from taubench_gl.report.palette import REASON_COLORS, color_of
+from taubench_gl.report.palette import REASON_COLORS, RGB, color_of
+
+if TYPE_CHECKING:
+    from taubench_gl.demos.stage import LitPair
 
 Array = np.ndarray
 
@@ -29,7 +31,7 @@ BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 class Sheet:
     """``columns`` x ``rows`` panels of one aspect ratio above ``below`` units for plots.  Lengths in layout units.
 
-    ``bars``: leave room for a color bar below each panel.
+    ``bars``: leave room for a color bar below each panel.  ``colors``: those of the legend.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Sheet:
         self.grid_bottom = rows * (self._height + _TITLE + self._bar) + gaps if rows else 0
         self.legend_top = self.grid_bottom + below
         self.height = self.legend_top + (_LEGEND if legend else 0) + 0.5 * _PAD
+        self.colors: dict[str, RGB] = {}
         self._figure = Figure(figsize=(WIDTH / 100, self.height / 100), facecolor=PAPER)
         FigureCanvasAgg(self._figure)
 
@@ -67,6 +70,19 @@ class Sheet:
         axes.title.set(fontsize=13.5, color=INK)
         return axes
 
+    def theory(self, axes: Any, x: Sequence[float], y: Sequence[float], label: str = "theory") -> None:
+        """Add the line of a closed form to a plot."""
+        axes.plot(x, y, color=BLUE, linewidth=2, label=label)
+
+    def dots(self, axes: Any, x: Sequence[float], y: Sequence[float], label: str = "measured", **style: Any) -> None:
+        """Add measured numbers to a plot."""
+        dots = {"marker": "o", "linestyle": "", "markeredgecolor": "black", "markersize": 8}
+        axes.plot(x, y, color=ORANGE, label=label, **dots | style)
+
+    def key(self, axes: Any, place: str, **options: Any) -> None:
+        """Add the legend of a plot.  ``place``: as Matplotlib's ``loc``."""
+        axes.legend(**{"frameon": False, "fontsize": 12, "loc": place} | options)
+
     def place(self, column: int, row: int) -> tuple[float, float, float, float]:
         """Left, top, width and height of a panel."""
         left = _PAD + column * (self._width + _PAD)
@@ -87,8 +103,8 @@ class Sheet:
         axes.tick_params(labelsize=11, colors=INK, length=3)
         self.text(left + 0.5 * width + 16, top + height + 9, label, size=12.5)
 
-    def panel(self, column: int, row: int, image: Array, title: str = "") -> Any:
-        """Add an image (h, w, 3), uint8 or float in [0, 1], below its title.  Returns its axes, in pixels."""
+    def panel(self, column: int, row: int, image: Array, title: str = "", text: str = "") -> Any:
+        """Add an image (h, w, 3), uint8 or float in [0, 1], below its title, with a note.  -> its axes, in pixels."""
         axes = self.axes(*self.place(column, row))
         image = as_bytes(image)
         # "auto" keeps strongly enlarged pixels sharp and resamples images near their own size smoothly.
@@ -98,12 +114,15 @@ class Sheet:
             spine.set(color="#b9b6ae", linewidth=0.8)
         size = 13.5 if self._width > 380 else 11.5
         axes.set_title(title, fontsize=size, color=INK, loc="left", pad=6)
+        if text:
+            note(axes, text)
         return axes
 
     def legend(self, entries: Sequence[tuple[str, RGB]]) -> None:
         """Add a line of colors with their meaning at the bottom."""
         from matplotlib.patches import Rectangle
 
+        self.colors |= dict(entries)
         axes = self.axes(0, self.legend_top, WIDTH, _LEGEND)
         axes.set(xlim=(0, WIDTH), ylim=(_LEGEND, 0))
         axes.axis("off")
@@ -198,8 +217,14 @@ def reason_entries(*reasons: Reason) -> list[tuple[str, RGB]]:
     return [(label_of(reason), color_of(reason)) for reason in reasons]
 
 
-def rgb(reason: Reason) -> RGB:
-    return REASON_COLORS[reason]
+def rgb(color: Reason | str) -> RGB:
+    """8-bit sRGB of a reason or of ``#rrggbb``."""
+    return tuple(bytes.fromhex(color[1:])) if isinstance(color, str) else REASON_COLORS[color]  # type: ignore
+
+
+def gray_image(pair: LitPair) -> Array:
+    """The current image in gray, as below mask colors.  (h, w, 3) uint8."""
+    return overlay(np.zeros_like(pair.mask), pair.now["color"])
 
 
 def heat(values: Array, top: float, colors: str = "viridis") -> Array:

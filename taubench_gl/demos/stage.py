@@ -5,8 +5,9 @@ Scenes are in world space, +Y up, meters.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,15 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.reuse.evaluate import MethodSpec, method_settings
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.run import Run
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
@@ -61,10 +70,10 @@ class Stage:
     def pixels(self) -> int:
         return self.size[0] * self.size[1]
 
-    def settings(self, **given: Any) -> Settings:
+    def settings(self, **settings: Any) -> Settings:
         """Settings with the size and backend of the stage; defaults: one frame per second, no indirect light."""
         defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none", **FIXED_LIGHTING}
-        return Settings(**(defaults | given | {"backend": self.gpu.backend, "device": self.device}))
+        return Settings(**(defaults | settings | {"backend": self.gpu.backend, "device": self.device}))
 
     def evaluate(
         self, scene: Scene, *, camera: CameraTrack | None = None, extra: Sequence[str] = (), **settings: Any
@@ -74,26 +83,69 @@ class Stage:
         ``extra``: further channels beyond those that the columns need.
         """
         pairs: list[LitPair] = []
-        chosen = self.settings(**settings)
+        wanted = self.settings(**settings)
 
         def keep(pair: Pair) -> None:
             names = [n for n in pair.source.channels if n in pair.source.current]
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
             pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
 
-        camera = camera or choose_camera(scene, chosen.sequence.camera)
-        run = evaluate_scene(scene, chosen, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
+        camera = camera or choose_camera(scene, wanted.sequence.camera)
+        run = evaluate_scene(scene, wanted, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
         return run, pairs
 
     def pair(self, scene: Scene, **settings: Any) -> LitPair:
         """The first pair of ``scene``: its frames at 0 and 1 second."""
         return self.evaluate(scene, frames=(0, 2), **settings)[1][0]
 
+    def direct_light(
+        self, scene: Scene, frames: Sequence[int], shading: Shading | None = None, **settings: Any
+    ) -> Array:
+        """Direct radiance of ``frames``, (frames, h, w, 3) float64.  ``settings``: fields of Settings."""
+        wanted = self.settings(columns=("direct",), **settings)
+        with GpuOwner(self.gpu) as owner:
+            source = owner.open_source(AnimatedScene(scene), wanted, shading=shading or Shading())
+            images = []
+            for frame in frames:
+                source.advance(frame)
+                images.append(source.read("direct")[..., :3].astype(np.float64))
+        return np.stack(images)
+
+    @contextlib.contextmanager
+    def reuse(
+        self,
+        scene: Scene,
+        texts: Mapping[str, str],
+        kind: str = "full",
+        reads: Sequence[str] = (),
+        exact: bool = False,
+        **settings: Any,
+    ) -> Iterator[tuple[RasterInputs, dict[str, MethodRunner]]]:
+        """Inputs of reuse methods, and a runner for each of ``texts``: name -> specification, as on the command line.
+
+        ``kind``: of the input; ``reads``: inputs beyond those of the methods and radiance; ``exact``: with the masks
+        of the exact frames.
+        """
+        wanted = self.settings(reprojection="motion", environment="none", **settings)
+        specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
+        methods = {name: load_method(spec.method) for name, spec in specs.items()}
+        every = {read for method in methods.values() for read in method.reads} | {"radiance", *reads}
+        request = InputRequest(self.gpu, scene, choose_camera(scene), wanted, parse_input(kind))
+        size = wanted.sequence.width, wanted.sequence.height
+        with contextlib.ExitStack() as opened:
+            inputs = RasterInputs(request, every, exact=exact)
+            opened.callback(inputs.release)
+            runners = {}
+            for name, method in methods.items():
+                values = method_settings(method, specs[name].settings)
+                runners[name] = MethodRunner(self.gpu, method, size, values, input_size=inputs.size)
+                opened.callback(runners[name].release)
+            yield inputs, runners
+
     def release(self) -> None:
         self.bench.release()
 
 
-Array = np.ndarray
 SAND, BRICK, SEA, LEAF, CHALK = (
     (0.70, 0.58, 0.40), (0.62, 0.20, 0.12), (0.10, 0.30, 0.55), (0.16, 0.42, 0.20), (0.80, 0.79, 0.75),
 )  # fmt: skip
@@ -136,6 +188,15 @@ def checkered(half_width: float, half_height: float, cells: tuple[int, int], mat
         dataclasses.replace(whole, triangles=whole.triangles[odd == bool(i)], material=material)
         for i, material in enumerate(materials)
     ]
+
+
+def corner(b: Props) -> None:
+    """Add a corner of a room with a ball and a block; a camera at the origin looks along -Z."""
+    b.checkered(5.0, 4.0, (10, 8), (SAND, CHALK), translation=(0, -1.3, -4), rotation=turn_x(-90))
+    b.wall(5.0, 2.5, SEA, translation=(0, 1.2, -6.5))
+    b.wall(4.0, 2.5, CHALK, translation=(-3.2, 1.2, -4), rotation=turn_y(90))
+    b.ball(0.5, BRICK, translation=(-0.6, -0.8, -4.4))
+    b.block((0.35, 0.6, 0.35), CHALK, translation=(1.2, -0.7, -4.6), rotation=turn_y(35))
 
 
 def hall(b: Props) -> None:

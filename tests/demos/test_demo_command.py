@@ -50,10 +50,10 @@ def test_runs_by_number_and_name(run, tmp_path):
 def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
     one = find_demo("thresholds")
 
-    def wrong(stage, out):
+    def wrong(stage):
         import dataclasses
 
-        result = one.run(stage, out)
+        result = one.run(stage)
         bad = dataclasses.replace(result.findings[0], expected=Expected.near(99.0, 0.5, "nowhere"))
         return dataclasses.replace(result, findings=(bad, *result.findings[1:]))
 

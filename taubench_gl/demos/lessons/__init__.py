@@ -2,32 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
+
 from taubench_gl.demos.demo import REGISTRY, Demo
-from taubench_gl.demos.lessons import (
-    behind,
-    cost,
-    counting,
-    exposure,
-    features,
-    ghosting,
-    ground,
-    half,
-    jitter,
-    lock,
-    noise,
-    occlusion,
-    relative,
-    rotations,
-    samples,
-    sampling,
-    thresholds,
-)
 from taubench_gl.errors import SettingsError
 
-__all__ = [
-    "behind", "cost", "counting", "demos", "exposure", "features", "find_demo", "ghosting", "ground", "half", "jitter",
-    "lock", "noise", "occlusion", "relative", "rotations", "samples", "sampling", "thresholds",
-]  # fmt: skip
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")
 
 
 def demos() -> list[Demo]:
@@ -37,14 +19,13 @@ def demos() -> list[Demo]:
 
 def find_demo(text: str) -> Demo:
     """The demo with a name, a number or a unique prefix of a name.  Raises SettingsError."""
-    every = demos()
-    word = text.strip().lower()
+    every, word = demos(), text.strip().lower()
     if word.isdigit():
-        found = [d for d in every if d.number == int(word)]
+        matches = [d for d in every if d.number == int(word)]
     else:
-        found = [d for d in every if d.name == word] or [d for d in every if word and d.name.startswith(word)]
-    if len(found) == 1:
-        return found[0]
-    what = "several demos begin with" if found else "no demo is"
-    names = ", ".join(f"{d.number} {d.name}" for d in (found or every))
-    raise SettingsError(f"{what} {text!r}", hint=f"choose from {names}")
+        matches = [d for d in every if d.name == word] or [d for d in every if word and d.name.startswith(word)]
+    if len(matches) == 1:
+        return matches[0]
+    message = f"several demos begin with {text!r}" if matches else f"no demo is {text!r}"
+    names = ", ".join(f"{d.number} {d.name}" for d in (matches or every))
+    raise SettingsError(message, hint=f"choose from {names}")

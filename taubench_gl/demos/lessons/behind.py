@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard, note
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.model import Scene
@@ -76,7 +75,7 @@ def without_the_test(stage: Stage) -> Reprojected:
     scene=scene,
     see_also=(("the self-test cases turn-180 and w-exactly-zero", "hard-cases.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     lit = stage.pair(scene(), columns=("frustum", "color"))
     naive = without_the_test(stage)
     reused_naive, reused = ~(naive.behind | naive.outside), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
@@ -86,13 +85,12 @@ def run(stage: Stage, out: Path) -> Result:
     sheet.panel(0, 0, last, "previous frame")
     sheet.panel(1, 0, lit.now["color"][..., :3], "current frame: the camera turned by 180°")
     false = reprojected(last, naive.motion_px, reused_naive)
-    axes = sheet.panel(0, 1, checkerboard(np.nan_to_num(false), ~reused_naive, cell), "history without the test of w")
-    note(axes, f"{100 * reused_naive.mean():.1f} % reused, all wrong")
+    text = f"{100 * reused_naive.mean():.1f} % reused, all wrong"
+    sheet.panel(0, 1, checkerboard(np.nan_to_num(false), ~reused_naive, cell), "history without the test of w", text)
     real = reprojected(last, lit.motion, reused)
-    axes = sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, cell), "history with the test of w: none")
-    note(axes, f"{100 * reused.mean():.1f} % reused, {lit.percent(Reason.BEHIND):.1f} % behind camera")
+    text = f"{100 * reused.mean():.1f} % reused, {lit.percent(Reason.BEHIND):.1f} % behind camera"
+    sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, cell), "history with the test of w: none", text)
     sheet.legend([("checkerboard: no history", CHECKER)])
-    path = sheet.save(out / "03-behind.png")
     mirror = pixel_grid(stage.size)[::-1]  # row r reads row h - 1 - r of its own column
     error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[reused_naive].max()
     turn = "(x, y, -1) rotated by 180° is (-x, y, 1); divided by w = -1 it is (x, -y): always in the image"
@@ -105,8 +103,7 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.between(0.0, 0.01, "(x, -y) again, in float32 at coordinates of some hundreds", 3), 4),
     )  # fmt: skip
     caption = "Top: two frames, rotated by 180°. Bottom: reprojected history without and with the test of w."
-    figure = Figure(path, caption, {"checkerboard": CHECKER})
-    return Result(findings, (figure,), _angle(stage, last, cell))
+    return Result(findings, sheet, caption, _angle(stage, last, cell))
 
 
 def _angle(stage: Stage, before: Array, cell: int) -> Parameter:

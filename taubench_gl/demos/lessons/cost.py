@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.cost.analysis import Point
 from taubench_gl.cost.study import cost
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
-from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
+from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries
 from taubench_gl.demos.stage import Stage
 from taubench_gl.report.plot import pareto_steps
 from taubench_gl.scene.model import Scene
@@ -89,7 +88,7 @@ def slack(size: Size, samples: int = 1) -> float:
         ("cost studies", "cost.md"),
     ),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
     sheet = Sheet(3, 1, size[0] / size[1], below=360)
@@ -100,11 +99,10 @@ def run(stage: Stage, out: Path) -> Result:
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
         details.append(scaled_to(part, (size[1] // 3, size[0] // 3)))
-        axes = sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail")
-        note(axes, f"error {error_at(points, scale, exact):.3f} pp")
+        text = f"error {error_at(points, scale, exact):.3f} pp"
+        sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail", text)
     _front(sheet, points, exact)
     sheet.legend(reason_entries(Reason.POSITION))
-    path = sheet.save(out / "11-cost.png")
     findings = []
     small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
     for name, what, bound in (
@@ -126,8 +124,7 @@ def run(stage: Stage, out: Path) -> Result:
         "each of the samples on an edge is wrong by up to half a sample at random; 6 deviations", images=tuple(details),
         note="The same detail of the mask. Blue: discarded by position.", digits=3,
     )  # fmt: skip
-    figure = Figure(path, caption, {"position": rgb(Reason.POSITION)})
-    return Result(tuple(findings), (figure,), parameter)
+    return Result(tuple(findings), sheet, caption, parameter)
 
 
 def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
@@ -169,7 +166,7 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
         text = f"{i}   {_name(point)}: {error:.3f} pp, {time:.1f} ms"
         sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
     axes.margins(x=0.08, y=0.25)
-    axes.legend(frameon=False, fontsize=12, loc="upper right")
+    sheet.key(axes, "upper right")
     _number(axes, [(time, error) for _, time, error in found])
 
 

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo, with_value
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, with_value
 from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
 from taubench_gl.demos.lessons.thresholds import scene as keys
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, heat, note, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.sheet import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    Sheet,
+    gray_image,
+    heat,
+    overlay,
+    painted,
+    reason_entries,
+    rgb,
+)
 from taubench_gl.demos.stage import LitPair, Stage
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
 from taubench_gl.scene.model import Scene
@@ -87,25 +96,23 @@ def scene() -> Scene:
     scene=scene,
     see_also=(("what a run records", "formats.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
                       shadow_lights=0)  # fmt: skip
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
     discarded = int(pair.has(Reason.POSITION).sum())
     sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=336, bars=True)
-    axes = sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m")
-    note(axes, f"{discarded} of {stage.pixels} pixels discarded")
+    text = f"{discarded} of {stage.pixels} pixels discarded"
+    sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m", text)
     sheet.panel(1, 0, heat(np.log2(moved.clip(0.01)) - np.log2(0.01), 8.0), "distance between the frames")
     ticks = [(i / 8, f"{2**i}") for i in range(0, 9, 2)]
     sheet.color_bar(1, 0, ticks, "cm, logarithmic")
     _plot_sums(sheet, discarded)
     _plot_curves(sheet, moved)
     sheet.legend(reason_entries(Reason.POSITION))
-    path = sheet.save(out / "12-counting.png")
     caption = "An hour of the same pair summed in float32, and the same distances in histograms of three widths."
     findings = (*_sum_findings(discarded, stage.pixels), *_curve_findings(stage, moved, discarded))
-    figure = Figure(path, caption, {"position": rgb(Reason.POSITION)})
-    return Result(findings, (figure,), _threshold(pair, moved))
+    return Result(findings, sheet, caption, _threshold(pair, moved))
 
 
 def _threshold(pair: LitPair, moved: Array) -> Parameter:
@@ -116,7 +123,7 @@ def _threshold(pair: LitPair, moved: Array) -> Parameter:
     read = tuple(100.0 * curve_at(moved, value, COARSE) / moved.size for value in values)
     low = edges(COARSE)[np.searchsorted(edges(COARSE), values, side="right") - 1]
     inside = [100.0 * float(((moved >= a) & (moved < 2.0 * a)).mean()) for a in low]
-    gray = overlay(np.zeros_like(pair.mask), pair.now["color"])
+    gray = gray_image(pair)
     images = tuple(painted(gray / 255.0, (moved > value, rgb(Reason.POSITION))) for value in values)
     return Parameter(
         "position threshold", "m", values, "of the pixels by the curve with 1 bin per octave", "%", read, tuple(exact),
@@ -171,7 +178,7 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
     axes.plot(at, np.maximum(found, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
     axes.axhline(1e-10, color=GREEN, linewidth=3, label="integers: exact")
     axes.axhline(2.0**-24, color="#777777", linewidth=1, linestyle="--", label="2^-24")
-    axes.legend(frameon=False, fontsize=11, loc="upper left", ncols=2)
+    sheet.key(axes, "upper left", fontsize=11, ncols=2)
 
 
 def _plot_curves(sheet: Sheet, moved: Array) -> None:
@@ -185,4 +192,4 @@ def _plot_curves(sheet: Sheet, moved: Array) -> None:
         shares = [100.0 * curve_at(moved, threshold, bits) / moved.size for threshold in line]
         axes.plot(line, shares, color=color, linewidth=width, label=f"{1 << bits} bin{'s' * (bits > 0)} per octave")
     axes.axvline(THRESHOLD, color="#777777", linewidth=1, linestyle="--")
-    axes.legend(frameon=False, fontsize=11, loc="upper right")
+    sheet.key(axes, "upper right", fontsize=11)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import Sheet, as_bytes, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import METERED_FRAMES, RASTER_SIZE
@@ -81,7 +79,7 @@ def change(size: Size) -> Array:
     scene=scene,
     see_also=(("units and exposure", "light.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     columns = ("frustum", "direct")
     metered = float(
         resolve_lighting(
@@ -96,11 +94,10 @@ def run(stage: Stage, out: Path) -> Result:
     sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=330)
     for place, (pair, factor, name) in enumerate(((bright, 1.0, "exposure 1"), (gray, metered, "metered exposure"))):
         image = display_color(pair.now["direct"][..., :3].astype(np.float64), factor)
-        axes = sheet.panel(place, 0, overlay(pair.mask, image, *SHOWN), f"{name}: mask over the image")
-        note(axes, f"exposure {factor:.4g}: {pair.percent(Reason.DIRECT):.1f} % discarded")
+        text = f"exposure {factor:.4g}: {pair.percent(Reason.DIRECT):.1f} % discarded"
+        sheet.panel(place, 0, overlay(pair.mask, image, *SHOWN), f"{name}: mask over the image", text)
     _plot(sheet, parameter, metered, stage.size)
     sheet.legend(reason_entries(*SHOWN))
-    path = sheet.save(out / "14-exposure.png")
     ratio = float(np.median(found / watt.now["direct"][..., 0]))
     findings = (
         Finding(float(found.max()), "cd/m2", "is the luminance of the brightest pixel",
@@ -119,12 +116,11 @@ def run(stage: Stage, out: Path) -> Result:
     caption = (
         "A lamp moves in front of a wall: the mask of direct light with two exposures, and the discard rate of all."
     )
-    return Result(findings, (Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN}),), parameter)
+    return Result(findings, sheet, caption, parameter)
 
 
 def _share(region: Array) -> Expected:
-    slack = 50.0 * theory.edge_pixels(region) / region.size
-    return Expected.near(100.0 * float(region.mean()), slack, "closed form; ± half of the pixels on its edge")
+    return Expected.share(region, "closed form; ± half of the pixels on its edge")
 
 
 def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
@@ -154,10 +150,9 @@ def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> Non
     line = np.linspace(STOPS[0], STOPS[-1], 300)
     moved = np.sort(change(size).ravel())
     shares = 100.0 * (1.0 - np.searchsorted(moved, DEFAULT_THRESHOLD / 2.0**line) / moved.size)
-    axes.plot(line, shares, color=BLUE, linewidth=2, label="theory: closed form")
-    axes.plot(parameter.values, parameter.measured, "o", color=ORANGE, markeredgecolor="black", markersize=7,
-              label="measured")  # fmt: skip
+    sheet.theory(axes, line, shares, "theory: closed form")
+    sheet.dots(axes, parameter.values, parameter.measured, markersize=7)
     for stop, name in ((0.0, "exposure 1"), (float(np.log2(metered)), "metered")):
         axes.axvline(stop, color="#777777", linewidth=1, linestyle="--")
         axes.text(stop + 0.32, 30, name, fontsize=12, rotation=90, ha="right", va="center")
-    axes.legend(frameon=False, fontsize=12, loc="upper left")
+    sheet.key(axes, "upper left")

@@ -5,25 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import (
-    Expected,
-    Figure,
-    Finding,
-    Opening,
-    Parameter,
-    Question,
-    Result,
-    demo,
-    threshold_parameter,
-)
-from taubench_gl.demos.sheet import Sheet, as_bytes, inset, letter, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.sheet import Sheet, as_bytes, gray_image, inset, letter, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.scenes import IDENTITY, turn, turn_x, turn_y
@@ -212,23 +201,23 @@ def expected_wall(size: Size) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One panel of the figure.  ``found`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
+    """One panel of the figure.  ``measured`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
 
     feature: str
     title: str
     pair: LitPair
     reasons: tuple[Reason, ...]
-    found: Mapping[str, Array]
+    measured: Mapping[str, Array]
     expected: Mapping[str, Array]
     source: str
 
 
 def _position(stage: Stage) -> Column:
     pair = stage.pair(moving_ball(), columns=("frustum", "position", "color"))
-    found = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
+    measured = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
     expected = expected_ball(pair.mask.shape[::-1])
     source = "ray intersections with ball and walls, float64"
-    return Column("position", "a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), found, expected, source)
+    return Column("position", "a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), measured, expected, source)
 
 
 def _normal(stage: Stage) -> Column:
@@ -244,7 +233,7 @@ def _direct(stage: Stage) -> Column:
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
     bare = stage.pair(moving_sun(), columns=columns, shadow_lights=0)
     lit, dark = pair.has(Reason.LIT), pair.has(Reason.SHADOWED)
-    found = {
+    measured = {
         "d": lit & bare.has(Reason.LIT),
         "e": dark & bare.has(Reason.SHADOWED),
         "f": lit & ~bare.has(Reason.LIT),
@@ -252,7 +241,7 @@ def _direct(stage: Stage) -> Column:
     }
     expected = expected_sun(pair.mask.shape[::-1])
     source = "cosine law and one shadow ray per pixel, float64"
-    return Column("direct", "a light moves", pair, (Reason.LIT, Reason.SHADOWED), found, expected, source)
+    return Column("direct", "a light moves", pair, (Reason.LIT, Reason.SHADOWED), measured, expected, source)
 
 
 def _indirect(stage: Stage) -> Column:
@@ -260,17 +249,10 @@ def _indirect(stage: Stage) -> Column:
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, width=4 * stage.size[1] // 3,
     )  # fmt: skip
-    found = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
+    measured = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
     expected = {"h": expected_wall(pair.mask.shape[::-1])}
-    return Column(
-        "indirect",
-        "a red wall appears",
-        pair,
-        (Reason.INDIRECT,),
-        found,
-        expected,
-        "form factor by Lambert's formula, one bounce",
-    )
+    source = "form factor by Lambert's formula, one bounce"
+    return Column("indirect", "a red wall appears", pair, (Reason.INDIRECT,), measured, expected, source)
 
 
 COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _indirect)
@@ -299,7 +281,7 @@ COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _
     scene=lambda: moving_ball(),
     see_also=(("what the masks compare", "conventions.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     columns = [make(stage) for make in COLUMNS]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings = []
@@ -308,19 +290,17 @@ def run(stage: Stage, out: Path) -> Result:
         aside = (stage.size[0] - column.pair.mask.shape[1]) // 2
         axes = sheet.panel(place % 2, place // 2, marked, f"{column.feature}: {column.title}")
         inset(axes, widened(as_bytes(column.pair.before["color"][..., :3]), stage.size[0]), "previous frame")
-        for name, region in column.found.items():
+        for name, region in column.measured.items():
             if region.sum() >= MIN_PIXELS:
                 x, row = theory.innermost_pixel(region)
                 letter(axes, (x + aside, row), name)
             findings.append(_finding(name, region, column))
-        shares = (f"{name} {100.0 * region.mean():.2f} %" for name, region in column.found.items())
+        shares = (f"{name} {100.0 * region.mean():.2f} %" for name, region in column.measured.items())
         note(axes, ", ".join(shares) + " of the image")
     reasons = [reason for column in columns for reason in column.reasons]
     sheet.legend(reason_entries(*reasons))
-    path = sheet.save(out / "02-features.png")
     caption = "The paper's figure 2: " + "; ".join(f"({name}) {text}" for name, text in MEANING.items()) + "."
-    figure = Figure(path, caption, {r.name.lower(): rgb(r) for r in reasons})
-    return Result(tuple(findings), (figure,), _threshold(columns[2].pair))
+    return Result(tuple(findings), sheet, caption, _threshold(columns[2].pair))
 
 
 def widened(image: Array, width: int) -> Array:
@@ -333,9 +313,8 @@ def _threshold(pair: LitPair) -> Parameter:
     """The threshold of direct light, for the light that moves."""
     change = np.linalg.norm(pair.now["direct"][..., :3] - pair.before["direct"][..., :3], axis=-1)
     size = change.shape[::-1]
-    gray = overlay(np.zeros_like(pair.mask), pair.now["color"])
     return threshold_parameter(
-        change, np.geomspace(0.01, 2.0, 47), np.abs(sun_change(size)[0]), gray, rgb(Reason.DIRECT),
+        change, np.geomspace(0.01, 2.0, 47), np.abs(sun_change(size)[0]), gray_image(pair), rgb(Reason.DIRECT),
         start=DEFAULT_THRESHOLD, name="threshold of direct light", unit="",
         source="cosine law and one shadow ray per pixel; ± half of the pixels on the edges",
         note="A light moves. Yellow: direct light changed by more than the threshold.",
@@ -344,13 +323,5 @@ def _threshold(pair: LitPair) -> Parameter:
 
 def _finding(name: str, region: Array, column: Column) -> Finding:
     """Share of the image of a letter's region against theory, within half of the pixels on its edge."""
-    there = column.expected[name]
-    slack = 50.0 * theory.edge_pixels(there) / there.size
-    share = 100.0 * float(there.mean())
-    source = f"{column.source}; ± half of the pixels on its edge"
-    return Finding(
-        100.0 * float(region.mean()),
-        "%",
-        f"of the pixels are ({name}) {MEANING[name]}",
-        Expected.near(share, slack, source),
-    )
+    expected = Expected.share(column.expected[name], f"{column.source}; ± half of the pixels on its edge")
+    return Finding(100.0 * float(region.mean()), "%", f"of the pixels are ({name}) {MEANING[name]}", expected)

@@ -5,22 +5,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, note
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.metrics.color import display_color
-from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.frame import read_input, read_result
-from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import sphere
 
@@ -69,27 +62,14 @@ class Trail:
 
 def run_methods(stage: Stage, texts: Mapping[str, str]) -> dict[str, Trail]:
     """The last image of every method and its remaining ball weight by age.  ``texts``: specification by name."""
-    what, settings = scene(), stage.settings(reprojection="motion", environment="none")
-    specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
-    methods = {name: load_method(spec.method) for name, spec in specs.items()}
-    reads = {read for method in methods.values() for read in method.reads} | {"radiance", "ids"}
-    request = InputRequest(stage.gpu, what, choose_camera(what), settings, parse_input("full"))
-    inputs = RasterInputs(request, reads, exact=True)
-    runners = {
-        name: MethodRunner(stage.gpu, method, stage.size, method_settings(method, specs[name].settings))
-        for name, method in methods.items()
-    }
     age = np.zeros(stage.size[::-1], dtype=int)
-    try:
+    with stage.reuse(scene(), texts, reads=("ids",), exact=True) as (inputs, runners):
         for frame in range(FRAMES):
-            given = inputs.advance(frame)
-            images = {name: read_result(runner.step(given))[..., :3] for name, runner in runners.items()}
-            reference = read_input(given.textures["radiance"], "radiance")[..., :3].astype(np.float64)
+            channels = inputs.advance(frame)
+            images = {name: read_result(runner.step(channels))[..., :3] for name, runner in runners.items()}
+            reference = read_input(channels.textures["radiance"], "radiance")[..., :3].astype(np.float64)
             ball = reference[..., 0] > 0.5 * (GLOW[0] + TILE[1])
             age = np.where(ball, 1, np.where(age > 0, age + 1, 0))
-    finally:
-        for part in (*runners.values(), inputs):
-            part.release()
     age = np.where(ball, 0, np.maximum(age - 1, 0))
     return {name: Trail(image, ghost_by_age(image, reference, age)) for name, image in images.items()}
 
@@ -127,17 +107,16 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
     scene=scene,
     see_also=(("reuse methods", "reuse.md"), ("how they are evaluated", "reuse-evaluation.md")),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     texts = {name: text for name, (text, _, _) in METHODS.items()}
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
     found = run_methods(stage, texts | blended)
     trails = {name: found[name] for name in texts}
     sheet = Sheet(4, 1, stage.size[0] / stage.size[1], below=400, legend=False)
     for place, (name, trail) in enumerate(trails.items()):
-        axes = sheet.panel(place, 0, shown(trail.image), name)
-        note(axes, f"{100 * trail.weights.get(AGE, np.nan):.1f} % after {AGE} frames")
+        text = f"{100 * trail.weights.get(AGE, np.nan):.1f} % after {AGE} frames"
+        sheet.panel(place, 0, shown(trail.image), name, text)
     _plot(sheet, trails)
-    path = sheet.save(out / "10-ghosting.png")
     first, clamped, tested, ideal = trails
     left = 100 * (1 - ALPHA) ** AGE
     findings = (
@@ -152,8 +131,8 @@ def run(stage: Stage, out: Path) -> Result:
     )  # fmt: skip
     caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."
     parameter = _weight({alpha: found[name] for alpha, name in zip(ALPHAS, blended)})
-    colors = {name: tuple(int(color[i : i + 2], 16) for i in (1, 3, 5)) for name, (_, color, _) in METHODS.items()}
-    return Result(findings, (Figure(path, caption, colors),), parameter)
+    colors = {name: rgb(color) for name, (_, color, _) in METHODS.items()}
+    return Result(findings, sheet, caption, parameter, colors)
 
 
 def _weight(trails: Mapping[float, Trail]) -> Parameter:
@@ -184,4 +163,4 @@ def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
         ages, size = sorted(trail.weights), MARKER_PT[i]
         values = [100 * trail.weights[a] for a in ages]
         axes.plot(ages, values, marker=marker, markersize=size, color=color, linewidth=size / 3, label=name)
-    axes.legend(frameon=False, fontsize=12, loc="upper right")
+    sheet.key(axes, "upper right")

@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
-from taubench_gl.demos.demo import (
-    Expected,
-    Figure,
-    Finding,
-    Opening,
-    Parameter,
-    Question,
-    Result,
-    demo,
-    threshold_parameter,
-)
-from taubench_gl.demos.sheet import Sheet, as_bytes, note, overlay, painted
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.sheet import Sheet, as_bytes, overlay, painted
 from taubench_gl.demos.stage import CHALK, SAND, Props, Stage
 from taubench_gl.demos.theory import ground_discards, ground_distance
 from taubench_gl.features import FEATURE_BIT
@@ -65,7 +53,7 @@ def scene() -> Scene:
     scene=scene,
     see_also=(("rejection tests", "reject.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     columns = ("frustum", "position", "color")
     pair = stage.evaluate(scene(), columns=columns, frames=(1, 3), extra=("prev_visibility",))[1][0]
     width, height = stage.size
@@ -79,12 +67,11 @@ def run(stage: Stage, out: Path) -> Result:
     rejected = {name: t["scores"]["visibility"]["false_positive_rate"] for name, t in tests.items()}
     sheet = Sheet(2, 1, width / height)
     image = pair.now["color"][..., :3]
-    axes = sheet.panel(0, 0, painted(image, (position, DISCARDED)), "discarded by the distance of positions")
-    note(axes, f"{100.0 * position.mean():.1f} % of the image")
-    axes = sheet.panel(1, 0, painted(image, (ground & ((bits & Visibility.OCCLUDED) != 0), DISCARDED)), "hidden")
-    note(axes, f"{100.0 * (ground & ~visible & ((bits & Visibility.OCCLUDED) != 0)).mean():.1f} % of the image")
+    text = f"{100.0 * position.mean():.1f} % of the image"
+    sheet.panel(0, 0, painted(image, (position, DISCARDED)), "discarded by the distance of positions", text)
+    text = f"{100.0 * (ground & ~visible & ((bits & Visibility.OCCLUDED) != 0)).mean():.1f} % of the image"
+    sheet.panel(1, 0, painted(image, (ground & ((bits & Visibility.OCCLUDED) != 0), DISCARDED)), "hidden", text)
     sheet.legend([("no history", DISCARDED)])
-    path = sheet.save(out / "13-ground.png")
     focal = 0.5 * height / np.tan(0.5 * YFOV)
     expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
     hidden = 100.0 * float((ground & ((bits & Visibility.OCCLUDED) != 0)).mean())
@@ -98,8 +85,7 @@ def run(stage: Stage, out: Path) -> Result:
         Finding(kept, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
                 Expected.between(0.0, 500.0 / height, "half a pixel is less than one; 2.5 rows at the horizon")),
     )  # fmt: skip
-    figure = Figure(path, "Level ground: discarded pixels, and hidden ones.")
-    return Result(findings, (figure,), _threshold(stage, focal))
+    return Result(findings, sheet, "Level ground: discarded pixels, and hidden ones.", _threshold(stage, focal))
 
 
 def _threshold(stage: Stage, focal: float) -> Parameter:

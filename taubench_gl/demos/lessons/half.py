@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
@@ -95,7 +93,7 @@ def largest_in_blocks(values: Array) -> Array:
     opening=Opening((FRUSTUM,)),
     scene=scene,
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     pair = stage.pair(scene(), columns=("frustum", "color"))
     reusable = ~pair.has(FRUSTUM)
     half = in_half(pair.motion)
@@ -114,7 +112,6 @@ def run(stage: Stage, out: Path) -> Result:
     most = float(np.abs(pair.motion[reusable]).max())
     note(axes, f"the camera rolls by {ROLL:g}°: motion up to {most:.0f} px along an axis")
     _staircase(sheet, np.abs(pair.motion[reusable]).ravel(), error[reusable].ravel())
-    path = sheet.save(out / "05-half.png")
     share = 100.0 * float(other.sum() / reusable.sum())
     expected = law(pair.motion[reusable])
     findings = (
@@ -129,7 +126,7 @@ def run(stage: Stage, out: Path) -> Result:
         "Motion vectors of a rolling camera in 16-bit floats: the largest errors, and all of them against the motion."
     )
     colors = {"measured": (0, 114, 178), "half a spacing": WRONG}
-    return Result(findings, (Figure(path, caption, colors),), _precision(pair.motion, reusable))
+    return Result(findings, sheet, caption, _precision(pair.motion, reusable), colors)
 
 
 def _chance(percent: float, reusable: Array) -> float:

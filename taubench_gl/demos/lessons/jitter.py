@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, note
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
-from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.frame import read_result, write_input
-from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import quad, turn
 
@@ -103,33 +96,20 @@ def measured(image: Array) -> Spread:
 
 def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[str, Array]:
     """The last image (h, w, 3) of every run: an error of the motion vectors, and a weight of the new frame."""
-    settings = stage.settings(reprojection="motion", environment="none")
-    specs = {
-        name: MethodSpec.parse(
-            f"taa_clamp@alpha={alpha}@clamping=false@weighting=false@dilate=false@filtering=bilinear"
-        )
+    texts = {
+        name: f"taa_clamp@alpha={alpha}@clamping=false@weighting=false@dilate=false@filtering=bilinear"
         for name, (_, alpha) in runs.items()
     }
-    method = load_method("taa_clamp")
-    request = InputRequest(stage.gpu, scene(), choose_camera(scene()), settings, parse_input("jittered"))
-    inputs = RasterInputs(request, {*method.reads, "radiance"})
-    runners = {
-        name: MethodRunner(stage.gpu, method, stage.size, method_settings(method, spec.settings))
-        for name, spec in specs.items()
-    }
     still, images = np.ones((*stage.size[::-1], 2), dtype=np.float32), {}
-    try:
+    with stage.reuse(scene(), texts, "jittered") as (inputs, runners):
         for frame in range(FRAMES):
-            given = inputs.advance(frame)
+            channels = inputs.advance(frame)
             for name, runner in runners.items():
-                error = runs[name][0](given.jitter_px, given.prev_jitter_px) * [1.0, -1.0]  # rows go down
-                write_input(given.textures["motion"], "motion", still * np.float32(error))
-                result = runner.step(given)
+                error = runs[name][0](channels.jitter_px, channels.prev_jitter_px) * [1.0, -1.0]  # rows go down
+                write_input(channels.textures["motion"], "motion", still * np.float32(error))
+                result = runner.step(channels)
                 if frame == FRAMES - 1:
                     images[name] = read_result(result)[..., :3].astype(np.float64)
-    finally:
-        for part in (*runners.values(), inputs):
-            part.release()
     return images
 
 
@@ -156,7 +136,7 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
     scene=scene,
     see_also=(("the frames that reuse methods get", "reuse.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
     images = accumulated(stage, cases | weights)
@@ -168,10 +148,9 @@ def run(stage: Stage, out: Path) -> Result:
     details = {name: as_bytes(enlarged(shown(image), *part)) for name, image in images.items()}
     sheet = Sheet(4, 1, width / height, below=400, legend=False)
     for place, name in enumerate(CASES):
-        axes = sheet.panel(place, 0, details[name], name)
-        note(axes, f"spread {found[name].sigma:.2f} px, shift {found[name].shift:+.2f} px")
+        text = f"spread {found[name].sigma:.2f} px, shift {found[name].shift:+.2f} px"
+        sheet.panel(place, 0, details[name], name, text)
     _plot(sheet, {name: images[name] for name in CASES}, found)
-    path = sheet.save(out / "16-jitter.png")
     right, left_in, sign, forgotten = CASES
     source = "moments of bilinear weights and Halton offsets"
     findings = (
@@ -190,14 +169,14 @@ def run(stage: Stage, out: Path) -> Result:
     caption = (
         f"A sharp edge after {FRAMES} jittered frames of a still scene, {side[0]} x {side[1]} pixels, and its profile."
     )
-    colors = {name: tuple(int(color[i : i + 2], 16) for i in (1, 3, 5)) for name, (_, color) in CASES.items()}
+    colors = {name: rgb(color) for name, (_, color) in CASES.items()}
     parameter = Parameter(
         "weight of the new frame", "", ALPHAS, "is the spread of the edge with jitter in the motion vectors", "px",
         tuple(found[name].sigma for name in weights), tuple(theory[name].sigma for name in weights),
         tuple(0.03 * theory[name].sigma for name in weights), f"{source}; ± 3 %", start=ALPHAS.index(ALPHA),
         images=tuple(details[name] for name in weights), note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
     )  # fmt: skip
-    return Result(findings, (Figure(path, caption, colors),), parameter)
+    return Result(findings, sheet, caption, parameter, colors)
 
 
 def _near(value: float, source: str) -> Expected:
@@ -229,4 +208,4 @@ def _plot(sheet: Sheet, images: Mapping[str, Array], found: Mapping[str, Spread]
         which = np.digitize(place, bins)
         middle = [value[which == i].mean() for i in range(1, len(bins))]
         axes.plot(bins[:-1] + 0.0625, middle, color=CASES[name][1], linewidth=2.2, label=name)
-    axes.legend(frameon=False, fontsize=12, loc="lower right")
+    sheet.key(axes, "lower right")

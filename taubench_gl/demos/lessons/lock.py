@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, note
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
-from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.frame import read_result
-from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import quad, turn
 
@@ -51,28 +44,16 @@ def scene(width: float = WIDTH) -> Scene:
 
 def upscaled(stage: Stage, width: float) -> dict[str, Array]:
     """The results of a whole period of the jitter, 0 on the wall and 1 on the line, by name.  (PERIOD, h, w)."""
-    what, method = scene(width), load_method("fsr2-class")
-    settings = stage.settings(reprojection="motion", environment="none", width=OUTPUT[0], height=OUTPUT[1])
-    request = InputRequest(stage.gpu, what, choose_camera(what), settings, parse_input("jittered+upscale@2"))
-    inputs = RasterInputs(request, {*method.reads, "radiance"})
-    runners = {
-        name: MethodRunner(
-            stage.gpu, method, OUTPUT, method_settings(method, MethodSpec.parse(text).settings), input_size=inputs.size
-        )
-        for name, text in METHODS.items()
-    }
-    found: dict[str, list[Array]] = {name: [] for name in METHODS}
-    try:
+    images: dict[str, list[Array]] = {name: [] for name in METHODS}
+    size = {"width": OUTPUT[0], "height": OUTPUT[1]}
+    with stage.reuse(scene(width), METHODS, "jittered+upscale@2", **size) as (inputs, runners):
         for frame in range(START + PERIOD):
-            given = inputs.advance(frame)
+            channels = inputs.advance(frame)
             for name, runner in runners.items():
-                result = runner.step(given)
+                result = runner.step(channels)
                 if frame >= START:
-                    found[name].append(read_result(result)[..., 0].astype(np.float64))
-    finally:
-        for part in (*runners.values(), inputs):
-            part.release()
-    return {name: (np.stack(images) - DARK) / (BRIGHT - DARK) for name, images in found.items()}
+                    images[name].append(read_result(result)[..., 0].astype(np.float64))
+    return {name: (np.stack(each) - DARK) / (BRIGHT - DARK) for name, each in images.items()}
 
 
 def band(images: Array) -> Array:
@@ -123,7 +104,7 @@ def raw_flicker(width: float) -> float:
     scene=scene,
     see_also=(("the stages of fsr2-class", "reuse.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     images = {width: upscaled(stage, width) for width in WIDTHS}
     light = {name: [kept(images[width][name], width) for width in WIDTHS] for name in METHODS}
     locked, bare = METHODS
@@ -134,7 +115,6 @@ def run(stage: Stage, out: Path) -> Result:
             axes, f"{light[name][WIDTHS.index(WIDTH)]:.1f} % of the light, flicker {flicker(images[WIDTH][name]):.0f} %"
         )
     _plot(sheet, light)
-    path = sheet.save(out / "17-lock.png")
     at, most = WIDTHS.index(WIDTH), raw_flicker(WIDTH)
     findings = (
         Finding(light[bare][at], "%", "of the light of the line is left without locks",
@@ -156,7 +136,7 @@ def run(stage: Stage, out: Path) -> Result:
     )  # fmt: skip
     caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
     colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
-    return Result(findings, (Figure(path, caption, colors),), parameter)
+    return Result(findings, sheet, caption, parameter, colors)
 
 
 def detail(image: Array) -> Array:
@@ -178,4 +158,4 @@ def _plot(sheet: Sheet, light: Mapping[str, list[float]]) -> None:
         axes.plot(WIDTHS, values, "o-", color=color, linewidth=2, markersize=8, label=name)
     axes.minorticks_off()
     axes.set_xticks(WIDTHS, [f"{width:g}" for width in WIDTHS])
-    axes.legend(frameon=False, fontsize=12, loc="center right")
+    sheet.key(axes, "center right")

@@ -4,31 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import (
-    Expected,
-    Figure,
-    Finding,
-    Opening,
-    Parameter,
-    Question,
-    Result,
-    demo,
-    threshold_parameter,
-)
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
-from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.sheet import BLUE, Sheet, as_bytes, overlay, reason_entries, rgb
+from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import turn_x, turn_y
 
 Array = np.ndarray
 LAMPS = ((-2.2, 0.9, -4.6), (-0.8, 0.9, -2.6), (0.8, 0.9, -5.4), (2.2, 0.9, -3.4))
@@ -39,11 +25,7 @@ SIGMA = 0.5 * DEFAULT_THRESHOLD
 def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
     """A static corner of a room under lamps of one color and power."""
     b = Props()
-    b.checkered(5.0, 4.0, (10, 8), (SAND, CHALK), translation=(0, -1.3, -4), rotation=turn_x(-90))
-    b.wall(5.0, 2.5, SEA, translation=(0, 1.2, -6.5))
-    b.wall(4.0, 2.5, CHALK, translation=(-3.2, 1.2, -4), rotation=turn_y(90))
-    b.ball(0.5, BRICK, translation=(-0.6, -0.8, -4.4))
-    b.block((0.35, 0.6, 0.35), CHALK, translation=(1.2, -0.7, -4.6), rotation=turn_y(35))
+    corner(b)
     for place in lamps:
         b.light(translation=place, intensity=3.0)
     camera = b.camera(yfov=np.radians(50.0), znear=0.05)
@@ -51,17 +33,10 @@ def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
     return b.build()
 
 
-def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: int) -> list[Array]:
-    """Direct radiance of frames, (h, w, 3) each.  ``samples``: random light samples per pixel; 0: all lamps."""
+def direct_light(stage: Stage, room: Scene, frames: tuple[int, ...], samples: int) -> Array:
+    """Direct radiance of frames, (frames, h, w, 3).  ``samples``: random light samples per pixel; 0: all lamps."""
     shading = Shading(light_samples=samples, indirect_samples=samples)
-    settings = stage.settings(columns=("direct",))
-    with GpuOwner(stage.gpu) as owner:
-        source = owner.open_source(AnimatedScene(what), settings, shading=shading)
-        found = []
-        for frame in frames:
-            source.advance(frame)
-            found.append(source.read("direct")[..., :3].astype(np.float64))
-        return found
+    return stage.direct_light(room, frames, shading)
 
 
 def expected_one_sample(per_lamp: Array, threshold: float = DEFAULT_THRESHOLD) -> float:
@@ -112,7 +87,7 @@ def expected_many_samples(per_lamp: Array, samples: int) -> float:
     scene=scene,
     see_also=(("noise in path-traced reference images", "path-traced.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
     sheet = Sheet(4, 2, stage.size[0] / stage.size[1], below=330)
@@ -124,14 +99,12 @@ def run(stage: Stage, out: Path) -> Result:
         shares[samples] = 100.0 * float(pair.has(Reason.DIRECT).mean())
         shown = display_color(now, 1.0, "linear")
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
-        axes = sheet.panel(place, 1, overlay(pair.mask, shown, Reason.DIRECT), "mask")
-        note(axes, f"{shares[samples]:.1f} % discarded")
+        sheet.panel(place, 1, overlay(pair.mask, shown, Reason.DIRECT), "mask", f"{shares[samples]:.1f} % discarded")
     exact = direct_light(stage, still, (0, 1), 0)
     none = 100.0 * float(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT).mean())
     gaussian = _gaussian(stage)
     _plot(sheet, shares, per_lamp)
     sheet.legend(reason_entries(Reason.DIRECT))
-    path = sheet.save(out / "08-noise.png")
     one = expected_one_sample(per_lamp)
     tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
     findings = (
@@ -143,8 +116,7 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(0.0, 0.0, "nothing moves and nothing is random")),
     )  # fmt: skip
     caption = "A static room with random light samples: images, masks, and discard rate."
-    figure = Figure(path, caption, {"direct": rgb(Reason.DIRECT)})
-    return Result(findings, (figure,), _threshold(stage, *first, per_lamp))
+    return Result(findings, sheet, caption, _threshold(stage, *first, per_lamp))
 
 
 def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:
@@ -180,10 +152,8 @@ def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
         ylabel="discarded, %", title="A static room: discard rate of the direct column",
     )  # fmt: skip
     line = np.unique(np.round(np.logspace(np.log10(4), 3, 16)).astype(int))
-    axes.plot(line, [expected_many_samples(per_lamp, int(n)) for n in line], color=BLUE, linewidth=2,
-              label="theory: central limit theorem")  # fmt: skip
+    sheet.theory(axes, line, [expected_many_samples(per_lamp, int(n)) for n in line], "theory: central limit theorem")
     axes.plot([1], [expected_one_sample(per_lamp)], "D", color=BLUE, markersize=11, label="theory: all pairs of lamps")
-    axes.plot(list(shares), list(shares.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
-              label="measured", zorder=5)  # fmt: skip
+    sheet.dots(axes, list(shares), list(shares.values()), zorder=5)
     axes.set_xticks([1, 4, 16, 64, 256, 1000], ["1", "4", "16", "64", "256", "1000"])
-    axes.legend(frameon=False, fontsize=12, loc="upper right")
+    sheet.key(axes, "upper right")

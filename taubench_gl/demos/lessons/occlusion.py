@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import Sheet, arrow, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, LitPair, Props, Stage
 from taubench_gl.scene.model import Scene
 
@@ -65,7 +63,7 @@ def width_of(pair: LitPair, reason: Reason) -> float:
     scene=scene,
     see_also=(("camera and motion reprojection", "conventions.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     columns = ("frustum", "position", "color")
     walked = stage.pair(scene("camera"), columns=columns)
     camera = stage.pair(scene("board"), columns=columns)
@@ -82,10 +80,9 @@ def run(stage: Stage, out: Path) -> Result:
         middle = (0.5 * stage.size[0] + (0.5 * focal(height) * STEP / NEAR) * way, 0.5 * height)
         half = 0.5 * focal(height) * STEP / NEAR
         arrow(axes, (middle[0] - way * half, middle[1]), (middle[0] + way * half, middle[1]))
-        axes = sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"mask: {how}")
-        note(axes, f"{width_of(pair, SHOWN[0]):.0f} px disoccluded, {width_of(pair, SHOWN[1]):.0f} px occluding")
+        text = f"{width_of(pair, SHOWN[0]):.0f} px disoccluded, {width_of(pair, SHOWN[1]):.0f} px occluding"
+        sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"mask: {how}", text)
     sheet.legend(reason_entries(*SHOWN))
-    path = sheet.save(out / "07-occlusion.png")
     parallax = focal(height) * STEP * (1 / NEAR - 1 / FAR)
     moved = focal(height) * STEP / NEAR
     counted = "; counted at pixel centers, ± 1 px"
@@ -107,8 +104,7 @@ def run(stage: Stage, out: Path) -> Result:
     caption = (
         "A board in front of a wall, in the current frame, and its mask. Arrows: how far the board moves in the image."
     )
-    figure = Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN})
-    return Result(findings, (figure,), _distance(stage))
+    return Result(findings, sheet, caption, _distance(stage))
 
 
 def _distance(stage: Stage) -> Parameter:

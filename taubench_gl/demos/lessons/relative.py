@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import ColorBar, Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note
+from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages
@@ -109,7 +108,7 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     scene=scene,
     see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     here, there = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
     image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     moved = in_world_floats(there, there.view.position)
@@ -119,7 +118,7 @@ def run(stage: Stage, out: Path) -> Result:
     false = motion_error(there, moved)
     ours = np.linalg.norm(there.motion - here.motion, axis=-1)
     parameter = _distance(there)
-    path = _figure(stage, image, there, shift, parameter, out)
+    sheet = _figure(stage, image, there, shift, parameter)
     step = step_at(FAR)
     predicted = rms(expected_motion_error(there, step)[seen])
     findings = (
@@ -135,7 +134,7 @@ def run(stage: Stage, out: Path) -> Result:
     caption = (
         "The hall at 1000 km: float32 world positions on a column and along a row of pixels, and the error of motion."
     )
-    return Result(findings, (Figure(path, caption, {"stored": _rgb(ORANGE), "exact": _rgb(BLUE)}),), parameter)
+    return Result(findings, sheet, caption, parameter, {"stored": rgb(ORANGE), "exact": rgb(BLUE)})
 
 
 def motion_error(pair: PairImages, position: Array) -> Array:
@@ -146,11 +145,7 @@ def motion_error(pair: PairImages, position: Array) -> Array:
     return np.linalg.norm(away, axis=-1)
 
 
-def _rgb(color: str) -> tuple[int, int, int]:
-    return tuple(int(color[i : i + 2], 16) for i in (1, 3, 5))  # type: ignore[return-value]
-
-
-def _figure(stage: Stage, image: Array, pair: PairImages, shift: Array, parameter: Parameter, out: Path) -> Path:
+def _figure(stage: Stage, image: Array, pair: PairImages, shift: Array, parameter: Parameter) -> Sheet:
     """The hall with a frame, the error of x inside the frame, a row of its pixels, and the error of motion."""
     width, height = stage.size
     part = column_front(pair, int(0.42 * height), width // 4)
@@ -172,17 +167,16 @@ def _figure(stage: Stage, image: Array, pair: PairImages, shift: Array, paramete
     )  # fmt: skip
     axes.plot(columns, exact, color=BLUE, linewidth=1.6, label="exact")
     axes.step(columns, exact + shift[row, columns, 0], where="mid", color=ORANGE, linewidth=2, label="stored, float32")
-    axes.legend(frameon=False, fontsize=12, loc="upper left")
+    sheet.key(axes, "upper left")
     axes.margins(y=0.25)
     axes = sheet.plot(
         730, sheet.grid_bottom + 40, 520, 260, xscale="log", yscale="log", xlabel="distance from the origin, meters",
         ylabel="error of motion (RMS), px", title="Error of motion from stored positions",
     )  # fmt: skip
-    axes.plot(parameter.values, parameter.expected, color=BLUE, linewidth=2, label="theory")
-    axes.plot(parameter.values, parameter.measured, "o", color=ORANGE, markersize=8, markeredgecolor="black",
-              label="measured")  # fmt: skip
-    axes.legend(frameon=False, fontsize=12, loc="upper left")
-    return sheet.save(out / "04-relative.png")
+    sheet.theory(axes, parameter.values, parameter.expected)
+    sheet.dots(axes, parameter.values, parameter.measured)
+    sheet.key(axes, "upper left")
+    return sheet
 
 
 def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int, int]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.lessons.behind import reprojected
-from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard, note
+from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import IDENTITY, turn
@@ -56,7 +54,7 @@ def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
     scene=scene,
     see_also=(("the conventions of the frustum test", "conventions.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings, before = [], None
     for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
@@ -68,18 +66,15 @@ def run(stage: Stage, out: Path) -> Result:
         prev_from_now = math3d.mat3_from_quat(turn(vector, DEGREES))
         share, slack = theory.frustum_share(prev_from_now, YFOV, stage.size)
         image = checkerboard(pair.now["color"], pair.has(FRUSTUM), max(stage.size[0] // 60, 1))
-        axes = sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {way}")
-        note(axes, f"{lost:.1f} % without history")
+        sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {way}", f"{lost:.1f} % without history")
         source = "area of the polygon that both cameras see, float64; ± half of the pixels on its edge"
         findings.append(
             Finding(lost, "%", f"of the pixels have no history after {axis}", Expected.near(share, slack, source))
         )
     sheet.legend([("checkerboard: outside the previous image", CHECKER)])
-    path = sheet.save(out / "01-rotations.png")
     findings.sort(key=lambda f: "yaw" not in f.meaning)
     caption = "The hall before and after rotations by 25 degrees about three axes, as in the paper's figure 1."
-    figure = Figure(path, caption, {"checkerboard": CHECKER})
-    return Result(tuple(findings), (figure,), _angle(stage, before))
+    return Result(tuple(findings), sheet, caption, _angle(stage, before))
 
 
 def _angle(stage: Stage, before: np.ndarray) -> Parameter:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.lessons.cost import scaled_to
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
-from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries
+from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import quad, turn_x, turn_y
+from taubench_gl.selftest.scenes import quad, turn_x
 
 Array = np.ndarray
 SIZE = (96, 54)  # path tracing takes long on a CPU
@@ -30,11 +27,7 @@ PATHS = {"light": "path-traced", "pattern": "independent", "bounces": 2, "indire
 def scene() -> Scene:
     """A static corner of a room under a glowing panel."""
     b = Props()
-    b.checkered(5.0, 4.0, (10, 8), (SAND, CHALK), translation=(0, -1.3, -4), rotation=turn_x(-90))
-    b.wall(5.0, 2.5, SEA, translation=(0, 1.2, -6.5))
-    b.wall(4.0, 2.5, CHALK, translation=(-3.2, 1.2, -4), rotation=turn_y(90))
-    b.ball(0.5, BRICK, translation=(-0.6, -0.8, -4.4))
-    b.block((0.35, 0.6, 0.35), CHALK, translation=(1.2, -0.7, -4.6), rotation=turn_y(35))
+    corner(b)
     glow = b.material(base_color=(0, 0, 0, 1), emissive=(9.0, 9.0, 9.0), specular=0.0)
     b.thing(dataclasses.replace(quad(1.2, 0.5), material=glow), translation=(0.4, 2.0, -4.2), rotation=turn_x(90))
     camera = b.camera(yfov=np.radians(50.0), znear=0.05)
@@ -44,14 +37,7 @@ def scene() -> Scene:
 
 def light(stage: Stage, samples: int, frames: int) -> Array:
     """Direct light of ``frames`` frames with independent numbers.  (frames, h, w, 3)."""
-    settings = stage.settings(columns=("direct",), spp=samples, width=SIZE[0], height=SIZE[1], **PATHS)
-    with GpuOwner(stage.gpu) as owner:
-        source = owner.open_source(AnimatedScene(scene()), settings)
-        found = []
-        for frame in range(frames):
-            source.advance(frame)
-            found.append(source.read("direct")[..., :3].astype(np.float64))
-        return np.stack(found)
+    return stage.direct_light(scene(), range(frames), spp=samples, width=SIZE[0], height=SIZE[1], **PATHS)
 
 
 def means(frames: Array, count: int) -> Array:
@@ -98,7 +84,7 @@ def expected_rejections(sigma: Array, count: int) -> float:
     scene=scene,
     see_also=(("path-traced light", "light.md"), ("rejection tests", "reject.md")),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     frames = light(stage, 1, FRAMES)
     noises = {count: noise(means(frames, count)) for count in COUNTS}
     stratified = {count: noise(light(stage, count, 2)) for count in COUNTS[1:]}
@@ -109,11 +95,10 @@ def run(stage: Stage, out: Path) -> Result:
     sheet = Sheet(2, 1, SIZE[0] / SIZE[1], below=370)
     for place, count in enumerate(SHOWN):
         image = overlay(masks[count], display_color(pairs[count][1]), Reason.DIRECT)
-        axes = sheet.panel(place, 0, image, f"mean of {count} frame{'s' * (count > 1)}, one sample per pixel each")
-        note(axes, f"{rejected[count]:.1f} % discarded, noise {noises[count]:.4f}")
+        text = f"{rejected[count]:.1f} % discarded, noise {noises[count]:.4f}"
+        sheet.panel(place, 0, image, f"mean of {count} frame{'s' * (count > 1)}, one sample per pixel each", text)
     _plots(sheet, noises, stratified, rejected, sigma)
     sheet.legend(reason_entries(Reason.DIRECT))
-    path = sheet.save(out / "15-samples.png")
     slope = float(np.polyfit(np.log(COUNTS), np.log(list(noises.values())), 1)[0])
     share = expected_rejections(sigma, 16)
     findings = (
@@ -125,8 +110,7 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(share, 0.1 * share + 0.5, "normal distribution of the noise; ± 10 % and 0.5 pp")),
     )  # fmt: skip
     caption = "A static room in path-traced light: masks of the mean of 1 and of 64 frames, noise, and discard rate."
-    figure = Figure(path, caption, {"direct": rgb(Reason.DIRECT)})
-    return Result(findings, (figure,), _count(pairs, noises))
+    return Result(findings, sheet, caption, _count(pairs, noises))
 
 
 def _count(pairs: dict[int, Array], noises: dict[int, float]) -> Parameter:
@@ -148,19 +132,16 @@ def _plots(
     common = {"xscale": "log", "xlabel": "samples per pixel"}
     left = sheet.plot(96, sheet.grid_bottom + 40, 510, 250, yscale="log", ylabel="noise (RMS)",
                       title="Noise of direct light", **common)  # fmt: skip
-    left.plot(line, noises[1] / np.sqrt(line), color=BLUE, linewidth=2, label="theory: N^(-1/2)")
-    left.plot(list(noises), list(noises.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
-              label="N frames")  # fmt: skip
+    sheet.theory(left, line, noises[1] / np.sqrt(line), "theory: N^(-1/2)")
+    sheet.dots(left, list(noises), list(noises.values()), "N frames")
     left.plot(list(stratified), list(stratified.values()), "s", color=GREEN, markeredgecolor="black", markersize=7,
               label="one frame, N samples")  # fmt: skip
     top = 1.2 * max(rejected.values())
     right = sheet.plot(730, sheet.grid_bottom + 40, 510, 250, ylabel="discarded, %", ylim=(0, top),
                        title="Discarded although nothing moves", **common)  # fmt: skip
     normal = line[line >= 4]
-    right.plot(normal, [expected_rejections(sigma, n) for n in normal], color=BLUE, linewidth=2,
-               label="theory: normal noise")  # fmt: skip
-    right.plot(list(rejected), list(rejected.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
-               label="N frames")  # fmt: skip
+    sheet.theory(right, normal, [expected_rejections(sigma, n) for n in normal], "theory: normal noise")
+    sheet.dots(right, list(rejected), list(rejected.values()), "N frames")
     for axes in (left, right):
         axes.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])
-        axes.legend(frameon=False, fontsize=12, loc="upper right")
+        sheet.key(axes, "upper right")

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, note, painted, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, painted, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera, Scene
@@ -91,7 +90,7 @@ def distance(pair: PairImages, sampling: str) -> Array:
     scene=scene,
     see_also=(("how history is sampled", "conventions.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
     color = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     width, height = stage.size
@@ -100,11 +99,9 @@ def run(stage: Stage, out: Path) -> Result:
     for place, (sampling, pair) in enumerate(pairs.items()):
         marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
         title = f"{sampling}: an edge of the board, {part[2]} x {part[3]} pixels"
-        axes = sheet.panel(place, 0, enlarged(marked, *part), title)
-        note(axes, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
+        sheet.panel(place, 0, enlarged(marked, *part), title, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
     _plot(sheet, pairs, height // 2)
     sheet.legend(reason_entries(Reason.POSITION))
-    path = sheet.save(out / "06-sampling.png")
     where = "an edge crosses a row at a uniformly distributed position between two pixel centers"
     wall = side_wall(pairs["nearest"])
     predicted = 100.0 * float(np.median(sample_distance(stage.size)[wall]))
@@ -119,8 +116,7 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(predicted, 0.02 * predicted, f"two rays {JITTER} pixels apart against the wall; ± 2 %")),
     )  # fmt: skip
     caption = f"A static scene with samples {JITTER} pixels apart in the two frames. Every discard is a sampling error."
-    figure = Figure(path, caption, {"position": rgb(Reason.POSITION)})
-    return Result(findings, (figure,), _jitter(stage, color, part))
+    return Result(findings, sheet, caption, _jitter(stage, color, part))
 
 
 def _chance(jitter: float, height: int) -> float:
@@ -142,7 +138,7 @@ def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
     for sampling, color in (("nearest", ORANGE), ("bilinear", BLUE)):
         axes.plot(columns, 100.0 * distance(pairs[sampling], sampling)[row, columns], color=color, linewidth=2,
                   label=sampling)  # fmt: skip
-    axes.legend(frameon=False, fontsize=12, loc="upper right")
+    sheet.key(axes, "upper right")
 
 
 def _jitter(stage: Stage, color: Array, part: tuple[int, int, int, int]) -> Parameter:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Question, Result, demo, threshold_parameter
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, gray_image, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, SEA, Props, Stage
 from taubench_gl.report.run_plots import discard_curve
 from taubench_gl.scene.model import Scene
@@ -79,7 +77,7 @@ def distances(size: Size) -> Array:
     scene=scene,
     see_also=(("what a run records", "formats.md"),),
 )
-def run(stage: Stage, out: Path) -> Result:
+def run(stage: Stage) -> Result:
     results, masks = {}, {}
     for threshold in SHOWN:
         results[threshold], pairs = stage.evaluate(
@@ -98,10 +96,9 @@ def run(stage: Stage, out: Path) -> Result:
         _name_keys(axes, stage.size)
     _staircase(sheet, edges, percent, expected, masks)
     sheet.legend([*reason_entries(Reason.POSITION)])
-    path = sheet.save(out / "09-thresholds.png")
     findings = [
         Finding(masks[t].percent(Reason.POSITION), "%", f"of the pixels are discarded at {100 * t:.3g} cm" + _whose(t),
-                _near(expected > t, "ray-square intersection, float64; ± half of the pixels on the edges"))
+                Expected.share(expected > t, "ray-square intersection, float64; ± half of the pixels on the edges"))
         for t in sorted(SHOWN, key=lambda t: t != DEFAULT_THRESHOLD)
     ]  # fmt: skip
     # At a bin edge the curve and a mask with that threshold count the same pixels.
@@ -115,13 +112,12 @@ def run(stage: Stage, out: Path) -> Result:
     caption = "Three thresholds and their curve. The number on each key is its motion in cm."
     pair = masks[DEFAULT_THRESHOLD]
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
-    gray = overlay(np.zeros_like(pair.mask), pair.now["color"])
     parameter = threshold_parameter(
-        moved, np.geomspace(0.005, 2.0, 53), expected, as_bytes(gray), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD,
+        moved, np.geomspace(0.005, 2.0, 53), expected, gray_image(pair), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD,
         name="position threshold", unit="m", source="ray-square intersection; ± half of the pixels on the edges",
         note="Blue: discarded by position.",
     )  # fmt: skip
-    return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),), parameter)
+    return Result(tuple(findings), sheet, caption, parameter)
 
 
 def _just_below(value: float) -> float:
@@ -131,10 +127,6 @@ def _just_below(value: float) -> float:
 
 def _whose(threshold: float) -> str:
     return ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
-
-
-def _near(region: Array, source: str) -> Expected:
-    return Expected.near(100.0 * float(region.mean()), 50.0 * theory.edge_pixels(region) / region.size, source)
 
 
 def _name_keys(axes: object, size: Size) -> None:
@@ -162,4 +154,4 @@ def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, mask
         axes.plot([threshold], [value], "o", color=ORANGE, markeredgecolor="black", markersize=9, zorder=5)
         name = "32/255" if threshold == DEFAULT_THRESHOLD else f"{threshold:g}"
         axes.annotate(f"{name} m: {value:.1f} %", (threshold, value), (8, 9), textcoords="offset points", fontsize=12)
-    axes.legend(frameon=False, fontsize=12, loc="upper right")
+    sheet.key(axes, "upper right")
