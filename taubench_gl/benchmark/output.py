@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from taubench_gl.benchmark.merge import SCHEMA
+from taubench_gl.checksums import with_checksums, without_checksums
 from taubench_gl.data_files import checked, read_bytes, read_json, schema_fault
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import write_atomically
@@ -62,7 +63,7 @@ class _Benchmark(msgspec.Struct):
 def write_results(summary: Mapping[str, Any], folder: Path) -> list[Path]:
     """Numbers first, then the page.  -> the files.  Raises OutputError."""
     path = folder / FILE
-    write_atomically(path, json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    write_atomically(path, json.dumps(with_checksums(summary), indent=1, allow_nan=False) + "\n")
     plots = plot_speeds(summary, folder)
     written = [path, *write_tables(folder, benchmark_tables(summary)), *plots]
     write_atomically(folder / REPORT_FILE, benchmark_html(summary, read_bytes(plots[0]) if plots else None))
@@ -70,7 +71,7 @@ def write_results(summary: Mapping[str, Any], folder: Path) -> list[Path]:
 
 
 def load_benchmark(path: str | Path) -> dict[str, Any]:
-    """A benchmark.json, or that of a folder.  Raises OutputError for other files."""
+    """A benchmark.json, or that of a folder.  Raises OutputError for other files, and changed ones."""
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
     values = read_json(file, dict[str, Any])
     if values.get("schema") != SCHEMA:
@@ -85,4 +86,4 @@ def load_benchmark(path: str | Path) -> dict[str, Any]:
         raise OutputError(
             f"method {lost} has not the tracks of the cases", where=str(file), hint="is the file damaged?"
         )
-    return values
+    return without_checksums(values, file)[0]

@@ -448,7 +448,7 @@ def scene_statistics(bench: Bench) -> Outcome:
     still = [b.node(mesh=b.mesh(box())) for _ in range(3)]
     moving = b.node(mesh=b.mesh(box()))
     b.node(moving, mesh=b.mesh(box()))
-    lamp = b.light(kind="point", intensity=1.0)
+    lamp = b.light(kind="point", intensity=1.0, color=(1.0, 0.0, 0.0))
     b.light(kind="point", intensity=1.0)
     sun = b.light(kind="directional", intensity=1.0)
     camera = b.camera()

@@ -117,13 +117,16 @@ def sampler_board(b: SceneBuilder, root: int) -> None:
             fields["weights"] = np.array([0.8])
         elif i == 16:
             joints = [b.node(root, translation=at), b.node(root, translation=at, rotation=turn_x(40.0))]
+            b.animate(joints[1], "rotation", [0.0, 1.0], [turn_x(40.0), turn_x(25.0)])
             fields = {"skin": b.skin(joints)}
         elif i == 17:
             matrices = np.tile(np.eye(4), (4, 1, 1))
             matrices[:, :2, 3] = [(-0.2, -0.25), (0.2, -0.25), (-0.2, 0.25), (0.2, 0.25)]
             matrices[2, :3, :3] *= 0.5
             fields["instances"] = matrices
-        b.node(root, mesh=b.mesh(surface), **fields)
+        node = b.node(root, mesh=b.mesh(surface), **fields)
+        if i == 15:
+            b.animate(node, "weights", [0.0, 1.0], [[0.8], [0.5]])
 
 
 def _with_board(mirrored: bool, front: float = 3.0) -> Scene:
@@ -329,7 +332,7 @@ def _of_pixel(pair, explanation, images, x: int, y: int) -> list[float]:
             errors.append(float(compared and not word & (Reason.SKY | Reason.HISTORY_SKY)))
         elif compared and np.isfinite(values.distance):
             errors.append(values.distance - float(pair.distances.features[name][y, x]))
-    if explanation.object_motion_m is not None and explanation.object_motion_m > 1e-6:
+    if explanation.object_motion_m is not None and explanation.object_motion_m > 1.0:  # of the box
         errors += [explanation.object_motion_m - 1.5, _MOVED]
     return errors
 

@@ -205,7 +205,9 @@ def nodes_in_many_forms(bench: Bench) -> Outcome:
             {"matrix": whole.T.reshape(-1).tolist(), "children": [1, 2]},
             {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": instancing}}},
             {"translation": [0, 1, 0], "rotation": turn((0, 1, 0), 30.0).tolist(), "scale": [1, 2, 3], "camera": 0},
-            {"camera": 1, "extensions": {"KHR_node_visibility": {"visible": False}}},
+            {"camera": 1, "mesh": 0, "extensions": {
+                "KHR_node_visibility": {"visible": False},
+                "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": instancing["TRANSLATION"]}}}},
             *({"extensions": {"KHR_lights_punctual": {"light": i}}} for i in range(3)),
         ],
         "scenes": [{"nodes": [6]}, {"nodes": [0, 3, 4, 5], "name": "second"}],
@@ -237,8 +239,11 @@ def nodes_in_many_forms(bench: Bench) -> Outcome:
     scene = f.load()
     poser = Poser(scene)
     parts = [math3d.trs(p.astype(float), q, s.astype(float)) for p, q, s in zip(places, turns, scales, strict=True)]
+    moved = np.tile(np.eye(4), (2, 1, 1))
+    moved[:, :3, 3] = places
     errors = [
         worst(scene.nodes.instances[1] - parts) / 5.0,
+        worst(scene.nodes.instances[3] - moved),
         float(scene.nodes.in_scene.tolist() != [True] * 6 + [False]),
     ]
     h = (2 * 0.5**3 - 3 * 0.5**2 + 1, 0.5**3 - 2 * 0.5**2 + 0.5, -2 * 0.5**3 + 3 * 0.5**2, 0.5**3 - 0.5**2)

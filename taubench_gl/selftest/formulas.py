@@ -13,13 +13,14 @@ from taubench_gl.animation.jitter import grid_offsets, halton_jitter, radical_in
 from taubench_gl.animation.surface import previous_point
 from taubench_gl.conventions import HISTOGRAM_BINS, Reason
 from taubench_gl.features import MASK_WORDS
-from taubench_gl.metrics import blending, environment
+from taubench_gl.frame.materials import texels_at
+from taubench_gl.metrics import activity, blending, environment
 from taubench_gl.metrics.counts import Counts, discarded_above, edges
 from taubench_gl.metrics.pair_sample import PER_STRATUM, sample_pairs
 from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.metrics.sequence_stats import sensitivity
 from taubench_gl.scene.gltf import meshes
-from taubench_gl.scene.model import Channel
+from taubench_gl.scene.model import Channel, Sampler, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Outcome, case, field, worst
 from taubench_gl.selftest.scenes import SceneBuilder, quad, turn, turn_x
@@ -244,8 +245,8 @@ def lobes_of_a_linear_sky(bench: Bench) -> Outcome:
 
 @case(
     "samples-of-a-pixel",
-    what="Halton's sequence, grids of 1 to 12 samples, and sampled pairs of three schemes: differences from their "
-    "definitions",
+    what="Halton's sequence, grids of 1 to 12 samples, sampled pairs of three schemes, cuts among two to four "
+    "pairs, and texels of wrapped coordinates: differences from their definitions",
     elsewhere="a sequence that starts in the corner of the pixel, grids with another mean, the last pair left out",
     here="radical inverses digit by digit; cell centers; strata of equal length",
     tolerance=1e-15,
@@ -270,6 +271,19 @@ def samples_of_a_pixel(bench: Bench) -> Outcome:
     for size, sampled in strata:
         errors.append(float(not all(first <= p < first + size for p in sampled)))
         first += size
+    steps = np.array([0.1, 9.0, 0.1, 0.1])
+    for pairs in (2, 3, 4):
+        path = np.zeros((pairs + 1, 3))
+        path[1:, 0] = np.cumsum(steps[:pairs])
+        moved = activity.camera_activity(path, np.tile(np.eye(3), (pairs + 1, 1, 1)))
+        errors.append(float(activity.detect_cuts(moved).tolist() != [pairs > 2 and k == 1 for k in range(pairs)]))
+    uv = np.array([[-0.3, 0.3], [0.05, 1.9], [1.2, -0.7], [2.7, 0.99], [np.nan, 1.0]])
+    for wrap, columns, rows in (
+        (10497, [2, 0, 0, 2, 0], [1, 4, 1, 4, 0]), (33071, [0, 0, 3, 3, 0], [1, 4, 0, 4, 4]),
+        (33648, [1, 0, 3, 2, 0], [1, 0, 3, 4, 4]),
+    ):  # fmt: skip
+        at = texels_at(Texture(0, Sampler(wrap_s=wrap, wrap_t=wrap)), uv, (4, 5))
+        errors.append(float([x.tolist() for x in at] != [columns, rows]))
     return field("definitions", errors)
 
 
