@@ -167,6 +167,7 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
 
 
 def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options: dict[str, Any]) -> None:
+    from taubench_gl.apps.study_screen import StudyScreen
     from taubench_gl.datasets.sweep import Sweep, run_sweep
     from taubench_gl.settings import Settings
 
@@ -185,10 +186,8 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
         device=options["device"],
     )
     plan = Sweep(*sweep)
-    name = Path(scene).name
-    click.echo(f"{name}: {plan.count} speeds, {base.frames - 1} pairs each", err=True)
-    rows = run_sweep(scene, plan, base, settings, out,
-                     lambda done, of: click.echo(f"{name}: {done}/{of}", err=True))  # fmt: skip
+    with StudyScreen("speeds") as screen:
+        rows = run_sweep(scene, plan, base, settings, out, screen)
     measured = [name for name in options["columns"] if any(row[f"{name}_percent"] is not None for row in rows)]
     click.echo("  ".join([f"{plan.axis:>12}", *(f"{name:>9}" for name in measured)]))
     for row in rows:

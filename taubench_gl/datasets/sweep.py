@@ -5,29 +5,37 @@ from __future__ import annotations
 import dataclasses
 import math
 import tempfile
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from taubench_gl import __version__
 from taubench_gl.datasets.camera_path import CameraSpec, add_rig, generate
 from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.features import COLUMNS
-from taubench_gl.outputs import csv_text, output_folder, write_atomically
+from taubench_gl.outputs import csv_text, write_atomically
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.report.run_plots import plot_sweep
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Channel, Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import SequenceSettings, Settings
+from taubench_gl.study.progress import Listener
+from taubench_gl.study.run import run_study
+from taubench_gl.study.store import Store, content_hash, json_bytes
+from taubench_gl.study.unit import Unit, Worker
+from taubench_gl.study.worker import open_context
 
 AXES = ("translation", "yaw", "pitch", "roll")
 CSV_NAME, PLOT_NAME = "sweep.csv", "sweep"
+SCHEMA = "taubench-gl/sweep/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,47 +64,96 @@ class Sweep:
         return np.linspace(self.low, self.high, self.count).tolist()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepUnit(Unit):
+    """One speed.  ``base``: of the sweep, whose frames and seed all speeds share; ``settings``: with resolved light."""
+
+    source: str
+    base: CameraSpec
+    spec: CameraSpec
+    settings: Settings
+
+    def run(self, worker: Worker) -> bytes:
+        open_context(self.settings)
+        scene, space = _still(self.source, self.base, self.settings.sequence)
+        summary = evaluate_scene(_posed(scene, self.spec, space), self.settings).summary
+        worker.done()
+        return json_bytes({"camera": summary["camera"], "discard": summary["discard"]})
+
+
+class SweepStudy:
+    """A job per speed, in the order of the speeds."""
+
+    def __init__(self, out: str | Path, sweep: Sweep, units: Sequence[SweepUnit]):
+        self.store, self._sweep, self._units = Store(out, "stress", SCHEMA), sweep, {unit.job: unit for unit in units}
+
+    def jobs(self) -> Mapping[str, str]:
+        return {job: job for job in self._units}
+
+    def missing(self, job: str, width: int) -> tuple[Sequence[Unit], int]:
+        unit = self._units[job]
+        return [] if self.store.load(unit.key) else [unit], unit.weight
+
+    def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
+        return (unit,)
+
+    def finish(self, job: str) -> None:
+        """Nothing: a speed has no file of its own."""
+
+    def fail(self, unit: Unit, message: str, details: str) -> bool:
+        raise SceneError(message)
+
+    def merge(self) -> list[dict[str, Any]]:
+        """Write the table; a row per speed."""
+        summaries = [self.store.load(unit.key) for unit in self._units.values()]
+        rows = [_row(self._sweep, value, summary) for value, summary in zip(self._sweep.values, summaries, strict=True)]
+        text = csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
+        write_atomically(self.store.out / CSV_NAME, text)
+        return rows
+
+
 def run_sweep(
     source: str | Path,
     sweep: Sweep,
     base: CameraSpec,
     settings: Settings,
     out: str | Path,
-    progress: Callable[[int, int], None] | None = None,
+    listener: Listener | None = None,
 ) -> list[dict[str, Any]]:
     """Evaluate ``source`` once for each speed and write ``sweep.csv``, ``sweep.png`` and ``sweep.svg`` into ``out``.
 
-    Each camera has a constant speed; the other quantities are those of ``base`` at all points.  Returns a row per
-    speed: the measured mean of each quantity, N, fps, and the discard rate per column in percent (None: not measured).
-    Raises TaubenchError.
+    Each camera has a constant speed; the other quantities are those of ``base`` at all points.  Speeds that ``out`` has
+    are kept.  Returns a row per speed: the measured mean of each quantity, N, fps, and the discard rate per column in
+    percent (None: not measured).  Raises TaubenchError.
     """
-    out = Path(out)
-    settings = settings.replace(fps=base.fps, camera=CAMERA_NAME, pairs="all")
+    settings = settings.replace(fps=base.fps, camera=CAMERA_NAME, pairs="all", frames=(0, base.frames))
+    scene, space = _still(str(source), base, settings.sequence)
+    specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
+    _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
+    # The file records one exposure for all speeds; the number of samples is that of the first.
+    settings = resolve_lighting(_posed(scene, specs[0], space), settings).settings
+    identity = [scene.sha256, __version__, settings.to_dict()]
+    units = []
+    for value, spec in zip(sweep.values, specs, strict=True):
+        job = f"{sweep.axis}={value:g}"
+        key = f"{job}-{content_hash([*identity, dataclasses.asdict(spec)])}"
+        units.append(SweepUnit(job=job, key=key, name=job, scene=str(source), weight=1,
+                               source=str(source), base=base, spec=spec, settings=settings))  # fmt: skip
+    rows = run_study(SweepStudy(out, sweep, units), {"scene": str(source)}, listener=listener)
+    name = f"{Path(source).stem}, {base.frames - 1} pairs a point at {base.fps:g} fps"
+    plot_sweep(rows, sweep.axis, sweep.unit, name, _paper_points(sweep.axis), Path(out) / PLOT_NAME)
+    return rows
+
+
+@lru_cache(maxsize=1)
+def _still(source: str, base: CameraSpec, sequence: SequenceSettings) -> tuple[Scene, VoxelSpace]:
+    """The scene with a still stress camera, and its free space."""
     with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
         file = Path(folder) / "still.glb"
-        still = CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed)
-        stress(source, file, still, strict=settings.sequence.strict)
-        scene = load_scene(
-            file, settings.sequence.scene, settings.sequence.animation and (*settings.sequence.animation, CAMERA_NAME)
-        )
-        space = VoxelSpace(load_scene(source, strict=settings.sequence.strict))
-        rows = []
-        specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
-        _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
-        output_folder(out)
-        frames = (0, base.frames)
-        # The file records one exposure for all speeds; the number of samples is that of the first.
-        first = _posed(scene, specs[0], space)
-        settings = resolve_lighting(first, settings.replace(frames=frames)).settings
-        for value, spec in zip(sweep.values, specs, strict=True):
-            run = evaluate_scene(_posed(scene, spec, space), settings)
-            rows.append(_row(sweep, value, run.summary))
-            write_atomically(out / CSV_NAME, _csv(rows))
-            if progress is not None:
-                progress(len(rows), sweep.count)
-    name = f"{Path(source).stem}, {base.frames - 1} pairs a point at {base.fps:g} fps"
-    plot_sweep(rows, sweep.axis, sweep.unit, name, _paper_points(sweep.axis), out / PLOT_NAME)
-    return rows
+        stress(source, file, CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed), strict=sequence.strict)
+        animation = sequence.animation and (*sequence.animation, CAMERA_NAME)
+        scene = load_scene(file, sequence.scene, animation)
+    return scene, VoxelSpace(load_scene(source, strict=sequence.strict))
 
 
 def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
@@ -122,10 +179,6 @@ def _row(sweep: Sweep, value: float, summary: dict[str, Any]) -> dict[str, Any]:
     row |= {f"mean_{name}": camera[key]["mean"] for name, key in measured.items()}
     row |= {"fps": camera["fps"], "pairs": camera["samples"]}
     return row | {f"{name}_percent": discard[name]["mean_percent"] for name in COLUMNS}
-
-
-def _csv(rows: list[dict[str, Any]]) -> str:
-    return csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
 
 
 def _paper_points(axis: str) -> list[tuple[str, float, float]]:

@@ -196,6 +196,13 @@ def test_sweep_writes_a_table_and_plots(tmp_path, gpu):
     assert frustum[0] == 0.0 and np.all(np.diff(frustum) > 0)
     assert rows[0]["color_percent"] == "" and rows[0]["pairs"] == "6" and rows[0]["fps"] == "60.0"
     assert (out / "sweep.png").stat().st_size > 5000 and (out / "sweep.svg").is_file()
+    table = (out / "sweep.csv").read_bytes()
+    (kept, *others) = sorted((out / "records").iterdir())
+    for file in others:
+        file.unlink()
+    written = kept.stat().st_mtime_ns
+    assert CliRunner().invoke(cli, ["stress", *arguments, "--out", str(out)]).exit_code == 0
+    assert (out / "sweep.csv").read_bytes() == table and kept.stat().st_mtime_ns == written
 
 
 @pytest.mark.parametrize(
@@ -238,7 +245,7 @@ def test_impossible_sweep_writes_nothing(tmp_path, capsys, sweep, place, named):
     with pytest.raises(SystemExit) as ended:
         main(["stress", str(DEMO), "--sweep", sweep, "--size", "32x18", "--out", str(tmp_path / place)])
     printed = capsys.readouterr().err.splitlines()
-    assert ended.value.code == 2 and named in printed[-1] and len(printed) == 2
+    assert ended.value.code == 2 and named in printed[-1] and len(printed) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["file"] and (tmp_path / "file").read_text() == "mine"
 
 
