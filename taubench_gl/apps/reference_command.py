@@ -216,7 +216,7 @@ Examples:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def list_references(as_json: bool) -> None:
     """List the stored path-traced references: scene, size, frames, fewest samples of a frame, bytes."""
-    from taubench_gl.pathtraced.reference_store import listed, references_folder
+    from taubench_gl.pathtraced.references import listed, references_folder
 
     found = listed()
     if as_json:
@@ -246,8 +246,8 @@ Examples:
 def clear(keys: tuple[str, ...], old: bool, everything: bool) -> None:
     """Delete stored path-traced references by their KEY in 'reference list'."""
     from taubench_gl.errors import SettingsError
-    from taubench_gl.pathtraced.reference_store import clear as delete
-    from taubench_gl.pathtraced.reference_store import listed
+    from taubench_gl.pathtraced.references import clear as delete
+    from taubench_gl.pathtraced.references import listed
 
     found = {one.key: one for one in listed()}
     if unknown := [key for key in keys if key not in found]:

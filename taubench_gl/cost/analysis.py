@@ -59,9 +59,9 @@ def compare_times(a: Time, b: Time) -> int:
     from taubench_gl.metrics.bootstrap import student_interval  # imported late: SciPy takes 0.3 s
 
     ratios = _log_ratios(a, b)
-    if len(ratios) < 3 or (found := student_interval(np.array(ratios))).contains_zero:
+    if len(ratios) < 3 or (interval := student_interval(np.array(ratios))).contains_zero:
         return 0
-    return 1 if found.estimate > 0 else -1
+    return 1 if interval.estimate > 0 else -1
 
 
 def against(time: Time | None, baseline: Time | None) -> dict[str, Any] | None:
@@ -94,13 +94,13 @@ class MaskError:
         return self.false_positive - self.false_negative
 
 
-def mask_errors(found: Mapping[str, Array], reference: Mapping[str, Array]) -> dict[str, MaskError]:
+def mask_errors(masks: Mapping[str, Array], reference: Mapping[str, Array]) -> dict[str, MaskError]:
     """By column, and OVERALL: a pixel with errors of both kinds counts as a false positive.
 
     Both: column -> (n,) bool, whether each pixel is discarded.
     """
-    more = {c: found[c] & ~there for c, there in reference.items()}
-    less = {c: there & ~found[c] for c, there in reference.items()}
+    more = {c: masks[c] & ~there for c, there in reference.items()}
+    less = {c: there & ~masks[c] for c, there in reference.items()}
     more[OVERALL] = np.logical_or.reduce(list(more.values()))
     less[OVERALL] = np.logical_or.reduce(list(less.values())) & ~more[OVERALL]
     return {c: MaskError(more[c] | less[c], *(100.0 * float(of[c].mean()) for of in (more, less))) for c in more}
@@ -162,8 +162,8 @@ def compare_errors(a: Point, b: Point, column: str, floor: float = 0.0) -> int:
 
 def _wrong_in_one(a: Point, b: Point, column: str) -> tuple[int, int]:
     """Pixels that only ``a``, and that only ``b`` has wrong."""
-    one, other = a.masks[column].wrong, b.masks[column].wrong
-    return int((one & ~other).sum()), int((other & ~one).sum())
+    first, second = a.masks[column].wrong, b.masks[column].wrong
+    return int((first & ~second).sum()), int((second & ~first).sum())
 
 
 def pareto_front(points: Sequence[Point], column: str, floor: float = 0.0) -> list[Point]:

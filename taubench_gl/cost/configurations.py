@@ -91,30 +91,30 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) ->
     Raises SettingsError for an unknown name, and if nothing is left to vary.
     """
     every = (COMBINATION_SET, *PARAMETERS, EFFECT_SET)
-    chosen = tuple(every if parameters is None else dict.fromkeys(parameters))
-    for name in chosen:
+    requested = tuple(every if parameters is None else dict.fromkeys(parameters))
+    for name in requested:
         if name not in every:
             raise SettingsError(f"no parameter is named {name!r}", hint=f"choose from {', '.join(every)}")
-    named = [name for name in chosen if name in PARAMETERS]
+    named = [name for name in requested if name in PARAMETERS]
     inapplicable = {name: reason for name in named if (reason := PARAMETERS[name].inapplicable(context))}
     active = tuple(name for name in named if name not in inapplicable)
     highest = _highest_quality(active, context)
-    found = [Configuration(BASELINE, BASELINE, {}, context.baseline), highest]
-    found += _combinations(context) if COMBINATION_SET in chosen else ()
+    planned = [Configuration(BASELINE, BASELINE, {}, context.baseline), highest]
+    planned += _combinations(context) if COMBINATION_SET in requested else ()
     for name in active:
-        found += _single_changes(name, context, inapplicable)
-    found = _without_repetition([*found, *(_effects(context) if EFFECT_SET in chosen else ())])
-    if len(found) == 1:
+        planned += _single_changes(name, context, inapplicable)
+    planned = _without_repetition([*planned, *(_effects(context) if EFFECT_SET in requested else ())])
+    if len(planned) == 1:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
-    found.sort(key=lambda c: (not c.comparable, c.slow))
-    return Plan(tuple(found), highest.settings, active, inapplicable)
+    planned.sort(key=lambda c: (not c.comparable, c.slow))
+    return Plan(tuple(planned), highest.settings, active, inapplicable)
 
 
-def _without_repetition(found: Sequence[Configuration]) -> list[Configuration]:
+def _without_repetition(planned: Sequence[Configuration]) -> list[Configuration]:
     """The first of those that have the same settings: a combination may be a single change."""
     out: list[Configuration] = []
-    for c in found:
+    for c in planned:
         if all((c.settings, c.without, c.on_cpu) != (o.settings, o.without, o.on_cpu) for o in out):
             out.append(c)
     return out

@@ -68,8 +68,8 @@ def _half_width(record: Record, here: Mapping[str, Any], there: Mapping[str, Any
         return None
     from taubench_gl.metrics.bootstrap import student_interval  # imported late: SciPy takes 0.3 s
 
-    found = student_interval(np.array(differences))
-    return 0.5 * (found.high - found.low)
+    interval = student_interval(np.array(differences))
+    return 0.5 * (interval.high - interval.low)
 
 
 def sample_of(pairs: str, total: int) -> PairSample:

@@ -35,15 +35,15 @@ class Records:
         try:
             text = read_bytes(self.path, max_bytes=MAX_RECORDS, links=False) if self.path.exists() else b""
             whole = text[: text.rfind(b"\n") + 1]
-            found = [_parse(line, self.path, i) for i, line in enumerate(whole.splitlines(), start=1)]
-            if found:
-                _require_same(found[0], header, folder)
+            stored = [_parse(line, self.path, i) for i, line in enumerate(whole.splitlines(), start=1)]
+            if stored:
+                _require_same(stored[0], header, folder)
             self._file = own_file(self.path, append=True)
             self._file.truncate(len(whole))  # an incomplete last line was cut off when the process was killed
         except OSError as error:
             raise cannot_write(self.path, error) from None
-        self.lines = found[1:]
-        if not found:
+        self.lines = stored[1:]
+        if not stored:
             self._write(header)
 
     def add(self, kind: str, record: Mapping[str, Any]) -> None:

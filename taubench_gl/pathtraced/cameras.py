@@ -113,11 +113,11 @@ def _read_view(entry: dict[str, Any], where: str) -> View:
     most = math.pi if lens == "yfov" else math.inf
     if not 0 < values[lens] < most:
         raise PathTracedError(f"{lens} is {values[lens]}", where=where, hint=f"give a number between 0 and {most:g}")
-    given = {name: value for name, value in values.items() if value is not None}
+    intrinsics = {name: value for name, value in values.items() if value is not None}
     if kind == "orthographic":
-        given.setdefault("zfar", _ORTHOGRAPHIC_ZFAR)
-        given["xmag"] = given["ymag"]
-    camera = Camera(kind=kind, **given)
+        intrinsics.setdefault("zfar", _ORTHOGRAPHIC_ZFAR)
+        intrinsics["xmag"] = intrinsics["ymag"]
+    camera = Camera(kind=kind, **intrinsics)
     if not 0 <= camera.znear < camera.zfar:
         raise PathTracedError(f"znear {camera.znear} is not below zfar {camera.zfar}", where=where)
     return View(position, math3d.orthonormal(rotation), camera)
@@ -209,11 +209,11 @@ class FittedCamera:
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
         if frame.position is None:
-            what = f"frame {number} has no position pass to estimate a camera from"
-            raise PathTracedError(what, hint="give --camera-file or --scene-file")
+            message = f"frame {number} has no position pass to estimate a camera from"
+            raise PathTracedError(message, hint="give --camera-file or --scene-file")
         if frame.relative:
-            what = f"frame {number} has positions relative to a camera that is not known"
-            raise PathTracedError(what, hint="give --camera-file")
+            message = f"frame {number} has positions relative to a camera that is not known"
+            raise PathTracedError(message, hint="give --camera-file")
         depth = frame.depth if frame.depth_kind == "planar" else None
         fit = fit_camera(frame.position, frame.sky, depth, where=f"frame {number}")
         self._worst, self._last = max(self._worst, fit.median_px), fit.describe()

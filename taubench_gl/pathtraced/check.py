@@ -66,9 +66,9 @@ def check_sequence(sequence: PathTracedSequence, camera: PathTracedCamera | None
 
 
 def _check_passes(sequence: PathTracedSequence) -> Finding:
-    found = sorted(name for name in sequence.mapping.passes if name in sequence.index)
+    names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
     absent = "; ".join(f"{column}: {why}" for column, why in sequence.missing().items())
-    detail = f"{len(found)} found with the mapping {sequence.mapping.name}: {', '.join(found)}"
+    detail = f"{len(names)} found with the mapping {sequence.mapping.name}: {', '.join(names)}"
     return Finding("passes", "", detail, absent)
 
 

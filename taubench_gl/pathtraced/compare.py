@@ -42,7 +42,7 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
     ``{"reason": why}``.  Raises OutputError for runs of different sizes, light units or exposures,
     and without a common pair.
     """
-    a, b = (one if isinstance(one, Run) else load_run(one) for one in (run, reference))
+    a, b = (r if isinstance(r, Run) else load_run(r) for r in (run, reference))
     _require_files(a)
     _require_files(b)
     _require_keys(a)
@@ -93,8 +93,8 @@ def _require_same_light(a: Run, b: Run) -> None:
     exposures = [run.summary["settings"].get("exposure") for run in (a, b)]
     if None not in exposures and exposures[0] != exposures[1]:
         first, second = (f"{value:g}" if isinstance(value, int | float) else str(value) for value in exposures)
-        what = f"the runs have different exposures, {first} and {second}"
-        raise OutputError(what, hint=f"evaluate the reference again with --exposure {first}")
+        message = f"the runs have different exposures, {first} and {second}"
+        raise OutputError(message, hint=f"evaluate the reference again with --exposure {first}")
 
 
 def _measures(run: Run, column: str) -> bool:
@@ -208,7 +208,7 @@ def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str,
     sums = {name: np.zeros(4, dtype=np.int64) for name in bits}
     worst = (-1, 0)  # differing pixels, -frame: the first of equally bad pairs
     for frame, *saved in pairs:
-        words = [one["mask"].astype(np.uint32) for one in saved]
+        words = [arrays["mask"].astype(np.uint32) for arrays in saved]
         for name, bit in bits.items():
             sums[name] += mask_agreement(*((word & bit) != 0 for word in words))
         differ = int(np.count_nonzero((words[0] ^ words[1]) & np.uint32(compared)))

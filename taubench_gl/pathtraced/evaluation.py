@@ -156,19 +156,20 @@ def evaluate_path_traced(
     """
     settings, options = settings or Settings(), options or PathTracedOptions()
     require_supported(spec, settings)
-    given = open_input(spec, settings, options)
-    return evaluate(given, observers or Observers(), options.lobes, out)
+    rendered = open_input(spec, settings, options)
+    return evaluate(rendered, observers or Observers(), options.lobes, out)
 
 
 def require_supported(spec: str | Path, settings: Settings) -> None:
     """Raises SettingsError for settings that only rendered scenes can have."""
-    for what, value, only in (
+    for setting, value, only in (
         ("pairs", "all" if settings.metrics.all_pairs else settings.metrics.pairs, "all"),
         ("samples per pixel", settings.metrics.samples_per_pixel, 1),
         ("exact", settings.metrics.exact, False),
     ):
         if value != only:
-            raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")
+            hint = f"leave it at {only}"
+            raise SettingsError(f"{setting} {value} is for rendered scenes", where=str(spec), hint=hint)
 
 
 def _missing_lobes(source: PathTracedSource) -> dict[str, dict[str, str]]:
@@ -193,23 +194,23 @@ def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
     return notes
 
 
-def noise_floor(owner: GpuOwner, given: PathTracedInput, second: PathTracedSequence) -> dict[str, Any]:
+def noise_floor(owner: GpuOwner, rendered: PathTracedInput, second: PathTracedSequence) -> dict[str, Any]:
     """Column of NOISY_COLUMNS -> ``discard`` entry of two renders of one frame that differ only in their seed.
 
     Camera and surfaces do not move in such a pair, so every discarded pixel is noise; about as many of a real pair's
     discards are noise.  Raises PathTracedError if ``second`` lacks frames or has another size.
     """
-    first = given.sequence
-    second.require(first.size, given.frames, of="the first render")
+    first = rendered.sequence
+    second.require(first.size, rendered.frames, of="the first render")
     # Motion reprojection needs two moments; both images show the same one.
-    settings = given.settings.replace(reprojection="camera", sampling="nearest")
-    opened = (PathTracedSource(owner.gpu, sequence, given.camera, settings) for sequence in (first, second))
+    settings = rendered.settings.replace(reprojection="camera", sampling="nearest")
+    opened = (PathTracedSource(owner.gpu, sequence, rendered.camera, settings) for sequence in (first, second))
     sources = [owner.own(source) for source in opened]
     unmeasured = {c: why for source in sources for c, why in source.unmeasured.items() if c in NOISY_COLUMNS}
     measured = tuple(c for c in NOISY_COLUMNS if c not in unmeasured)
     stats = SequenceStats(measured, unmeasured)
     evaluator = owner.open_evaluator(sources[0], settings, radiance=measured)
-    for frame in given.frames:
+    for frame in rendered.frames:
         view, _ = (source.advance(frame) for source in sources)
         stats.add(evaluator.compare(reprojection(view, view, *first.size), previous=sources[1].current))
     discard = stats.discard(np.zeros(stats.pairs, dtype=bool))

@@ -214,14 +214,14 @@ def _check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
             raise _deep(path)
         if _window(header["displayWindow"]) != display:
             raise PathTracedError("its parts have different display windows", where=str(path), hint="export one size")
-        for what, window in (("data", _window(header["dataWindow"])), ("display", display)):
+        for kind, window in (("data", _window(header["dataWindow"])), ("display", display)):
             width, height = window[2] - window[0] + 1, window[3] - window[1] + 1
             if width < 1 or height < 1:
-                raise _damaged(path, f"its {what} window is {width}x{height} pixels")
+                raise _damaged(path, f"its {kind} window is {width}x{height} pixels")
             if max(width, height) > MAX_SIDE:
                 hint = f"the limit is {MAX_SIDE} pixels a side; the header may be damaged"
-                raise PathTracedError(f"its {what} window is {width}x{height} pixels", where=str(path), hint=hint)
-            if what == "data":
+                raise PathTracedError(f"its {kind} window is {width}x{height} pixels", where=str(path), hint=hint)
+            if kind == "data":
                 total += width * height * sum(_sample_bytes(c) for c in header["channels"])
     require(int(total), "its pixels", PathTracedError, str(path))
     return display
@@ -239,9 +239,9 @@ def _parts(path: Path, file: BinaryIO, *, expected: int | None = None) -> list[A
     except Exception as error:
         raise _from_library(path, error) from None
     if expected is not None and len(parts) != expected:
-        what = f"{expected - len(parts)} of {expected} parts cannot be decoded"
+        message = f"{expected - len(parts)} of {expected} parts cannot be decoded"
         detail = "".join([printed.getvalue(), *native])
-        raise _damaged(path, what if expected > 1 else "its pixels cannot be decoded", detail)
+        raise _damaged(path, message if expected > 1 else "its pixels cannot be decoded", detail)
     return parts
 
 
@@ -277,11 +277,12 @@ def _from_library(path: Path, error: Exception) -> PathTracedError:
     return _damaged(path, str(error).replace(str(path), "the file"))
 
 
-def _damaged(path: Path, what: str, detail: str = "") -> PathTracedError:
+def _damaged(path: Path, fault: str, detail: str = "") -> PathTracedError:
     detail = re.sub(r"^.*?\(EXR_ERR_\w+\)|^Warning:[^\n]* - ", "", detail.replace(str(path), ""), flags=re.M)
     first = next((line.strip() for line in detail.splitlines() if line.strip()), "")
     detail = f": {first[:160]}" if first else ""
-    return PathTracedError(f"damaged or cut off: {what[:200]}{detail}", where=str(path), hint="render or copy it again")
+    message = f"damaged or cut off: {fault[:200]}{detail}"
+    return PathTracedError(message, where=str(path), hint="render or copy it again")
 
 
 def _deep(path: Path) -> PathTracedError:

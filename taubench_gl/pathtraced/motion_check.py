@@ -200,15 +200,15 @@ def _by_geometry(frame: PathTracedFrame, view: View, previous: View) -> MotionVe
         basis = "previous positions"
     # Both ends are projected: the samples of a jittered frame are not at the pixel centers.
     expected = project(previous, before, frame.size) - project(view, points, frame.size)
-    given = frame.motion[use].astype(np.float64)
+    stored = frame.motion[use].astype(np.float64)
     visible = np.isfinite(expected).all(axis=-1)
-    expected, given = expected[visible], given[visible]
+    expected, stored = expected[visible], stored[visible]
     moving = np.linalg.norm(expected, axis=-1) >= MIN_MOTION_PX
     if frame.prev_position is not None and np.count_nonzero(moving) >= FEW_PIXELS:  # objects that move, still camera
-        expected, given = expected[moving], given[moving]
+        expected, stored = expected[moving], stored[moving]
     if not len(expected) or _median_length(expected) < MIN_MOTION_PX:
-        return _still(expected, given, basis)
-    readings = {h: h.corrected(given, frame.size) for h in HYPOTHESES}
+        return _still(expected, stored, basis)
+    readings = {h: h.corrected(stored, frame.size) for h in HYPOTHESES}
     errors = {h: _median_length(motion - expected) for h, motion in readings.items()}
     best = _best(errors)
     if errors[best] > MAX_MOTION_PX:  # an offset may explain what no reading does
@@ -216,7 +216,7 @@ def _by_geometry(frame: PathTracedFrame, view: View, previous: View) -> MotionVe
         best = _best(errors)
     error, jitter, margin = _residual(readings[best] - expected)
     others = [e for h, e in errors.items() if _differs(readings[h], readings[best])]
-    as_is, rival = _median_length(given - expected), min(others, default=np.inf)
+    as_is, rival = _median_length(stored - expected), min(others, default=np.inf)
     return MotionVerdict(
         best, error, jitter, margin, as_is, rival, len(expected), basis, known=error <= MAX_MOTION_PX
     )  # fmt: skip
@@ -226,14 +226,14 @@ def _median_length(vectors: Array) -> float:
     return float(np.median(np.linalg.norm(vectors, axis=-1)))
 
 
-def _still(expected: Array, given: Array, basis: str) -> MotionVerdict | str:
+def _still(expected: Array, stored: Array, basis: str) -> MotionVerdict | str:
     """A camera that hardly moves shows a jitter, but neither axes nor units."""
     if not len(expected):
         return "no surface is visible in both frames"
-    error, jitter, margin = _residual(given - expected)
+    error, jitter, margin = _residual(stored - expected)
     if error > MAX_MOTION_PX or max(map(abs, jitter)) <= max(MIN_JITTER_PX, margin):
         return "the camera hardly moves between these frames"
-    as_is = _median_length(given - expected)
+    as_is = _median_length(stored - expected)
     return MotionVerdict(Hypothesis(), error, jitter, margin, as_is, np.inf, len(expected), basis, True)
 
 
@@ -260,9 +260,9 @@ def _best(errors: dict[Hypothesis, float]) -> Hypothesis:
     return best
 
 
-def _differs(one: Array, other: Array) -> bool:
+def _differs(first: Array, second: Array) -> bool:
     """Whether this motion distinguishes two readings."""
-    return _median_length(one - other) > MAX_MOTION_PX
+    return _median_length(first - second) > MAX_MOTION_PX
 
 
 def _by_images(frame: PathTracedFrame, previous: PathTracedFrame) -> MotionVerdict | str:
@@ -296,12 +296,12 @@ def _by_images(frame: PathTracedFrame, previous: PathTracedFrame) -> MotionVerdi
     )  # fmt: skip
 
 
-def _clearly_less(one: Array, other: Array) -> bool:
-    """Whether the mean of ``one`` is below that of ``other`` by three standard errors.
+def _clearly_less(first: Array, second: Array) -> bool:
+    """Whether the mean of ``first`` is below that of ``second`` by three standard errors.
 
     Over pixels that both have; neighbors depend on one another, so the means of blocks are taken as the sample.
     """
-    difference = other - one
+    difference = second - first
     height, width = (n // BLOCK * BLOCK for n in difference.shape)
     blocks = difference[:height, :width].reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK)
     blocks = blocks.transpose(0, 2, 1, 3).reshape(-1, BLOCK * BLOCK)

@@ -24,7 +24,7 @@ BOUNCES = ("direct", "indirect")
 COMPONENTS = {
     "combined": 3, "depth": 1, "position": 3, "normal": 3, "motion": 2, "emission": 3, "environment": 3,
     "direct": 3, "indirect": 3, "prev_position": 3,
-    **{f"{lobe}_{what}": 3 for lobe in LOBES for what in (*BOUNCES, "color") if (lobe, what) != ("volume", "color")},
+    **{f"{lobe}_{part}": 3 for lobe in LOBES for part in (*BOUNCES, "color") if (lobe, part) != ("volume", "color")},
 }  # fmt: skip
 """Canonical passes and their number of components.  ``direct`` and ``indirect``, if not mapped, are sums over lobes."""
 
@@ -110,18 +110,18 @@ def parse_mapping(values: Any, where: str) -> PassMap:
     for name, number in numbers.items():
         if isinstance(number, bool) or not isinstance(number, int | float) or not 0 < number < np.inf:
             raise PathTracedError(f"{name} is {number!r}", where=where, hint="give a number above 0")
-    passes = {name: _alternatives(name, given, where) for name, given in values["passes"].items()}
+    passes = {name: _alternatives(name, entry, where) for name, entry in values["passes"].items()}
     fields = {key.replace(".", "_"): value for key, value in flat.items()}
     return PassMap(str(values.get("name", where)), passes, **{k: float(v) for k, v in numbers.items()}, **fields)
 
 
-def _alternatives(name: str, given: Any, where: str) -> tuple[Any, ...]:
+def _alternatives(name: str, entry: Any, where: str) -> tuple[Any, ...]:
     if name not in COMPONENTS:
         raise PathTracedError(
             f"passes: no pass is named {name!r}", where=where, hint=f"choose from {', '.join(COMPONENTS)}"
         )
     out = []
-    for item in given if isinstance(given, list) else [given]:
+    for item in entry if isinstance(entry, list) else [entry]:
         if isinstance(item, str):
             out.append(item)
             continue
@@ -142,7 +142,7 @@ class ChannelIndex:
 
     def __init__(self, names: Iterable[str], mapping: PassMap, layer: str | None = None):
         self.names, self.mapping = tuple(names), mapping
-        self._found: dict[str, tuple[str, ...]] = {}
+        self._channels: dict[str, tuple[str, ...]] = {}
         known = {n.casefold() for alternatives in mapping.passes.values() for n in alternatives if isinstance(n, str)}
         tables: dict[str, dict[str, dict[str, str]]] = {}  # layer -> pass -> component -> channel
         for channel in self.names:
@@ -161,9 +161,9 @@ class ChannelIndex:
         order = [layer] if layer is not None else sorted(tables, key=lambda name: -len(tables[name]))
         self.layer = order[0] if order else ""
         for name, alternatives in mapping.passes.items():
-            found = self._search(alternatives, COMPONENTS[name], [tables[t] for t in order if t in (self.layer, "")])
-            if found:
-                self._found[name] = found
+            searched = [tables[layer] for layer in order if layer in (self.layer, "")]
+            if channels := self._search(alternatives, COMPONENTS[name], searched):
+                self._channels[name] = channels
 
     def _search(self, alternatives: tuple[Any, ...], count: int, tables: list[dict]) -> tuple[str, ...] | None:
         for name in alternatives:
@@ -179,11 +179,11 @@ class ChannelIndex:
         return None
 
     def __contains__(self, name: str) -> bool:
-        return name in self._found
+        return name in self._channels
 
     def channels(self, name: str) -> tuple[str, ...]:
         """Full channel names of a canonical pass, in component order."""
-        return self._found[name]
+        return self._channels[name]
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,15 +48,15 @@ def find_frames(spec: str | Path) -> dict[int, tuple[Path, ...]]:
         files = [where]
     else:
         raise PathTracedError("is no folder of EXR files", where=str(where), hint="give exr:DIR or 'exr:DIR/name*.exr'")
-    found: dict[int, list[Path]] = {}
+    files_of: dict[int, list[Path]] = {}
     for path in sorted(files):
         numbered = _NUMBERED.match(path.stem)
         if numbered:
-            found.setdefault(int(numbered.group(2)), []).append(path)
-    if not found:
-        what = "no name ends in a frame number" if files else "holds no .exr file"
-        raise PathTracedError(what, where=str(where), hint="name them as in frame_0001.exr")
-    return {frame: tuple(paths) for frame, paths in sorted(found.items())}
+            files_of.setdefault(int(numbered.group(2)), []).append(path)
+    if not files_of:
+        message = "no name ends in a frame number" if files else "holds no .exr file"
+        raise PathTracedError(message, where=str(where), hint="name them as in frame_0001.exr")
+    return {frame: tuple(paths) for frame, paths in sorted(files_of.items())}
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +79,11 @@ class PathTracedSequence:
         ``mapping`` as for ``load_mapping``; None: taubench for the files of ``export``, else blender.
         """
         files = find_frames(spec)
-        given = None if mapping is None else load_mapping(mapping)  # its faults come before those of the files
+        named = None if mapping is None else load_mapping(mapping)  # its faults come before those of the files
         first = next(iter(files.values()))
         headers = [read_header(path) for path in first]
         exported = all(EXPORT_ATTRIBUTE in header.attributes for header in headers)
-        passes = given or load_mapping(EXPORT_PRESET if exported else None)
+        passes = named or load_mapping(EXPORT_PRESET if exported else None)
         size = headers[0].size
         names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
         try:
@@ -109,15 +109,15 @@ class PathTracedSequence:
         """Frame numbers in [A, B); negative bounds count from the last.  Raises PathTracedError on gaps."""
         first, last = self.frames[0], self.frames[-1]
         start, stop = (end if end is None or end >= 0 else last + 1 + end for end in bounds)
-        chosen = [f for f in self.frames if (start is None or f >= start) and (stop is None or f < stop)]
-        if not chosen:
+        selected = [f for f in self.frames if (start is None or f >= start) and (stop is None or f < stop)]
+        if not selected:
             raise PathTracedError(
                 "no frame is in the given range", where=str(self.path), hint=f"choose within {first}:{last + 1}"
             )
-        span = range(chosen[0], chosen[-1] + 1)
-        missing = sorted(set(span) - set(chosen))
+        span = range(selected[0], selected[-1] + 1)
+        missing = sorted(set(span) - set(selected))
         if missing:
-            a, b = _longest_run(chosen)
+            a, b = _longest_run(selected)
             listed = ", ".join(map(str, missing[:8])) + (", ..." if len(missing) > 8 else "")
             hint = f"render them, or give --frames {a}:{b}: pairs need consecutive frames"
             raise PathTracedError(f"{len(missing)} frames are missing: {listed}", where=str(self.path), hint=hint)

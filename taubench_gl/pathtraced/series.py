@@ -59,13 +59,13 @@ class Render:
         def keep(pair: Pair) -> None:
             width, height = pair.source.size
             for previous in (False, True):
-                found = (
+                images = (
                     pair.source.read(name, previous=previous)[..., :3].astype(np.float64)
                     if name in pair.source.channels
                     else np.zeros((height, width, 3))
                     for name in ("direct", "indirect")
                 )
-                out[pair.frame - previous] = tuple(found)
+                out[pair.frame - previous] = tuple(images)
 
         settings = _file_settings(settings).replace(frames=(frame - 1, frame + 1))
         evaluate_path_traced(f"{PREFIX}{self.folder}", settings, self.options, Observers(on_pair=keep))

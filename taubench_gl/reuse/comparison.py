@@ -92,7 +92,7 @@ def series_of(rows: Sequence[Row], measure: str) -> Series:
     values, left_out = {}, []
     for label, by_seed in grouped.items():
         table = list(by_seed.values())
-        if any(v is None for one in table for v in one) or len({len(one) for one in table}) > 1:
+        if any(v is None for values in table for v in values) or len(set(map(len, table))) > 1:
             left_out.append(label)
             continue
         array = np.array(table, dtype=np.float64)
@@ -128,8 +128,8 @@ def _over_frames(series: Series, *labels: str) -> dict[str, Any]:
         return values[..., 0] if len(labels) == 1 else values[..., 0] - values[..., 1]
 
     length = block_length(columns[:, 0] if len(labels) == 1 else columns[:, 0] - columns[:, 1])
-    found = interval(columns, statistic, length)
-    return {"low": found.low, "high": found.high, "p_value": found.p_value, "block_length": length}
+    bounds = interval(columns, statistic, length)
+    return {"low": bounds.low, "high": bounds.high, "p_value": bounds.p_value, "block_length": length}
 
 
 def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
@@ -138,8 +138,8 @@ def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
     values = by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1]
     if len(values) < MIN_SEEDS:
         return {"over_seeds": None, "over_seeds_reason": FEW_SEEDS}
-    found = student_interval(values)
-    return {"over_seeds": {"mean": found.estimate, "low": found.low, "high": found.high}, "over_seeds_reason": None}
+    bounds = student_interval(values)
+    return {"over_seeds": {"mean": bounds.estimate, "low": bounds.low, "high": bounds.high}, "over_seeds_reason": None}
 
 
 def _differences(series: Series) -> list[dict[str, Any]]:

@@ -103,13 +103,13 @@ class Setting:
             return "one of " + ", ".join(self.choices)
         if self.kind == "bool":
             return "true or false"
-        what = "an integer" if self.kind == "int" else "a number"
+        noun = "an integer" if self.kind == "int" else "a number"
         low, high = self.minimum, self.maximum
         if low is not None and high is not None:
-            return f"{what} from {low:g} to {high:g}"
+            return f"{noun} from {low:g} to {high:g}"
         if low is not None:
-            return f"{what} of at least {low:g}"
-        return what if high is None else f"{what} of at most {high:g}"
+            return f"{noun} of at least {low:g}"
+        return noun if high is None else f"{noun} of at most {high:g}"
 
     def error(self, value: object) -> str | None:
         """Why ``value`` is invalid, or None."""
@@ -211,17 +211,17 @@ class Method:
     upscales: bool = False
     input_sized: frozenset[str] = frozenset()
 
-    def values(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
-        """The value of every setting: ``given``, else the default.  Raises MethodError, which lists all errors."""
+    def values(self, changes: Mapping[str, Value] | None = None) -> dict[str, Value]:
+        """The value of every setting: ``changes``, else the default.  Raises MethodError, which lists all errors."""
         errors = []
-        for name, value in (given or {}).items():
+        for name, value in (changes or {}).items():
             if name not in self.settings:
                 errors.append(f"there is no setting {name!r}{suggestion(name, self.settings, 'it has no settings')}")
             elif error := self.settings[name].error(value):
                 errors.append(f"setting {name}: {error}")
         if errors:
             raise MethodError("; ".join(errors), where=self.label)
-        return {name: _typed(setting, (given or {}).get(name, setting.default))
+        return {name: _typed(setting, (changes or {}).get(name, setting.default))
                 for name, setting in self.settings.items()}  # fmt: skip
 
     def number(self, value: int | str | None, values: Mapping[str, Value]) -> int | None:

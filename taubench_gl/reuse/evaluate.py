@@ -86,14 +86,14 @@ class MethodSpec:
 
         The label of ``exr:DIR`` is its setting ``label``, by default the name of the folder.  Raises SettingsError.
         """
-        name, *given = text.split("@")
-        pairs = [part.partition("=") for part in given]
+        name, *parts = text.split("@")
+        pairs = [part.partition("=") for part in parts]
         if not name or any(not equals or not key for key, equals, _ in pairs):
             raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")
         settings = {key.strip(): value for key, _, value in pairs}
         if is_sequence(name):
             return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
-        return cls("@".join((name, *given)), name, settings)
+        return cls("@".join((name, *parts)), name, settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,11 +142,11 @@ class EvaluationRequest:
             hint = "give max, path-traced, path-traced@M or exr:DIR"
             raise SettingsError(f"reference is {self.reference!r}", hint=hint)
         if self.kind.files is not None and not is_sequence(self.reference):
-            what = f"path-traced files have no {self.reference!r} reference"
-            raise SettingsError(what, hint="give --reference exr:DIR")
+            message = f"path-traced files have no {self.reference!r} reference"
+            raise SettingsError(message, hint="give --reference exr:DIR")
         if self.kind.path_samples and not traced:
-            what = f"path-traced input has no {self.reference!r} reference"
-            raise SettingsError(what, hint="give --reference path-traced or path-traced@M")
+            message = f"path-traced input has no {self.reference!r} reference"
+            raise SettingsError(message, hint="give --reference path-traced or path-traced@M")
 
     def _check_repetition(self) -> None:
         if self.warmup < 1:
@@ -154,8 +154,8 @@ class EvaluationRequest:
         if self.seeds < 1:
             raise SettingsError(f"seeds is {self.seeds}", hint="give 1 or more")
         if self.seeds > 1 and not (self.kind.noisy or self.kind.path_samples):
-            what = f"input {self.kind.text!r} is the same for every seed"
-            raise SettingsError(what, hint="--seeds goes with noisy or path-traced@N input")
+            message = f"input {self.kind.text!r} is the same for every seed"
+            raise SettingsError(message, hint="--seeds goes with noisy or path-traced@N input")
         if self.kind.seed + self.seeds - 1 > MAX_SEED:
             raise SettingsError(f"the last seed is above {MAX_SEED}", hint="give a smaller --seed or fewer --seeds")
 
@@ -525,10 +525,10 @@ def _nearest(image: Array, size: tuple[int, int]) -> Array:
     return image[rows[:, None], columns]
 
 
-def method_settings(method: Method, given: Mapping[str, Value | str]) -> dict[str, Value]:
+def method_settings(method: Method, changes: Mapping[str, Value | str]) -> dict[str, Value]:
     """Settings of ``method`` with defaults; strings are parsed.  Raises MethodError, also for unknown names."""
     out: dict[str, Value] = {}
-    for name, value in given.items():
+    for name, value in changes.items():
         setting = method.settings.get(name)
         text = isinstance(value, str) and setting is not None and setting.kind != "choice"
         try:

@@ -116,15 +116,15 @@ def expand_methods(texts: Sequence[str]) -> list[MethodSpec]:
 
     Every setting of a grid is checked.  Raises MethodError, SettingsError.
     """
-    found: dict[str, MethodSpec] = {}
+    specs: dict[str, MethodSpec] = {}
     for text in texts:
         spec = MethodSpec.parse(text)
         grid = isinstance(spec.method, str) and not is_sequence(spec.method)
-        for one in _grid(spec) if grid else (spec,):
-            found[one.label] = one
-    if len(found) > MAX_METHODS:
-        raise SettingsError(f"{len(found)} methods are more than {MAX_METHODS}", hint="give fewer values")
-    return list(found.values())
+        for variant in _grid(spec) if grid else (spec,):
+            specs[variant.label] = variant
+    if len(specs) > MAX_METHODS:
+        raise SettingsError(f"{len(specs)} methods are more than {MAX_METHODS}", hint="give fewer values")
+    return list(specs.values())
 
 
 def _grid(spec: MethodSpec) -> list[MethodSpec]:
@@ -133,10 +133,11 @@ def _grid(spec: MethodSpec) -> list[MethodSpec]:
         return [spec]
     method, out = load_method(spec.method), []
     values = [_values(method, name, text) for name, text in several.items()]
-    for chosen in itertools.product(*values):
-        given = {**spec.settings, **dict(zip(several, chosen, strict=True))}
-        method_settings(method, given)  # raises for invalid values
-        out.append(MethodSpec("@".join((str(spec.method), *(f"{n}={v}" for n, v in given.items()))), method, given))
+    for combination in itertools.product(*values):
+        settings = {**spec.settings, **dict(zip(several, combination, strict=True))}
+        method_settings(method, settings)  # raises for invalid values
+        label = "@".join((str(spec.method), *(f"{n}={v}" for n, v in settings.items())))
+        out.append(MethodSpec(label, method, settings))
     return out
 
 
@@ -184,20 +185,20 @@ def fit_setting(
     spec = MethodSpec(spec.name, spec) if isinstance(spec, Method) else spec
     loaded = load_method(spec.method)
     fixed = method_settings(loaded, spec.settings)
-    chosen = [parse_range(r, loaded) if isinstance(r, str) else r for r in ranges]
-    if not chosen:
+    axes = [parse_range(r, loaded) if isinstance(r, str) else r for r in ranges]
+    if not axes:
         raise SettingsError("there is no setting to fit", hint=f"{loaded.label} has {', '.join(loaded.settings)}")
-    if len({r.name for r in chosen}) < len(chosen):
+    if len({r.name for r in axes}) < len(axes):
         raise SettingsError("a setting is given twice")
-    if math.prod(len(r.values) for r in chosen) > MAX_POINTS:
+    if math.prod(len(r.values) for r in axes) > MAX_POINTS:
         raise SettingsError(f"the grid has more than {MAX_POINTS} points", hint="give fewer steps")
     if not isinstance(scene, Scene):
         settings = settings or Settings(reprojection="motion")
         scene = load_scene(scene, **settings.sequence.reading)
     search = _Search(scene, loaded, fixed, settings, metric, progress, evaluation)
-    default = {r.name: fixed[r.name] for r in chosen}
+    default = {r.name: fixed[r.name] for r in axes}
     search.run([default])
-    grids = list(chosen)
+    grids = list(axes)
     for turn in range(refine + 1):
         search.run(
             [dict(zip((r.name for r in grids), point)) for point in itertools.product(*(r.values for r in grids))]
@@ -207,7 +208,7 @@ def fit_setting(
             grids = [r.around(best[r.name]) for r in grids]
             if all(len(r.values) <= 2 and r.integer for r in grids):
                 break  # integers: no values between neighbors
-    return Fit(search.summary(spec.label, chosen, default, refine))
+    return Fit(search.summary(spec.label, axes, default, refine))
 
 
 def _quality(point: dict[str, Any]) -> float | None:
@@ -256,13 +257,13 @@ class _Search:
 
     def best(self, ranges: Sequence[Range] = ()) -> dict[str, Value]:
         """The best point, on the grid of ``ranges`` if given.  Raises MethodError if no point has a value."""
-        found = [p for p in self.points if _quality(p) is not None]
+        candidates = [p for p in self.points if _quality(p) is not None]
         grids = {r.name: r.values for r in ranges}
-        found = [p for p in found if all(p["settings"][n] in values for n, values in grids.items())]
-        if not found:
+        candidates = [p for p in candidates if all(p["settings"][n] in values for n, values in grids.items())]
+        if not candidates:
             why = next((p["failed"] for p in self.points if p["failed"]), "no frame was evaluated")
             raise MethodError(f"no point of the grid has a value: {why}")
-        return min(found, key=lambda p: self._sign * _quality(p))["settings"]
+        return min(candidates, key=lambda p: self._sign * _quality(p))["settings"]
 
     def summary(self, label: str, ranges: Sequence[Range], default: dict[str, Value], refine: int) -> dict[str, Any]:
         best = self.best()

@@ -75,9 +75,9 @@ class Helpers:
         for dy in (1, 0, -1):  # rows count from the bottom in GLSL, where the first of equals is kept
             for dx in (-1, 0, 1):
                 moved = self._int(at) + self._own(np.array([dx, dy]))
-                found = self.fetch(depth, moved)
-                closer = (found > 0) & (found < nearest)
-                nearest, best = self._xp.where(closer, found, nearest), self._xp.where(closer, moved, best)
+                other = self.fetch(depth, moved)
+                closer = (other > 0) & (other < nearest)
+                nearest, best = self._xp.where(closer, other, nearest), self._xp.where(closer, moved, best)
         width, height = self.input_size
         return self._xp.stack([best[..., 0].clip(0, width - 1), best[..., 1].clip(0, height - 1)], -1)
 
@@ -117,9 +117,9 @@ class Helpers:
         return total
 
     # ------------------------------------------------------------------------------------------------ of the library
-    def where(self, chosen: Image, first: Image, second: Image) -> Image:
+    def where(self, condition: Image, first: Image, second: Image) -> Image:
         """``numpy.where`` or ``torch.where``."""
-        return self._xp.where(chosen, first, second)
+        return self._xp.where(condition, first, second)
 
     def concatenate(self, images: list[Image]) -> Image:
         """Components of all images, one after another."""

@@ -66,9 +66,9 @@ class InputKind:
         """Pixels of the input for an output of ``size``.  Raises SettingsError where they are no whole number."""
         exact = [Fraction(n) / self.upscale for n in size]
         if any(n.denominator != 1 for n in exact):
-            what = f"{size[0]}x{size[1]} is not {float(self.upscale):g} times a size in whole pixels"
+            message = f"{size[0]}x{size[1]} is not {float(self.upscale):g} times a size in whole pixels"
             raise SettingsError(
-                what, hint=f"give a --size whose width and height are multiples of {self.upscale.numerator}"
+                message, hint=f"give a --size whose width and height are multiples of {self.upscale.numerator}"
             )
         return int(exact[0]), int(exact[1])
 

@@ -70,15 +70,15 @@ def _from_entry_point(name: str) -> Method:
     (point,) = [p for p in importlib.metadata.entry_points(group=ENTRY_POINTS) if p.name == name][:1]
     where = f"entry point {name} = {point.value}"
     try:
-        found = point.load()
+        loaded = point.load()
     except Exception as error:  # importing another package can raise anything
         raise MethodError(f"cannot be loaded: {type(error).__name__}: {error}", where=where) from error
-    if isinstance(found, Method):
-        return replace(found, name=name)
-    if isinstance(found, type):
-        return replace(method_from_class(found, where), name=name)
-    if isinstance(found, (str, Path)) and Path(found).is_dir():
-        return replace(load_folder(Path(found)), name=name)
+    if isinstance(loaded, Method):
+        return replace(loaded, name=name)
+    if isinstance(loaded, type):
+        return replace(method_from_class(loaded, where), name=name)
+    if isinstance(loaded, (str, Path)) and Path(loaded).is_dir():
+        return replace(load_folder(Path(loaded)), name=name)
     raise MethodError("is not a class, a Method or the path of a folder", where=where)
 
 
@@ -101,17 +101,17 @@ def _from_file(path: Path, name: str | None) -> Method:
     except (Exception, SystemExit) as error:  # user code can raise anything and exit
         del sys.modules[module_name]
         raise MethodError(f"cannot be run: {type(error).__name__}: {error}", where=str(path)) from error
-    found = _class_in(module, name, str(path))
-    method = method_from_class(found, f"{path}:{name}" if name else str(path))
+    loaded = _class_in(module, name, str(path))
+    method = method_from_class(loaded, f"{path}:{name}" if name else str(path))
     # A file with one method has the name of the file: the class is often called Method.
-    return method if name or hasattr(found, "name") else replace(method, name=path.stem)
+    return method if name or hasattr(loaded, "name") else replace(method, name=path.stem)
 
 
 def _class_in(module: ModuleType, name: str | None, where: str) -> type:
     if name is not None:
-        found = getattr(module, name, None)
-        if isinstance(found, type):
-            return found
+        loaded = getattr(module, name, None)
+        if isinstance(loaded, type):
+            return loaded
         names = [n for n, v in vars(module).items() if isinstance(v, type)]
         raise MethodError(f"has no class {name!r}{suggestion(name, names, 'it has no classes')}", where=where)
     own = [v for v in vars(module).values() if inspect.isclass(v) and v.__module__ == module.__name__]

@@ -58,8 +58,8 @@ def _open(metric: str, module: str, make: Callable[[], Any]) -> Any:
     except SettingsError:
         raise
     except Exception as error:  # a broken installation of another package can raise anything
-        what = " ".join(str(error).split())[:200] or type(error).__name__
-        raise SettingsError(f"metric {metric} cannot be used: {what}", hint="choose other --metrics") from error
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise SettingsError(f"metric {metric} cannot be used: {reason}", hint="choose other --metrics") from error
 
 
 @contextmanager

@@ -90,8 +90,8 @@ class PythonSteps(GpuOwner):
             return returned
         missing = [n for n in (RESULT, *declared) if not isinstance(returned, Mapping) or n not in returned]
         if missing:
-            what = f"step returned no {', '.join(missing)}"
-            raise MethodError(what, where=self._method.label, hint="return a dict with result and the reports")
+            message = f"step returned no {', '.join(missing)}"
+            raise MethodError(message, where=self._method.label, hint="return a dict with result and the reports")
         self._reported = {name: self._checked(returned[name], alpha=1.0) for name in declared}
         return returned[RESULT]
 
@@ -99,7 +99,7 @@ class PythonSteps(GpuOwner):
         """The declared reports of the last frame, (h, w, 4) float32, row 0 at the top."""
         return dict(self._reported)
 
-    def _call(self, what: str, function):
+    def _call(self, name: str, function):
         try:
             return function()
         except MethodError:
@@ -108,7 +108,7 @@ class PythonSteps(GpuOwner):
             frames = traceback.extract_tb(error.__traceback__)
             at = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
             why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-            raise MethodError(f"{what} raised {why}{at}", where=self._method.label) from error
+            raise MethodError(f"{name} raised {why}{at}", where=self._method.label) from error
 
     def _checked(self, image: object, alpha: float = -1.0) -> np.ndarray:
         """-> (h, w, 4) float32; ``alpha`` where the class returned three components: -1, no reported weight."""

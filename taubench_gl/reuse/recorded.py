@@ -51,28 +51,28 @@ class RecordedFrames:
     scale: float = 1.0
 
     @classmethod
-    def parse(cls, source: str, given: Mapping[str, Any]) -> RecordedFrames:
-        """``source``: ``exr:DIR``; ``given``: settings as text or values.  Raises MethodError for all faults."""
-        faults = [f"there is no setting {n!r}{suggestion(n, SETTINGS)}" for n in given if n not in SETTINGS]
-        values: dict[str, Any] = {name: str(given[name]) for name in ("mapping", "layer") if name in given}
-        for name, kind, what in (("offset", int, "an integer"), ("scale", float, "a number above 0")):
+    def parse(cls, source: str, settings: Mapping[str, Any]) -> RecordedFrames:
+        """``source``: ``exr:DIR``; ``settings``: as text or values.  Raises MethodError for all faults."""
+        faults = [f"there is no setting {n!r}{suggestion(n, SETTINGS)}" for n in settings if n not in SETTINGS]
+        values: dict[str, Any] = {name: str(settings[name]) for name in ("mapping", "layer") if name in settings}
+        for name, kind, expected in (("offset", int, "an integer"), ("scale", float, "a number above 0")):
             try:
-                values[name] = kind(given.get(name, getattr(_DEFAULT, name)))
+                values[name] = kind(settings.get(name, getattr(_DEFAULT, name)))
             except ValueError:
-                faults.append(f"setting {name}: {given[name]!r} is not {what}")
+                faults.append(f"setting {name}: {settings[name]!r} is not {expected}")
         scale = values.get("scale", 1.0)
         if not (np.isfinite(scale) and scale > 0):
-            faults.append(f"setting scale: {given['scale']!r} is not a number above 0")
+            faults.append(f"setting scale: {settings['scale']!r} is not a number above 0")
         if faults:
             raise MethodError("; ".join(faults), where=f"method {source!r}")
         return cls(source.removeprefix(PREFIX), **values)
 
     @staticmethod
-    def label(source: str, given: str | None) -> str:
-        """The label of ``exr:DIR``: ``given``, or without it ``name``.  Raises SettingsError for a reserved name."""
-        if given in RESERVED:
-            raise SettingsError(f"label is {given!r}, which every evaluation has", hint="give another @label=")
-        return given or RecordedFrames(source.removeprefix(PREFIX)).name
+    def label(source: str, requested: str | None) -> str:
+        """The label of ``exr:DIR``: ``requested``, or without it ``name``.  Raises SettingsError for a reserved name."""
+        if requested in RESERVED:
+            raise SettingsError(f"label is {requested!r}, which every evaluation has", hint="give another @label=")
+        return requested or RecordedFrames(source.removeprefix(PREFIX)).name
 
     @property
     def name(self) -> str:
@@ -141,8 +141,8 @@ class RecordedRunner:
             raise _method_error(self.recorded, error) from None
         if not np.isfinite(radiance).all():
             count = int(np.count_nonzero(~np.isfinite(radiance).all(axis=-1)))
-            what = f"frame {number}: {count} of {radiance.shape[0] * radiance.shape[1]} pixels are NaN or infinite"
-            raise MethodError(what, where=f"method '{self.recorded.name}'")
+            message = f"frame {number}: {count} of {radiance.shape[0] * radiance.shape[1]} pixels are NaN or infinite"
+            raise MethodError(message, where=f"method '{self.recorded.name}'")
         weight = np.full((*radiance.shape[:2], 1), -1.0, dtype=np.float32)
         self._texture.write(np.ascontiguousarray(np.concatenate([radiance, weight], axis=-1)[::-1]))
         return self._texture

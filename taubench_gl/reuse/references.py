@@ -174,7 +174,7 @@ class PathTracedReference(GpuOwner):
         return read_channel((self.previous if previous else self.current)[name], name)
 
     def describe(self) -> dict[str, Any]:
-        """``noise_*``: of the noisiest frame, ``reference_store.Noise``."""
+        """``noise_*``: of the noisiest frame, ``pathtraced.references.Noise``."""
         noise = self.references.worst_noise
         return {
             "kind": "path-traced", "samples": self.references.samples, "path": None,

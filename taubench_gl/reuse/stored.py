@@ -135,8 +135,8 @@ def _check_methods(summary: dict[str, Any], path: Path) -> None:
         missing = [block for block in ("mean", "reuse", "classes", "reasons") if method.get(block) is None]
         missing += [f"classes.{c}" for c in summary["classes"] if c not in (method.get("classes") or {})]
         if missing:
-            what = f"methods.{label} has no {', '.join(missing)}"
-            raise OutputError(what, where=str(path), hint="is the file damaged?")
+            message = f"methods.{label} has no {', '.join(missing)}"
+            raise OutputError(message, where=str(path), hint="is the file damaged?")
 
 
 def _check_means(summary: dict[str, Any], rows: list[dict[str, Any]], path: Path) -> None:

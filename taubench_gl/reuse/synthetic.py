@@ -164,9 +164,9 @@ def _inputs(
     motion = reproject(pair, now["position"], prev_position).motion_px
     masks = []
     for extra in ((), ("direct",)):
-        one = geometry | {n: now["radiance"] for n in extra}
-        other = history | {n: before["radiance"] for n in extra}
-        mask = pair_masks(one, other, pair, _THRESHOLDS, reprojection="motion").mask
+        current = geometry | {n: now["radiance"] for n in extra}
+        previous = history | {n: before["radiance"] for n in extra}
+        mask = pair_masks(current, previous, pair, _THRESHOLDS, reprojection="motion").mask
         if cut or first:
             mask = np.full_like(mask, Reason.CUT if cut else Reason.FIRST)
         masks.append(mask)

@@ -12,7 +12,7 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.channels import channel_named
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.export.training import TrainingOptions
-from taubench_gl.pathtraced.reference_store import LOBES, listed
+from taubench_gl.pathtraced.references import LOBES, listed
 
 SMALL = {
     "width": 24,

@@ -16,17 +16,19 @@ from taubench_gl.animation import View
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.pathtraced import references
-from taubench_gl.pathtraced.reference_store import (
+from taubench_gl.pathtraced.references import (
+    FEWEST,
     IDENTITY,
     LOBES,
+    PART,
     Accumulated,
+    References,
     StoredReference,
     clear,
     code_version,
     identity,
     listed,
 )
-from taubench_gl.pathtraced.references import FEWEST, PART, References
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
 

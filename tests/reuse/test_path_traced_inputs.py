@@ -15,8 +15,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.pathtraced.reference_store import LOBES
-from taubench_gl.pathtraced.references import References
+from taubench_gl.pathtraced.references import LOBES, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import read_input
 from taubench_gl.reuse.input_kind import parse_input

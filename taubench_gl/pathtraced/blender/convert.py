@@ -110,12 +110,12 @@ def _run(python: str, job: dict[str, Any], folder: Path, source: Path) -> dict[s
 
 def _environment(done: dict[str, Any], image: Path, target: Path) -> Path | tuple[float, float, float] | None:
     """The environment of the written file: an image beside it, a radiance or None."""
-    found = done["environment"]
-    if found is None:
+    world = done["environment"]
+    if world is None:
         return None
-    if isinstance(found, str):
+    if isinstance(world, str):
         return target.with_name(f"{target.stem}.environment.exr") if image.is_file() else None
-    r, g, b = found
+    r, g, b = world
     return float(r), float(g), float(b)
 
 

@@ -26,16 +26,16 @@ class Losses:
     def __init__(self):
         self._found = {}
 
-    def add(self, what, names=()):
-        self._found.setdefault(what, {}).update(dict.fromkeys(names))
+    def add(self, loss, names=()):
+        self._found.setdefault(loss, {}).update(dict.fromkeys(names))
 
     def lines(self):
         """One line for each kind, with the number and the first names of what it concerns."""
         out = []
-        for what, names in self._found.items():
+        for loss, names in self._found.items():
             shown = ", ".join(sorted(names)[:MAX_NAMES])
             more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-            out.append(f"{what} ({len(names)}: {shown}{more})" if names else what)
+            out.append(f"{loss} ({len(names)}: {shown}{more})" if names else loss)
         return out
 
     def of_scene(self, scene):
@@ -108,9 +108,9 @@ class Losses:
         output = next((n for n in material.node_tree.nodes if n.type == "OUTPUT_MATERIAL" and n.is_active_output), None)
         if output is None:
             return
-        for name, what in (("Displacement", "displacement of materials"), ("Volume", "volumes of materials")):
+        for name, loss in (("Displacement", "displacement of materials"), ("Volume", "volumes of materials")):
             if output.inputs[name].is_linked:
-                self.add(what, [material.name])
+                self.add(loss, [material.name])
         unknown = sorted(_upstream(output.inputs["Surface"]) - KNOWN_NODES)
         if unknown:
             listed = ", ".join(kind.lower() for kind in unknown[:4])
@@ -122,7 +122,7 @@ class Losses:
 
 def _upstream(socket):
     """Types of all nodes that a socket depends on, groups replaced by what is inside them."""
-    found, open_ = set(), [link.from_node for link in socket.links]
+    types, open_ = set(), [link.from_node for link in socket.links]
     seen = set()
     while open_:
         node = open_.pop()
@@ -132,6 +132,6 @@ def _upstream(socket):
         if node.type == "GROUP" and node.node_tree is not None:
             open_ += [n for n in node.node_tree.nodes if n.type not in ("GROUP_INPUT", "GROUP_OUTPUT")]
         elif node.type not in ("GROUP_INPUT", "GROUP_OUTPUT"):
-            found.add(node.type)
+            types.add(node.type)
         open_ += [link.from_node for other in node.inputs for link in other.links]
-    return found
+    return types

@@ -162,12 +162,12 @@ def is_deformed(item):
 
 def detach_armatures(scene):
     """Switch off the armatures of objects that get new meshes.  -> the modifiers."""
-    found = [
+    matching = [
         m for o in scene.objects if is_deformed(o) for m in o.modifiers if m.type == "ARMATURE" and m.show_viewport
     ]
-    for modifier in found:
+    for modifier in matching:
         modifier.show_viewport = False
-    return found
+    return matching
 
 
 def rebuild(deformed, frames, losses):

@@ -101,10 +101,10 @@ def choose_take(source, wanted, losses):
         raise RuntimeError(f"the file has no take {wanted!r}; it has {', '.join(map(repr, takes)) or 'no animation'}")
     if not takes:
         return
-    chosen = wanted or takes[0]
-    others = [take for take in takes if take != chosen]
+    selected = wanted or takes[0]
+    others = [take for take in takes if take != selected]
     if others:
-        losses.add(f"take {chosen!r} is played, others are left out (--take)", others)
+        losses.add(f"take {selected!r} is played, others are left out (--take)", others)
     longest_first = sorted(takes, key=len, reverse=True)
     for owner in owners_of_actions():
         if owner.animation_data is None:
@@ -113,7 +113,7 @@ def choose_take(source, wanted, losses):
         for action in bpy.data.actions:
             starts = (f"{owner.name}|{take}" for take in longest_first)
             at = next((k for k, start in enumerate(starts) if action.name.startswith(start[:NAME_LIMIT])), None)
-            if at is not None and longest_first[at] == chosen:
+            if at is not None and longest_first[at] == selected:
                 actions.append(action)
         if len(actions) > 1:
             losses.add("animation layers above the first are left out", [owner.name])

@@ -86,10 +86,10 @@ class Glb:
         for animation in self.root.get("animations", ()):
             for channel in animation["channels"]:
                 pointer = channel["target"].get("extensions", {}).get(_POINTER, {}).get("pointer", "")
-                found = _INTENSITY.fullmatch(pointer)
-                if not found:
+                match = _INTENSITY.fullmatch(pointer)
+                if not match:
                     continue
-                light = lights[int(found[1])]
+                light = lights[int(match[1])]
                 values = self._floats(animation["samplers"][channel["sampler"]]["output"])
                 usual = intensity_factor(light["type"])
                 values *= np.float32(light["intensity"] / values[0] if values[0] > 0 else usual)

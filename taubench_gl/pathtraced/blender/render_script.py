@@ -19,7 +19,7 @@ from mathutils import Matrix, Vector
 BLENDER_FROM_GLTF = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
 PASSES = (
     "z", "position", "normal", "vector", "emit", "environment",
-    *(f"{lobe}_{what}" for lobe in ("diffuse", "glossy", "transmission") for what in ("direct", "indirect", "color")),
+    *(f"{lobe}_{part}" for lobe in ("diffuse", "glossy", "transmission") for part in ("direct", "indirect", "color")),
 )  # fmt: skip
 CRISP_FILTER_PX = 0.01  # smallest filter width of Cycles, for Blackman-Harris; its BOX filter is always 1 pixel wide
 NODE_NAME = "taubench node {}"  # of mesh nodes, by index, as in job.py

@@ -42,17 +42,17 @@ class OpenImageDenoise:
         self._denoise, self._settings = pyoidn.denoise, settings
 
     def step(self, frame):
-        auxiliary, given = self._settings["auxiliary"], {}
+        auxiliary, features = self._settings["auxiliary"], {}
         if auxiliary != "none":
-            given["albedo"] = np.clip(frame["base_color"][..., :3].astype(np.float32), 0.0, 1.0)
+            features["albedo"] = np.clip(frame["base_color"][..., :3].astype(np.float32), 0.0, 1.0)
         if auxiliary == "base_color_normal":
-            given["normal"] = frame["normal"][..., :3].astype(np.float32)
+            features["normal"] = frame["normal"][..., :3].astype(np.float32)
         image = self._denoise(
             np.ascontiguousarray(frame["radiance"][..., :3]),
             hdr=True,
-            clean_aux=bool(given),
+            clean_aux=bool(features),
             quality=self._settings["quality"],
-            **given,
+            **features,
         )
         nothing_kept = np.zeros((*image.shape[:2], 1), dtype=np.float32)
         return np.concatenate([np.maximum(image, 0.0), nothing_kept], axis=2)
