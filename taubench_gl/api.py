@@ -24,11 +24,11 @@ from taubench_gl.evaluation import (
     open_scene,
 )
 from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
+from taubench_gl.fields import declared
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import (
     PathTracedInput,
-    PathTracedOptions,
     evaluate_path_traced,
     open_input,
     require_supported,
@@ -38,16 +38,17 @@ from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.run_frames import FrameRecorder, PlaneRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
+from taubench_gl.requests import PathTracedOptions
 from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import FIELDS, Settings, unknown_setting
+from taubench_gl.settings import KEYS, Settings, unknown_setting
 
 SAVES = ("masks", "channels")
 FULL = "full"
 """Kind of report with the distances of every pixel."""
 SAVED_CHANNELS = ("position", "normal", "geometric_normal", "base_color", "material", "emission", "ids")
 _GEOMETRY_REASONS = (Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING)
-_PATH_TRACED = tuple(field.name for field in dataclasses.fields(PathTracedOptions))
+_PATH_TRACED = declared(PathTracedOptions)
 _OWN_SIZE = ("size", "width", "height", "camera")
 """Options without effect on path-traced files, which have their own."""
 
@@ -168,27 +169,15 @@ def _settings_of(
         raise SettingsError(f"settings is {settings!r:.60}", hint="give Settings(...), or its fields by name")
     options = dict(options)
     for name in options:
-        if name not in (*FIELDS, *_PATH_TRACED, "size", "path_traced", "sequence", "metrics", "lighting"):
+        if name not in (*KEYS, *_PATH_TRACED, "path_traced", "sequence", "metrics", "lighting"):
             raise unknown_setting(name, (*own, *_PATH_TRACED))
     path_traced = options.pop("path_traced", None)
     if not isinstance(path_traced, PathTracedOptions | None):
         raise SettingsError(f"path_traced is {path_traced!r:.60}", hint="give its fields by name")
-    given = {name: _path_traced_value(name, options.pop(name)) for name in _PATH_TRACED if name in options}
+    given = {name: field.value_of(options.pop(name)) for name, field in _PATH_TRACED.items() if name in options}
     _require_used(scene, given | ({} if path_traced is None else {"path_traced": path_traced}), options)
     settings = (settings or Settings()).replace(**options)
     return settings, dataclasses.replace(path_traced or PathTracedOptions(), **given)
-
-
-def _path_traced_value(name: str, value: Any) -> Any:
-    """``value`` of a field of PathTracedOptions; lobes also as comma-separated text.  Raises SettingsError."""
-    if name == "lobes":
-        names = [one.strip() for one in value.split(",")] if isinstance(value, str) else value
-        if isinstance(names, list | tuple | set | frozenset) and all(isinstance(one, str) for one in names):
-            return tuple(names)
-    elif isinstance(value, str | os.PathLike | None):
-        return value
-    hint = "give names of lobes" if name == "lobes" else "give text or a path"
-    raise SettingsError(f"{name} is {value!r:.60}", hint=hint)
 
 
 def _require_used(scene: Any, path_traced: Mapping[str, Any], options: Mapping[str, Any]) -> None:

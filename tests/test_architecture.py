@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
-    "checksums", "conventions", "channels", "data_files", "errors", "features", "folder_lock", "glossary", "math3d",
-    "memory_budget", "outputs", "paths", "preset", "run_schema", "settings", "srgb",
+    "checksums", "conventions", "channels", "data_files", "errors", "features", "fields", "folder_lock", "glossary",
+    "math3d", "memory_budget", "outputs", "paths", "preset", "requests", "run_schema", "settings", "srgb",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (

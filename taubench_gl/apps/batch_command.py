@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from taubench_gl.apps.options import OutPath
-from taubench_gl.apps.run_by_default import RunByDefault
+from taubench_gl.apps.options import Commands, command
+from taubench_gl.apps.screen import interruptible, show_tables, warn
+from taubench_gl.fields import REQUIRED, setting
+from taubench_gl.requests import EngineOptions
+from taubench_gl.settings import OUTPUT
 
 if TYPE_CHECKING:
     from taubench_gl.batch.spec import BatchSpec
@@ -16,7 +20,8 @@ if TYPE_CHECKING:
 
 
 @click.group(
-    cls=RunByDefault,
+    cls=Commands,
+    default="run",
     epilog="""\b
 Examples:
   taubench-gl batch spec.toml --out results
@@ -36,37 +41,18 @@ def batch() -> None:
     """
 
 
-def engine_options(command: Any) -> Any:
-    """``--workers``, ``--engine`` and ``--chunk``."""
-    for option in reversed(
-        (
-            click.option("--workers", type=int, metavar="N", help="Worker processes on this machine.  [default: none]"),
-            click.option(
-                "--engine",
-                metavar="NAME",
-                help="dask://HOST:PORT (a Dask scheduler) or dask-local (local Dask workers).  [default: this process]",
-            ),
-            click.option(
-                "--chunk",
-                type=int,
-                metavar="PAIRS",
-                help="Pairs per unit of work; does not change results.  [default: automatic]",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
-
-
-@batch.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl batch run spec.toml --out results --workers 4"""
 )
 @click.argument("spec", type=click.Path(path_type=Path), metavar="SPEC.toml")
-@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the results.")
-@engine_options
-def run(spec: Path, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
+def run(
+    spec: Path,
+    engine: EngineOptions,
+    *,
+    out: Path = setting(REQUIRED, "Folder of the results", group=OUTPUT, metavar="DIR"),
+) -> int:
     """Run SPEC.toml and write the results to DIR.  Jobs that DIR already holds are kept.
 
     DIR gets summary.json, frames.parquet and tables of all jobs, and jobs/JOB with summary.json and frames.csv of each
@@ -75,22 +61,21 @@ def run(spec: Path, out: Path, workers: int | None, engine: str | None, chunk: i
     from taubench_gl.apps.named_scenes import resolve
     from taubench_gl.batch.spec import read_spec
 
-    return _run(read_spec(spec, resolve), out, workers, engine, chunk)
+    return _run(read_spec(spec, resolve), out, engine)
 
 
-@batch.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl batch resume results --workers 4"""
 )
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
-@engine_options
-def resume(out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
+def resume(out: Path, engine: EngineOptions) -> int:
     """Continue the batch in DIR, on any engine.  Finished pairs are kept; failed scenes are tried again."""
-    return _run(None, out, workers, engine, chunk)
+    return _run(None, out, engine)
 
 
-@batch.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl batch status results"""
@@ -111,7 +96,7 @@ def status(out: Path) -> int:
     return 2 if any(job.state == "failed" for job in jobs) else 0
 
 
-@batch.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl batch report results"""
@@ -119,7 +104,6 @@ Examples:
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def report(out: Path) -> None:
     """Print Tables 1 to 4 of all finished jobs in DIR, and write them there as text, Markdown, CSV and LaTeX."""
-    from taubench_gl.apps.screen import show_tables
     from taubench_gl.batch.study import batch_report
 
     tables, missing = batch_report(out)
@@ -129,16 +113,13 @@ def report(out: Path) -> None:
     click.echo(f"written to {out}/tables.txt, .md, .csv, .tex")
 
 
-def _run(spec: BatchSpec | None, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
+def _run(spec: BatchSpec | None, out: Path, engine: EngineOptions) -> int:
     from taubench_gl.apps.study_screen import StudyScreen
     from taubench_gl.batch.study import run_batch
 
-    try:
-        with StudyScreen() as screen:
-            outcome = run_batch(spec, out, engine=engine, workers=workers, chunk=chunk, listener=screen)
-    except KeyboardInterrupt:
-        _print_error(f"interrupted; finished pairs are kept: taubench-gl batch resume {out}")
-        raise click.exceptions.Exit(130) from None
+    kept = f"finished pairs are kept: taubench-gl batch resume {out}"
+    with interruptible(lambda: kept), StudyScreen() as screen:
+        outcome = run_batch(spec, out, **asdict(engine), listener=screen)
     return _print_outcome(outcome, out)
 
 
@@ -146,13 +127,13 @@ def _print_outcome(outcome: Outcome, out: Path) -> int:
     done, jobs = outcome.summary["done"], len(outcome.summary["jobs"])
     click.echo(f"{done} of {jobs} jobs done; written to {out}/")
     for job, reason in outcome.failed.items():
-        _print_error(f"error: {reason} (see {out}/logs/{job}.log)")
+        warn(f"error: {reason} (see {out}/logs/{job}.log)")
     if outcome.failed:
-        _print_error(f"{len(outcome.failed)} of {jobs} jobs failed")
+        warn(f"{len(outcome.failed)} of {jobs} jobs failed")
         return 2
     click.echo(f"tables: {out}/tables.txt, or taubench-gl batch report {out}")
     return 0
 
 
-def _print_error(line: str) -> None:
-    click.echo(f"taubench-gl: {line}", err=True)
+for member in (run, resume, status, report):
+    batch.add_command(member)

@@ -7,14 +7,24 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import OutPath
-from taubench_gl.apps.run_by_default import RunByDefault
+from taubench_gl.apps.options import Commands, command, part
+from taubench_gl.apps.screen import TABLE_FORMATS, interruptible, note, show_tables, warn
+from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
+from taubench_gl.requests import EngineOptions
+from taubench_gl.settings import OUTPUT
 
-EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
+SUITE = setting("quick", "Built-in suite, or a TOML file", metavar="quick|full|FILE")
+CASES = setting(
+    (),
+    "Only these cases, such as 'demo/rotation=*'; the result is that of another suite",
+    metavar="PATTERN",
+    repeats=True,
+)
 
 
 @click.group(
-    cls=RunByDefault,
+    cls=Commands,
+    default="run",
     epilog="""\b
 Examples:
   taubench-gl benchmark --out results
@@ -31,21 +41,8 @@ def benchmark() -> None:
     """
 
 
-def suite_options(command: Any) -> Any:
-    """``--suite`` and ``--cases``."""
-    for option in reversed(
-        (
-            click.option("--suite", default="quick", show_default=True, metavar="quick|full|FILE",
-                         help="Built-in suite, or a TOML file."),
-            click.option("--cases", multiple=True, metavar="PATTERN",
-                         help="Only these cases, such as 'demo/rotation=*'; the result is that of another suite."),
-        )
-    ):  # fmt: skip
-        command = option(command)
-    return command
-
-
-@benchmark.command(
+@command(
+    engine=part(EngineOptions, without=("chunk",), shown={"workers": "one per core", "engine": "worker processes"}),
     epilog="""\b
 Examples:
   taubench-gl benchmark run --out results
@@ -54,51 +51,43 @@ Examples:
 
 \b
 The same command continues an interrupted benchmark; what is stored in DIR does not run again.
-docs/benchmark.md defines every number."""
+docs/benchmark.md defines every number.""",
 )
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
-@suite_options
-@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the results.")
-@click.option("--workers", type=int, metavar="N", help="Worker processes.  [default: one per core]")
-@click.option("--engine", metavar="NAME", help="dask://HOST:PORT or dask-local.  [default: worker processes]")
-@click.option("--time-limit", type=click.FloatRange(min=0.0, min_open=True), default=1800.0, show_default=True,
-              metavar="SECONDS", help="A method that takes longer for a frame has failed.")  # fmt: skip
 def run(
     methods: tuple[str, ...],
-    suite: str,
-    cases: tuple[str, ...],
-    out: Path,
-    workers: int | None,
-    engine: str | None,
-    time_limit: float,
+    engine: EngineOptions,
+    *,
+    suite: str = SUITE,
+    cases: tuple[str, ...] = CASES,
+    out: Path = setting(REQUIRED, "Folder of the results", group=OUTPUT, metavar="DIR"),
+    time_limit: float = setting(
+        1800.0, "A method that takes longer for a frame has failed", above_zero(), metavar="SECONDS"
+    ),
 ) -> int:
     """Run METHODs on a suite and write scorecards to DIR; without METHOD, all built-in ones.
 
     METHOD is a built-in name, a folder, file.py, module:Class or exr:DIR, with settings as NAME@alpha=0.1.  'none' is
     always included.  A method that fails is ranked last with its reason; the exit code is then 2.
     """
-    from taubench_gl.apps.screen import show_tables
     from taubench_gl.apps.study_screen import StudyScreen
     from taubench_gl.benchmark.run import run_benchmark
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.report.benchmark import benchmark_tables
 
-    how = {"engine": engine, "workers": workers, "limit": time_limit}
-    try:
-        with StudyScreen("images") as screen:
-            done = run_benchmark(read_suite(suite).part(cases), methods, out, **how, listener=screen)
-    except KeyboardInterrupt:
-        _error(f"interrupted; finished units are in {out}: the same command continues")
-        raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
+    how = {"engine": engine.engine, "workers": engine.workers, "limit": time_limit}
+    kept = f"finished units are in {out}: the same command continues"
+    with interruptible(lambda: kept), StudyScreen("images") as screen:
+        done = run_benchmark(read_suite(suite).part(cases), methods, out, **how, listener=screen)
     show_tables(benchmark_tables(done))
     click.echo(f"written to {out}: benchmark.json, report.html, tables and plots")
     failed = _failures(done)
     for line in failed:
-        _error(f"error: {line}")
-    return EXIT_FAILED if failed else 0
+        warn(f"error: {line}")
+    return 2 if failed else 0
 
 
-@benchmark.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl benchmark plan
@@ -106,11 +95,14 @@ Examples:
   taubench-gl benchmark plan none svgf --suite full --cases '*/path-traced@1' --time --workers 16"""
 )
 @click.argument("methods", nargs=-1, metavar="[METHOD]...")
-@suite_options
-@click.option("--time", "timed", is_flag=True, help="Estimate the time from a few frames of every input, with METHODs.")
-@click.option("--workers", type=click.IntRange(min=1), metavar="N",
-              help="Workers of the estimate.  [default: one per core]")  # fmt: skip
-def plan(methods: tuple[str, ...], suite: str, cases: tuple[str, ...], timed: bool, workers: int | None) -> None:
+def plan(
+    methods: tuple[str, ...],
+    *,
+    suite: str = SUITE,
+    cases: tuple[str, ...] = CASES,
+    timed: bool = setting(False, "Estimate the time from a few frames of every input, with METHODs", flag="--time"),
+    workers: int | None = setting(None, "Workers of the estimate", at_least(1), shown="one per core"),
+) -> None:
     """Print the units of a suite: cases, hashes, scene files.  Makes the scenes; renders nothing without --time.
 
     Path-traced references are traced in part for the estimate; what is traced is kept.
@@ -131,10 +123,10 @@ def plan(methods: tuple[str, ...], suite: str, cases: tuple[str, ...], timed: bo
         facts = f"{case.track}, {case.frames} frames, {case.seeds} seeds, reference {case.reference}"
         click.echo(f"  {unit.identity[:8]}  {case.id}: {facts}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
     if timed:
-        announce(estimate_units(units, _say), "frames", workers or available_cores(), click.echo)
+        announce(estimate_units(units, note), "frames", workers or available_cores(), click.echo)
 
 
-@benchmark.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl benchmark compare mine theirs
@@ -142,22 +134,19 @@ Examples:
 )
 @click.argument("a", metavar="A.json")
 @click.argument("b", metavar="B.json")
-@click.option("--format", "form", type=click.Choice(["text", "markdown", "csv", "latex"]), default="text",
-              show_default=True, help="Format of the tables.")  # fmt: skip
-def compare(a: str, b: str, form: str) -> None:
+def compare(
+    a: str,
+    b: str,
+    *,
+    form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS[:-1]), flag="--format"),
+) -> None:
     """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused."""
-    from taubench_gl.apps.screen import show_tables
     from taubench_gl.benchmark.compare import compared
     from taubench_gl.benchmark.output import load_benchmark
-    from taubench_gl.report import FORMATS
     from taubench_gl.report.benchmark import comparison_tables
 
     one, other = load_benchmark(a), load_benchmark(b)
-    tables = comparison_tables(compared(one, other), one["measures"])
-    if form == "text":
-        show_tables(tables)
-    else:
-        click.echo(FORMATS[form](tables), nl=False)
+    show_tables(comparison_tables(compared(one, other), one["measures"]), form)
 
 
 def _failures(summary: dict[str, Any]) -> list[str]:
@@ -170,9 +159,5 @@ def _failures(summary: dict[str, Any]) -> list[str]:
     return out
 
 
-def _say(line: str) -> None:
-    click.echo(line, err=True)
-
-
-def _error(line: str) -> None:
-    click.echo(f"taubench-gl: {line}", err=True)
+for member in (run, plan, compare):
+    benchmark.add_command(member)

@@ -25,6 +25,7 @@ from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.paper_command import paper
 from taubench_gl.apps.reference_command import reference
 from taubench_gl.apps.reject_command import reject
@@ -41,9 +42,19 @@ EXIT_INTERRUPTED = 130
 _REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a full or failing disk."""
 SHELLS = ("bash", "zsh", "fish")
+SECTIONS = {
+    "Measure": (evaluate, inspect, compare, report),
+    "Reuse and rejection": (reuse, reject, benchmark),
+    "Studies": (batch, paper, cost, stress),
+    "Look": (view, demo),
+    "Files and scenes": (export, convert, reference, scenes),
+    "Machine": (doctor, selftest),
+}
+"""Commands by purpose, for the help."""
 
 
 @click.group(
+    cls=Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Examples:
@@ -64,7 +75,7 @@ def cli() -> None:
     """Measure how much of each frame the next one can reuse, on which pixels, and the error of a wrong reuse."""
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   source <(taubench-gl completion bash)
@@ -79,29 +90,12 @@ def completion(shell: str) -> None:
     click.echo(maker(cli, {}, "taubench-gl", "_TAUBENCH_GL_COMPLETE").source())
 
 
-for command in (
-    doctor,
-    inspect,
-    evaluate,
-    view,
-    batch,
-    benchmark,
-    export,
-    compare,
-    report,
-    cost,
-    reference,
-    convert,
-    selftest,
-    demo,
-    scenes,
-    reuse,
-    reject,
-    paper,
-    stress,
-    completion,
-):
-    cli.add_command(command)
+for members in SECTIONS.values():
+    for member in members:
+        cli.add_command(member)
+cli.add_command(completion)
+cli.sections = {heading: [member.name for member in members] for heading, members in SECTIONS.items()}
+cli.sections["Machine"].append(completion.name)
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
@@ -118,6 +112,15 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         if _debugging():
             raise
         click.echo(f"taubench-gl: error: {error}", err=True)
+        code = EXIT_ERROR
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        code = EXIT_ERROR
+    except click.UsageError as error:
+        message = error.format_message().rstrip(".")
+        path = error.ctx.command_path if error.ctx is not None else "taubench-gl"
+        hint = "" if message.endswith(")") else f" (see '{path} --help')"
+        click.echo(f"taubench-gl: error: {message}{hint}", err=True)
         code = EXIT_ERROR
     except click.ClickException as error:
         error.show()

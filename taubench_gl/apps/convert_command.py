@@ -6,8 +6,12 @@ from pathlib import Path
 
 import click
 
+from taubench_gl.apps.options import command
+from taubench_gl.apps.screen import show_notes
+from taubench_gl.fields import setting
 
-@click.command(
+
+@command(
     epilog="""\b
 Examples:
   taubench-gl convert scene.blend scene.glb
@@ -20,12 +24,17 @@ TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blen
 )
 @click.argument("source", metavar="SCENE")
 @click.argument("target", type=click.Path(path_type=Path), metavar="OUT.glb")
-@click.option(
-    "--take",
-    metavar="NAME",
-    help="Take of an FBX file, or action of a .blend file, to play.  [default: the first take; the scene as it is]",
-)
-def convert(source: str, target: Path, take: str | None) -> None:
+def convert(
+    source: str,
+    target: Path,
+    *,
+    take: str | None = setting(
+        None,
+        "Take of an FBX file, or action of a .blend file, to play",
+        metavar="NAME",
+        shown="the first take; the scene as it is",
+    ),
+) -> None:
     """Write a file that Blender reads as glTF: meshes as they are evaluated, motion, cameras and lights.
 
     Lists what glTF has no form for.  Lights are in candela and lux, 683 lm for each watt; the other commands divide
@@ -42,8 +51,7 @@ def convert(source: str, target: Path, take: str | None) -> None:
     if not made.lost:
         click.echo("nothing that Blender draws was found to be lost")
     scene = load_scene(target)
-    for note in [note for note in scene.notes if "lost in the conversion" not in note.message][:10]:
-        click.echo(f"note: {note}")
+    show_notes([note for note in scene.notes if "lost in the conversion" not in note.message])
     animated = f"{len(scene.animations)} animations, {scene.duration:g} s"
     lights_and_cameras = f"{len(scene.cameras)} cameras, {len(scene.lights)} lights"
     click.echo(f"{target}: {len(scene.mesh_nodes)} meshes, {lights_and_cameras}, {animated}")

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from taubench_gl.apps.options import OutPath, Size, gpu_options
+from taubench_gl.apps.options import GPU, command, part
+from taubench_gl.apps.screen import only_one
 from taubench_gl.errors import SettingsError
+from taubench_gl.fields import setting
+from taubench_gl.settings import OUTPUT, SIZE, DeviceSettings, Settings, parse_size
 
 if TYPE_CHECKING:
     from taubench_gl.demos.demo import Demo
@@ -20,7 +23,8 @@ if TYPE_CHECKING:
 EXIT_NOT_AS_EXPECTED = 1
 
 
-@click.command(
+@command(
+    settings=part(only=GPU),
     epilog="""\b
 Examples:
   taubench-gl demo
@@ -31,30 +35,29 @@ Examples:
   taubench-gl demo occlusion --scene board.glb
 \b
 DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all, and Jupyter notebooks
-with --notebook.  docs/demos.md lists the demos."""
+with --notebook.  docs/demos.md lists the demos.""",
 )
 @click.argument("names", nargs=-1, metavar="[NAME|NUMBER]...")
-@click.option("--all", "every", is_flag=True, help="Run all demos and write an index page.")
-@click.option("--out", type=OutPath(), default="demos", show_default=True, metavar="DIR",
-              help="Folder of the figures and pages.")  # fmt: skip
-@click.option("--list", "listing", is_flag=True, help="List the demos, as without a name.")
-@click.option("--notebook", is_flag=True, help="Write Jupyter notebooks instead of running the demos.")
-@click.option("--scene", "scene_file", type=OutPath(dir_okay=False), metavar="OUT.glb",
-              help="Only write the demo's scene, as a file for other commands.")  # fmt: skip
-@click.option("--view", "viewing", is_flag=True, help="Only open the demo's scene in the viewer.")
-@click.option("--size", type=Size(), help="Size of a panel, pixels.  [default: 480x270; notebooks 320x180]")
-@gpu_options
 def demo(
     names: tuple[str, ...],
-    every: bool,
-    out: Path,
-    listing: bool,
-    notebook: bool,
-    scene_file: Path | None,
-    viewing: bool,
-    size: tuple[int, int] | None,
-    backend: str,
-    device: int | None,
+    settings: Settings,
+    *,
+    every: bool = setting(False, "Run all demos and write an index page", flag="--all"),
+    out: Path = setting(Path("demos"), "Folder of the figures and pages", group=OUTPUT, metavar="DIR"),
+    listing: bool = setting(False, "List the demos, as without a name", flag="--list"),
+    notebook: bool = setting(False, "Write Jupyter notebooks instead of running the demos"),
+    scene_file: Path | None = setting(
+        None, "Only write the demo's scene, as a file for other commands", flag="--scene", metavar="OUT.glb"
+    ),
+    viewing: bool = setting(False, "Only open the demo's scene in the viewer", flag="--view"),
+    size: tuple[int, int] | None = setting(
+        None,
+        "Size of a panel in pixels",
+        SIZE.check,
+        read=parse_size,
+        metavar="WxH",
+        shown="480x270; notebooks 320x180",
+    ),
 ) -> int:
     """Run demos that each explain one idea of temporal reuse with figures and a measured number.
 
@@ -63,39 +66,37 @@ def demo(
     """
     from taubench_gl.demos.lessons import demos, find_demo
 
-    if every and names:
-        raise SettingsError("--all and names were given", hint="give one of the two")
-    if sum((notebook, scene_file is not None, viewing)) > 1:
-        raise SettingsError("--notebook, --scene and --view exclude each other", hint="give one of them")
+    only_one("--all and names were given", "give one of the two", every, names)
+    only_one("--notebook, --scene and --view exclude each other", "give one of them", notebook, scene_file, viewing)
     if (scene_file is not None or viewing) and not (names or every or listing):
         raise SettingsError("no demo was named", hint="--scene and --view need one, see 'taubench-gl demo'")
     if scene_file is not None and scene_file.suffix.lower() != ".glb":
         raise SettingsError(f"{scene_file.name} does not end in .glb", hint="scenes are written as one binary file")
-    chosen = demos() if every else list(dict.fromkeys(find_demo(name) for name in names))
-    if listing or not chosen:
-        _list(chosen or demos())
+    selected = demos() if every else list(dict.fromkeys(find_demo(name) for name in names))
+    if listing or not selected:
+        _list(selected or demos())
         return 0
     if scene_file is not None or viewing:
-        _scene(chosen, scene_file, size)
+        _scene(selected, scene_file, size)
         return 0
     if notebook:
-        _notebooks(chosen, out, size)
+        _notebooks(selected, out, size)
         return 0
-    return _run(chosen, out, every, size, backend, device)
+    return _run(selected, out, every, size, settings.device)
 
 
-def _list(chosen: list[Demo]) -> None:
-    for one in chosen:
+def _list(selected: list[Demo]) -> None:
+    for one in selected:
         click.echo(f"{one.number:>2}  {one.name:<12} {one.title}")
 
 
-def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
+def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
     """Write the scene of a demo as glTF, or open it in the viewer."""
     from taubench_gl.datasets.gltf_from_scene import write_scene
 
-    if len(chosen) > 1:
-        raise SettingsError(f"{len(chosen)} demos were named", hint="--scene and --view take one")
-    (one,) = chosen
+    if len(selected) > 1:
+        raise SettingsError(f"{len(selected)} demos were named", hint="--scene and --view take one")
+    (one,) = selected
     if path is not None:
         write_scene(one.scene(), path)
         click.echo(f"written to {path}; open it with: taubench-gl view {path}")
@@ -139,23 +140,21 @@ def write_session(one: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
     return path
 
 
-def _notebooks(chosen: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
+def _notebooks(selected: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
     from taubench_gl.demos.gallery import NOTEBOOK_SIZE, write_notebook
     from taubench_gl.outputs import output_folder
 
     folder = output_folder(out)
-    for one in chosen:
+    for one in selected:
         click.echo(f"written to {write_notebook(one, folder, size or NOTEBOOK_SIZE)}")
 
 
-def _run(
-    chosen: list[Demo], out: Path, every: bool, size: tuple[int, int] | None, backend: str, device: int | None
-) -> int:
+def _run(selected: list[Demo], out: Path, every: bool, size: tuple[int, int] | None, machine: DeviceSettings) -> int:
     from taubench_gl.demos.gallery import open_stage, run_demos
     from taubench_gl.demos.stage import SIZE
 
-    with open_stage(size or SIZE, backend, device) as stage:
-        shown = run_demos(stage, chosen, out, index=every, on_demo=_show)
+    with open_stage(size or SIZE, machine.backend, machine.device) as stage:
+        shown = run_demos(stage, selected, out, index=every, on_demo=_show)
     pages = f"{out / 'index.html'}" if every else ", ".join(str(s.page) for s in shown)
     click.echo(f"written to {out}{os.sep}; open {pages}")
     failed = [s.demo for s in shown if not s.result.as_expected]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import inspect
 from collections.abc import Iterator
@@ -13,6 +12,8 @@ import click
 
 from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
+from taubench_gl.apps.options import Command
+from taubench_gl.fields import declared
 from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import notes
@@ -122,7 +123,7 @@ def commands(command: click.Command = cli, path: tuple[str, ...] = (PROGRAM,)) -
     context = click.Context(
         command, info_name=" ".join(path), terminal_width=WIDTH, max_content_width=WIDTH, help_option_names=names
     )
-    yield path, command.get_help(context)
+    yield path, command.get_complete_help(context) if isinstance(command, Command) else command.get_help(context)
     if isinstance(command, click.Group):
         for name in command.list_commands(context):
             member = command.get_command(context, name)
@@ -173,11 +174,10 @@ def settings_table() -> list[str]:
     for group, kind in GROUPS.items():
         out.append(f"#### Settings.{group}\n\n{inspect.getdoc(kind)}\n")
         out.append("| setting | default | unit | allowed | meaning |\n|---|---|---|---|---|")
-        for field in dataclasses.fields(kind):
-            shown = "32/255 each" if field.name == "thresholds" else f"`{field.default!r}`"
-            about = field.metadata
-            allowed = about["check"].text if about["check"] else ""
-            cells = (f"`{field.name}`", shown, about["unit"], allowed, about["meaning"])
+        for field in declared(kind).values():
+            shown = field.shown or f"`{field.default!r}`"
+            allowed = field.check.text if field.check else ""
+            cells = (f"`{field.name}`", shown, field.unit, allowed, field.meaning)
             out.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         out.append("")
     return out

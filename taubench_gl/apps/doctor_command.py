@@ -8,37 +8,43 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import gpu_options
+from taubench_gl.apps.options import AS_JSON, GPU, command, part
+from taubench_gl.apps.screen import show_json
+from taubench_gl.fields import setting
+from taubench_gl.settings import Settings
 
 
-@click.command(
+@command(
+    settings=part(only=GPU),
     epilog="""\b
 Examples:
   taubench-gl doctor
   taubench-gl doctor --backend osmesa --json
-  taubench-gl doctor --report driver.json"""
+  taubench-gl doctor --report driver.json""",
 )
-@gpu_options
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
-@click.option(
-    "--report",
-    "file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="Also run the hard cases and ten frames, and write all of it to FILE: for an issue about a driver.",
-)
-def doctor(backend: str, device: int | None, as_json: bool, file: Path | None) -> int:
+def doctor(
+    settings: Settings,
+    *,
+    as_json: bool = AS_JSON,
+    file: Path | None = setting(
+        None,
+        "Also run the hard cases and ten frames, and write all of it to FILE: for an issue about a driver",
+        flag="--report",
+        metavar="FILE",
+    ),
+) -> int:
     """Print the OpenGL of this machine, its limits, and the versions of installed libraries.
 
     If OpenGL 4.5 cannot be opened, exits with code 2 and prints a command that may help.
     """
     from taubench_gl.gpu.capabilities import capability_report
 
+    backend, device = settings.device.backend, settings.device.device
     if file is not None:
         return _write_report(file, backend, device)
     report = capability_report(backend, device)
     if as_json:
-        click.echo(json.dumps(report, indent=2))
+        show_json(report)
     else:
         show_report(report)
     return 0

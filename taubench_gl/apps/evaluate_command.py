@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 import os
-import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.accuracy_options import accuracy_options, preset_option, with_preset
-from taubench_gl.apps.options import (
-    OutPath,
-    Words,
-    frame_options,
-    given_options,
-    gpu_options,
-    light_options,
-    pair_options,
-    path_traced_options,
-    settings_from,
-)
-from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.apps.options import command, given_options, require_samples
+from taubench_gl.apps.screen import for_each_scene, interruptible, warn
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import setting, some_of
 from taubench_gl.glossary import COLUMNS, definitions
+from taubench_gl.requests import PathTracedOptions
+from taubench_gl.settings import OUTPUT, SCENE, Settings
 
 if TYPE_CHECKING:
     from taubench_gl.run import Run
-    from taubench_gl.settings import Settings
 
 SAVE = ("masks", "channels")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl evaluate scene.glb
@@ -56,36 +46,29 @@ Columns of Table 4 (all terms: docs/glossary.md):
     + definitions(COLUMNS)
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
-@frame_options()
-@pair_options()
-@click.option("--out", type=OutPath(), metavar="DIR", help="Also write the results to this folder.")
-@click.option(
-    "--save", type=Words(*SAVE), default="", help="Also write masks and/or channels of each pair, comma-separated."
-)
-@click.option("--report", is_flag=True, help="Also write report.html and its images.")
-@click.option(
-    "--report-full",
-    is_flag=True,
-    help="As --report, with the distances of every pixel: in the page thresholds repaint the masks.",
-)
-@click.option(
-    "--exact",
-    is_flag=True,
-    help="Compare the masks with exact visibility, a ray to every surface point: Table 4 gains the columns visible and "
-    "occluded, and the share of each column that is misregistration (docs/reject.md).",
-)
-@preset_option
-@light_options
-@accuracy_options
-@path_traced_options
-@gpu_options
 def evaluate(
     scenes: tuple[str, ...],
-    out: Path | None,
-    save: tuple[str, ...],
-    report: bool,
-    report_full: bool,
-    **options: Any,
+    settings: Settings,
+    path_traced: PathTracedOptions,
+    *,
+    out: Path | None = setting(None, "Also write the results to this folder", group=OUTPUT, metavar="DIR"),
+    save: tuple[str, ...] = setting(
+        (), "Also write masks and/or channels of each pair, comma-separated", some_of(SAVE), group=OUTPUT
+    ),
+    report: bool = setting(False, "Also write report.html and its images", group=OUTPUT),
+    report_full: bool = setting(
+        False,
+        "As --report, with the distances of every pixel: in the page thresholds repaint the masks",
+        group=OUTPUT,
+        short=False,
+    ),
+    preset: Path | None = setting(
+        None,
+        "Settings recommended by 'taubench-gl cost'; options given beside it take precedence",
+        group=SCENE,
+        short=False,
+        metavar="FILE",
+    ),
 ) -> int:
     """Measure how much of each frame the next one can reuse, and print the paper's Tables 1 to 4.
 
@@ -94,45 +77,44 @@ def evaluate(
     downloaded (also scene:NAME), with its frame rate, frames, camera and units.  If one of several scenes fails, the
     others are still evaluated and the exit code is 2.
     """
-    if save and out is None:
-        raise click.UsageError("--save needs --out DIR")
-    if (report or report_full) and out is None:
-        raise click.UsageError(f"{'--report-full' if report_full else '--report'} needs --out DIR")
+    for name, wanted in (("save", save), ("report-full", report_full), ("report", report)):
+        if wanted and out is None:
+            raise click.UsageError(f"--{name} needs --out DIR")
     kind = "full" if report_full else report
-    path_traced = {
-        name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
-    }
-    settings = settings_from(with_preset(options, options.pop("preset")))
-    _require_used(scenes, scene_file=path_traced["scene_file"])
-    folders = out_folders(scenes, out)
+    settings = with_preset(settings, preset)
+    _require_used(scenes, path_traced)
     runs: list[Run] = []
-    failed = 0
-    for scene, folder in zip(scenes, folders, strict=True):
-        try:
-            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report=kind))
-        except TaubenchError as error:
-            if len(scenes) == 1:
-                raise
-            _message(f"error: {error}")
-            failed += 1
-        except KeyboardInterrupt:
-            _message(_interrupted(folder, runs))
-            raise click.exceptions.Exit(130) from None
-        except Exception:
-            # An internal error in one of several scenes: print the traceback, evaluate the other scenes.
-            if len(scenes) == 1:
-                raise
-            traceback.print_exc()
-            _message(f"error: {scene}: internal error, see above")
-            failed += 1
+
+    def run(scene: str, folder: Path | None) -> None:
+        with interruptible(lambda: _kept(folder, runs)):
+            runs.append(_evaluate_one(scene, settings, path_traced, out=folder, save=save, report=kind))
+
+    failed = for_each_scene(scenes, out, run)
     if runs:
         _show(runs, report=bool(kind))
     if failed:
-        _message(f"{failed} of {len(scenes)} scenes failed")
+        warn(f"{failed} of {len(scenes)} scenes failed")
     return 2 if failed else 0
 
 
-def _require_used(scenes: Sequence[str], *, scene_file: str | None) -> None:
+def with_preset(settings: Settings, file: Path | None) -> Settings:
+    """``settings`` of the running command, those that the user did not give from a preset.  Raises SettingsError."""
+    if file is None:
+        return settings
+    from taubench_gl.preset import load_preset
+
+    values, given = load_preset(file), given_options()
+    if "size" in given:
+        given |= {"width", "height"}
+    changed = {name: value for name, value in values.items() if name not in given}
+    if "thresholds" in values:
+        changed["thresholds"] = values["thresholds"] | click.get_current_context().params["thresholds"]
+    settings = settings.replace(**changed)
+    require_samples(settings)
+    return settings
+
+
+def _require_used(scenes: Sequence[str], path_traced: PathTracedOptions) -> None:
     """Check that no option was given that path-traced files ignore: they have their own size and camera.
 
     With a rasterized scene among ``scenes`` such an option applies to that scene.  Raises SettingsError.
@@ -144,62 +126,30 @@ def _require_used(scenes: Sequence[str], *, scene_file: str | None) -> None:
     given = given_options(("size", "camera"))
     if "size" in given:
         raise SettingsError("--size has no effect", where=scenes[0], hint="leave it out: the files have a size")
-    if "camera" in given and scene_file is None:
+    if "camera" in given and path_traced.scene_file is None:
         hint = "leave it out, or give --scene-file SCENE to choose among its cameras"
         raise SettingsError("--camera has no effect", where=scenes[0], hint=hint)
 
 
-def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
-    """Folder of each scene's results: ``out`` itself for one scene, else a folder in it named after the file.
-
-    Equal names get -2, -3, ..., never the name of another scene.  Case is ignored, as some file systems do.
-    """
-    if out is None:
-        return [None] * len(scenes)
-    if len(scenes) == 1:
-        return [out]
-    taken: set[str] = set()
-    stems = [Path(scene).stem or "scene" for scene in scenes]
-    folders: list[Path | None] = []
-    for i, stem in enumerate(stems):
-        others = {other.lower() for j, other in enumerate(stems) if j != i}
-        name, number = stem, 1
-        while name.lower() in taken or (number > 1 and name.lower() in others):
-            number += 1
-            name = f"{stem}-{number}"
-        taken.add(name.lower())
-        folders.append(out / name)
-    return folders
-
-
-def _evaluate_one(
-    scene: str,
-    settings: Settings,
-    folder: Path | None,
-    save: tuple[str, ...],
-    path_traced: dict[str, Any],
-    **how: bool | str,
-) -> Run:
+def _evaluate_one(scene: str, settings: Settings, path_traced: PathTracedOptions, **more: Any) -> Run:
+    """``more``: of ``api.evaluate``.  Raises SettingsError for a scene without a pair."""
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.screen import ProgressBar
     from taubench_gl.pathtraced.sequence import is_sequence
 
-    more: dict[str, Any] = {}
     scene, row = resolve(scene)
     settings = settings.replace(**row_settings(row))
     if is_sequence(scene):
-        from taubench_gl.pathtraced.evaluation import PathTracedOptions
-
-        more["path_traced"] = PathTracedOptions(**path_traced)
+        more["path_traced"] = path_traced
     else:
-        more["lobes"] = path_traced["lobes"]
-        given = next((name for name, value in path_traced.items() if value and name != "lobes"), None)
-        if given is not None:
-            what = f"--{given.replace('_', '-')} is for path-traced files"
-            raise SettingsError(what, where=scene, hint="give them as exr:DIR")
-    with ProgressBar(Path(scene).name) as progress:
-        run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress, **how, **more)
+        more["lobes"] = path_traced.lobes
+        for name in ("camera_file", "scene_file", "mapping", "layer", "second_seed"):
+            if getattr(path_traced, name):
+                message = f"--{name.replace('_', '-')} is for path-traced files"
+                raise SettingsError(message, where=scene, hint="give them as exr:DIR")
+    with ProgressBar(scene) as progress:
+        run = evaluate_scene(scene, settings, progress=progress, **more)
     if not run.summary["pairs"]:
         raise SettingsError("there is one frame and no pair", where=scene, hint=_way_to_a_pair(run, settings))
     return run
@@ -220,36 +170,26 @@ def _way_to_a_pair(run: Run, settings: Settings) -> str:
 
 
 def _show(runs: list[Run], *, report: bool) -> None:
-    from taubench_gl.apps.screen import show_tables
+    from taubench_gl.apps.screen import show_notes, show_tables
     from taubench_gl.report import run_tables
     from taubench_gl.report.page import REPORT_FILE
 
     show_tables(run_tables([run.summary for run in runs]))
     for run in runs:
-        name = run.summary["scene"]["name"]
-        # At most 10: a broken exporter can produce one note per node.  summary.json has all of them.
-        notes = [str(note) for note in run.summary.get("notes", ())]
-        for note in notes[:10]:
-            click.echo(f"note: {name}: {note}")
-        if len(notes) > 10:
-            click.echo(f"note: {name}: and {len(notes) - 10} more, see summary.json")
+        show_notes(run.summary.get("notes", ()), run.summary["scene"]["name"])
         if run.out is not None:
             click.echo(f"written to {run.out}{os.sep}")
             if report:
                 click.echo(f"report: {run.out / REPORT_FILE}")
 
 
-def _interrupted(folder: Path | None, runs: list[Run]) -> str:
-    """One line that names the results kept after an interrupt."""
+def _kept(folder: Path | None, runs: list[Run]) -> str:
+    """The results kept after an interrupt."""
     from taubench_gl.run import FRAMES_FILE, read_frames
 
     if folder is None:
-        return "interrupted; nothing was written (--out DIR keeps finished pairs)"
+        return "nothing was written (--out DIR keeps finished pairs)"
     frames = folder / FRAMES_FILE
     kept = f"{len(read_frames(frames))} finished pairs are in {frames}" if frames.is_file() else "no pair was finished"
     whole = f"; {len(runs)} finished scenes are in {folder.parent}" if runs else ""
-    return f"interrupted; {kept}{whole}"
-
-
-def _message(line: str) -> None:
-    click.echo(f"taubench-gl: {line}", file=sys.stderr)
+    return f"{kept}{whole}"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import scene_options, unit_scale_option
-from taubench_gl.conventions import DEFAULT_FPS
+from taubench_gl.apps.options import AS_JSON, command, part
+from taubench_gl.apps.screen import show_json
+from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
     from taubench_gl.scene.model import Scene
@@ -19,33 +19,27 @@ MAX_INSPECTED = 10_000
 """Frames compared for scene statistics: seven minutes at 24 fps, seconds of work."""
 
 
-@click.command(
+@command(
+    settings=part(only=("scene", "animation", "strict", "fps", "unit_scale")),
     epilog="""\b
 Examples:
   taubench-gl inspect scene.glb
-  taubench-gl inspect scene.gltf --animation walk --json"""
+  taubench-gl inspect scene.gltf --animation walk --json""",
 )
 @click.argument("path", metavar="SCENE")
-@scene_options
-@click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Frames compared per second.")
-@unit_scale_option
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def inspect(
-    path: str, scene: str | None, animations: tuple[str, ...], strict: bool, as_json: bool, **options: float
-) -> None:
+def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
     Draws only to meter the exposure, which is not printed where there is no OpenGL.
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
-    from taubench_gl.settings import Settings
 
     path, row = resolve(path)
-    settings = Settings(**options).replace(**row_settings(row))
-    facts = describe(load_scene(path, scene, animations or None, strict), settings)
+    settings = settings.replace(**row_settings(row))
+    facts = describe(load_scene(path, **settings.sequence.reading), settings)
     if as_json:
-        click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
+        show_json(facts)
     else:
         _show(facts)
 

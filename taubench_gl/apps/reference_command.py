@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
-from taubench_gl.apps.options import OutPath, culling_option, environment_options, frame_options, settings_from
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, part
+from taubench_gl.apps.screen import StatusLine, show_json, show_notes
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import REQUIRED, setting
+from taubench_gl.requests import PathTracedOptions, RenderOptions
+from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 
 
-@click.group()
+@click.group(cls=Commands)
 def reference() -> None:
     """Path-traced reference images: render them, check their conventions, compare runs with them.
 
@@ -23,7 +27,8 @@ def reference() -> None:
     """
 
 
-@reference.command(
+@command(
+    settings=part(only=(*FRAMES, "culling", *FIXED_LIGHTING)),
     epilog="""\b
 Examples:
   taubench-gl reference render scene.glb --out renders --size 480x270 --samples 256
@@ -31,25 +36,16 @@ Examples:
   taubench-gl evaluate exr:renders --camera-file renders/camera.json
 \b
 Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
-interpreter that has it.  An interrupted render continues with the first missing frame."""
+interpreter that has it.  An interrupted render continues with the first missing frame.""",
 )
 @click.argument("scene_path", metavar="SCENE")
-@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder for the frames.")
-@frame_options()
-@click.option("--samples", type=click.IntRange(1), default=64, show_default=True, help="Samples per pixel.")
-@click.option("--bounces", type=click.IntRange(0), default=12, show_default=True, help="Longest path.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
-@click.option(
-    "--seed-per-frame/--one-seed",
-    default=True,
-    show_default=True,
-    help="Independent noise in every frame, or the same pattern in all frames.",
-)
-@click.option("--crisp", is_flag=True, help="Sample pixel centers only, as a rasterizer does.")
-@culling_option
-@environment_options
-@click.option("--threads", type=click.IntRange(0), default=0, help="CPU threads of Blender.  [default: all cores]")
-def render(scene_path: str, out: Path, **options: Any) -> None:
+def render(
+    scene_path: str,
+    settings: Settings,
+    options: RenderOptions,
+    *,
+    out: Path = setting(REQUIRED, "Folder for the frames", group=OUTPUT, metavar="DIR"),
+) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.animation import camera_of_run
     from taubench_gl.effects.lighting import environment_of
@@ -59,20 +55,6 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
     from taubench_gl.scene import load_scene
 
-    names = (
-        "camera",
-        "scene",
-        "animations",
-        "strict",
-        "fps",
-        "frames",
-        "size",
-        "culling",
-        "light_unit",
-        "exposure",
-        "environment",
-    )
-    settings = settings_from({name: options[name] for name in names})
     scene = load_scene(scene_path, **settings.sequence.reading)
     camera = camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
@@ -81,7 +63,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     environment = environment_of(settings)
     image = environment_image(settings)
     quality = Quality(
-        **{name: options[name] for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "threads")},
+        **asdict(options),
         cull_back_faces=settings.sequence.culling == "gltf",
         sky=environment.radiance,
         sun=environment.sun,
@@ -95,13 +77,12 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
         frames,
         out,
         fps=settings.sequence.fps,
-        size=options["size"],
+        size=(settings.sequence.width, settings.sequence.height),
         quality=quality,
         lighting={name: settings.to_dict()[name] for name in FIXED_LIGHTING},
         progress=_ProgressLines(),
     )
-    for note in notes[:10]:
-        click.echo(f"note: {note}")
+    show_notes(notes)
     factor = settings.lighting.exposure_factor
     exposure = "" if factor == 1.0 else f" --exposure {factor:g}"
     command = f"taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}{exposure}"
@@ -114,59 +95,48 @@ class _ProgressLines:
     def __init__(self) -> None:
         self._seconds: list[float] = []
         self._done = -1
+        self._line = StatusLine()
 
     def __call__(self, progress: Any) -> None:
         if progress.done == self._done:
             if sys.stderr.isatty() and progress.share > 0:
-                click.echo(f"\rframe {progress.done + 1}/{progress.total}: {progress.share:4.0%}", nl=False, err=True)
+                self._line(f"frame {progress.done + 1}/{progress.total}: {progress.share:4.0%}", passing=True)
             return
         first, self._done = self._done < 0, progress.done
         if progress.seconds is not None:
             self._seconds.append(progress.seconds)
         if first:
             kept = f", {progress.done} are complete" if progress.done else ""
-            click.echo(f"rendering {progress.total} frames{kept}", err=True)
+            self._line(f"rendering {progress.total} frames{kept}")
             return
         left = sum(self._seconds) / len(self._seconds) * (progress.total - progress.done)
-        line = f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left"
-        click.echo(("\r" if sys.stderr.isatty() else "") + line, err=True)
+        self._line(f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left")
 
 
-@reference.command(
+@command(
+    settings=part(only=("camera", "fps")),
+    files=part(PathTracedOptions, without=("lobes", "second_seed")),
     epilog="""\b
 Examples:
   taubench-gl reference check exr:renders --camera-file renders/camera.json
-  taubench-gl reference check exr:renders --scene-file scene.glb --mapping falcor"""
+  taubench-gl reference check exr:renders --scene-file scene.glb --mapping falcor""",
 )
 @click.argument("spec", metavar="exr:DIR")
-@click.option("--camera-file", metavar="JSON", help="Camera sidecar.  [default: that of an export, else estimated]")
-@click.option("--scene-file", metavar="SCENE", help="glTF file with the camera of the frames.")
-@click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
-@click.option(
-    "--mapping",
-    metavar="NAME|FILE",
-    help="Pass names: a preset (blender, falcor, mitsuba, taubench, unity, unreal) or a TOML file.  "
-    "[default: taubench for an export, else blender]",
-)
-@click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
-@click.option("--fps", type=float, default=Settings().sequence.fps, show_default=True, help="Frames per second.")
-def check(spec: str, **options: Any) -> int:
+def check(spec: str, settings: Settings, files: PathTracedOptions) -> int:
     """Find wrong axes, units, row order, motion direction, and a camera that did not render these images.
 
     Checks the first two frames.  The exit code is 2 if a fault is found; missing passes are listed and are no fault.
     """
     from taubench_gl.pathtraced.cameras import FittedCamera
     from taubench_gl.pathtraced.check import check_sequence
-    from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
+    from taubench_gl.pathtraced.evaluation import open_input
 
-    names = ("camera_file", "scene_file", "mapping", "layer")
-    settings = Settings(fps=options["fps"], camera=options["camera"])
-    given = open_input(spec, settings, PathTracedOptions(**{name: options[name] for name in names}))
-    camera = None if isinstance(given.camera, FittedCamera) else given.camera
-    first = given.sequence.frames[0]
-    frames = range(first, first + (2 if first + 1 in given.sequence.files else 1))
+    images = open_input(spec, settings, files)
+    camera = None if isinstance(images.camera, FittedCamera) else images.camera
+    first = images.sequence.frames[0]
+    frames = range(first, first + (2 if first + 1 in images.sequence.files else 1))
     faults = 0
-    for finding in check_sequence(given.sequence, camera, frames):
+    for finding in check_sequence(images.sequence, camera, frames):
         faults += bool(finding.fault)
         verdict = f"WRONG: {finding.fault}" if finding.fault else "ok"
         if finding.absent:
@@ -175,7 +145,7 @@ def check(spec: str, **options: Any) -> int:
     return 2 if faults else 0
 
 
-@reference.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl evaluate scene.glb --size 320x180 --out raster --save masks,channels
@@ -185,9 +155,13 @@ Examples:
 )
 @click.argument("first", metavar="RUN")
 @click.argument("second", metavar="REFERENCE")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--out", type=OutPath(), metavar="DIR", help="Also write text, JSON, HTML and an image.")
-def compare(first: str, second: str, as_json: bool, out: Path | None) -> None:
+def compare(
+    first: str,
+    second: str,
+    *,
+    as_json: bool = AS_JSON,
+    out: Path | None = setting(None, "Also write text, JSON, HTML and an image", group=OUTPUT, metavar="DIR"),
+) -> None:
     """Compare RUN with REFERENCE, two folders written by 'taubench-gl evaluate --out'.
 
     Shows differences of every column in percentage points, noise floors, and seconds per frame.  With saved masks: also
@@ -198,7 +172,7 @@ def compare(first: str, second: str, as_json: bool, out: Path | None) -> None:
 
     result = compare_runs(first, second)
     if as_json:
-        click.echo(json.dumps(result, indent=2, allow_nan=False))
+        show_json(result)
     else:
         click.echo("\n".join(comparison_text(result)))
     if out is not None:
@@ -206,34 +180,33 @@ def compare(first: str, second: str, as_json: bool, out: Path | None) -> None:
         click.echo(f"written to {out}{os.sep}", err=as_json)
 
 
-@reference.command(
+@command(
     "list",
     epilog="""\b
 Examples:
   taubench-gl reference list
   taubench-gl reference list --json""",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def list_references(as_json: bool) -> None:
+def list_references(*, as_json: bool = AS_JSON) -> None:
     """List the stored path-traced references: scene, size, frames, fewest samples of a frame, bytes."""
     from taubench_gl.pathtraced.references import listed, references_folder
 
-    found = listed()
+    stored = listed()
     if as_json:
-        rows = [{"key": one.key, "frames": one.frames, "samples": one.samples, "bytes": one.bytes,
-                 "current": one.current, "about": dict(one.about)} for one in found]  # fmt: skip
-        click.echo(json.dumps(rows, indent=2))
+        rows = [{"key": entry.key, "frames": entry.frames, "samples": entry.samples, "bytes": entry.bytes,
+                 "current": entry.current, "about": dict(entry.about)} for entry in stored]  # fmt: skip
+        show_json(rows)
         return
-    for one in found:
-        size = f"{one.about.get('width', '?')}x{one.about.get('height', '?')}"
-        what = f"{one.about.get('name', '?')}, {size}, {one.frames} frames, {one.samples} samples per pixel"
-        other = "" if one.current else ", of another version of the path tracer"
-        click.echo(f"{one.key}  {what}, {one.bytes / 2**20:.1f} MiB{other}")
-    total = sum(one.bytes for one in found)
-    click.echo(f"{len(found)} references, {total / 2**20:.1f} MiB in {references_folder()}")
+    for entry in stored:
+        size = f"{entry.about.get('width', '?')}x{entry.about.get('height', '?')}"
+        frames = f"{entry.about.get('name', '?')}, {size}, {entry.frames} frames, {entry.samples} samples per pixel"
+        other = "" if entry.current else ", of another version of the path tracer"
+        click.echo(f"{entry.key}  {frames}, {entry.bytes / 2**20:.1f} MiB{other}")
+    total = sum(entry.bytes for entry in stored)
+    click.echo(f"{len(stored)} references, {total / 2**20:.1f} MiB in {references_folder()}")
 
 
-@reference.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl reference clear --old
@@ -241,19 +214,25 @@ Examples:
   taubench-gl reference clear --all"""
 )
 @click.argument("keys", nargs=-1, metavar="[KEY...]")
-@click.option("--old", is_flag=True, help="Those that another version of the path tracer made.")
-@click.option("--all", "everything", is_flag=True, help="All.")
-def clear(keys: tuple[str, ...], old: bool, everything: bool) -> None:
+def clear(
+    keys: tuple[str, ...],
+    *,
+    old: bool = setting(False, "Those that another version of the path tracer made"),
+    everything: bool = setting(False, "All", flag="--all"),
+) -> None:
     """Delete stored path-traced references by their KEY in 'reference list'."""
-    from taubench_gl.errors import SettingsError
     from taubench_gl.pathtraced.references import clear as delete
     from taubench_gl.pathtraced.references import listed
 
-    found = {one.key: one for one in listed()}
-    if unknown := [key for key in keys if key not in found]:
+    stored = {entry.key: entry for entry in listed()}
+    if unknown := [key for key in keys if key not in stored]:
         raise SettingsError(f"no reference has the key {unknown[0]}", hint="see 'taubench-gl reference list'")
     if not (keys or old or everything):
         raise click.UsageError("give keys, --old or --all")
-    chosen = [key for key, one in found.items() if everything or key in keys or (old and not one.current)]
-    delete(chosen)
-    click.echo(f"{len(chosen)} references deleted")
+    deleted = [key for key, entry in stored.items() if everything or key in keys or (old and not entry.current)]
+    delete(deleted)
+    click.echo(f"{len(deleted)} references deleted")
+
+
+for member in (render, check, compare, list_references, clear):
+    reference.add_command(member)

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.apps.options import OutPath
+from taubench_gl.apps.options import command
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
+from taubench_gl.fields import at_least, setting
+from taubench_gl.settings import OUTPUT
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl evaluate scene.glb --out results --report
@@ -24,16 +26,18 @@ The page is one file that needs no network and no server.  Frames with their mas
 'evaluate --report', masks that follow the thresholds runs of 'evaluate --report-full'."""
 )
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
-@click.option(
-    "--out",
-    type=OutPath(dir_okay=False),
-    metavar="FILE",
-    help="Output file.  [default: report.html in the folder of the run; in the current folder for several runs]",
-)
-@click.option(
-    "--images", type=click.IntRange(min=1), default=60, show_default=True, help="Maximum number of pairs with images."
-)
-def report(runs: tuple[str, ...], out: Path | None, images: int) -> None:
+def report(
+    runs: tuple[str, ...],
+    *,
+    out: Path | None = setting(
+        None,
+        "Output file",
+        group=OUTPUT,
+        metavar="FILE",
+        shown="report.html in the folder of the run; in the current folder for several runs",
+    ),
+    images: int = setting(60, "Maximum number of pairs with images", at_least(1)),
+) -> None:
     """Write one HTML page about one or more runs.
 
     RUN is an output folder of 'taubench-gl evaluate'.  The page shows Tables 1 to 4 with the paper's rows, the frames
@@ -66,11 +70,11 @@ def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:
     if len(runs) > 1:
         hint = "give one RUN, or print their tables with 'taubench-gl compare'"
         raise OutputError("a page shows one reuse evaluation", hint=hint)
-    found = load_evaluation(runs[0])
-    worst = found.out / "side_by_side.png"
+    evaluation = load_evaluation(runs[0])
+    worst = evaluation.out / "side_by_side.png"
     image = read_bytes(worst) if worst.is_file() else None
-    path = out or found.out / REPORT_FILE
-    write_atomically(path, reuse_html(found.summary, found.rows, image, reuse_images(found.out, images)))
+    path = out or evaluation.out / REPORT_FILE
+    write_atomically(path, reuse_html(evaluation.summary, evaluation.rows, image, reuse_images(evaluation.out, images)))
     return path
 
 

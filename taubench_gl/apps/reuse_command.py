@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
 from dataclasses import asdict
@@ -11,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import exr_options, gpu_options, with_options
+from taubench_gl.apps.options import AS_JSON, GPU, Commands, command, part
 from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
-from taubench_gl.conventions import DEFAULT_FPS
+from taubench_gl.apps.screen import show_json, show_list
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import at_least, setting
+from taubench_gl.requests import PathTracedOptions
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -22,23 +24,13 @@ if TYPE_CHECKING:
 FULL_HD = (1920, 1080)
 
 
-def with_exr_options(command: Any) -> Any:
-    """Camera, scene, pass names and layer of path-traced files."""
-    return with_options(command, *exr_options)
-
-
-class SettingValue(click.ParamType):
-    """``alpha=0.2`` -> ("alpha", "0.2"); the method checks the value."""
-
-    name = "NAME=V"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        name, equals, text = value.partition("=")
-        if not (equals and name.strip() and text.strip()):
-            self.fail(f"{value!r} is not a setting such as alpha=0.1", param, ctx)
-        return name.strip(), text.strip()
+def _pairs(texts: Any) -> Any:
+    """``("alpha=0.2",)`` -> (("alpha", "0.2"),); the method checks the values."""
+    pairs = tuple(tuple(part.strip() for part in text.partition("=")[::2]) for text in texts)
+    for text, pair in zip(texts, pairs, strict=True):
+        if not all(pair):
+            raise SettingsError(f"{text!r} is not a setting", hint="give one such as alpha=0.1")
+    return pairs
 
 
 def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[str, Any]:
@@ -47,20 +39,19 @@ def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[
     return method.values(parsed)
 
 
-@click.group()
+@click.group(cls=Commands)
 def reuse() -> None:
     """Temporal reuse methods: built-in ones and your own (docs/reuse.md)."""
 
 
-@reuse.command(
+@command(
     "list",
     epilog="""\b
 Examples:
   taubench-gl reuse list
   taubench-gl reuse list --json""",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def list_methods(as_json: bool) -> None:
+def list_methods(*, as_json: bool = AS_JSON) -> None:
     """List the methods that have a name: built-in, or installed by other packages."""
     from taubench_gl.errors import MethodError
     from taubench_gl.reuse.loading import builtin_methods, installed_methods, load_method
@@ -72,22 +63,19 @@ def list_methods(as_json: bool) -> None:
         except MethodError as error:
             rows[name] = f"unusable: {error}"
     if as_json:
-        click.echo(json.dumps(rows, indent=2))
+        show_json(rows)
         return
-    width = max(map(len, rows))
-    for name, title in rows.items():
-        click.echo(f"{name:{width}}  {title}")
+    show_list(rows)
 
 
-@reuse.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl reuse show svgf
   taubench-gl reuse show my-method --json"""
 )
 @click.argument("name", metavar="NAME|PATH")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def show(name: str, as_json: bool) -> None:
+def show(name: str, *, as_json: bool = AS_JSON) -> None:
     """Show citation, inputs, settings, passes and memory of a method.  Needs no OpenGL."""
     from taubench_gl.apps.screen import show_pairs
     from taubench_gl.reuse.loading import load_method
@@ -95,7 +83,7 @@ def show(name: str, as_json: bool) -> None:
     method = load_method(name)
     facts = describe(method)
     if as_json:
-        click.echo(json.dumps(facts, indent=2))
+        show_json(facts, finite=False)
         return
     show_pairs(
         f"Method {method.name}: {method.title}",
@@ -154,7 +142,7 @@ def describe(method: Method) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@reuse.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl reuse new my-method
@@ -162,8 +150,11 @@ Examples:
   taubench-gl reuse new my-method --python"""
 )
 @click.argument("path", metavar="NAME|PATH", type=click.Path(path_type=Path))
-@click.option("--python", is_flag=True, help="Write a Python class (NAME.py) instead of a folder with GLSL.")
-def new(path: Path, python: bool) -> None:
+def new(
+    path: Path,
+    *,
+    python: bool = setting(False, "Write a Python class (NAME.py) instead of a folder with GLSL"),
+) -> None:
     """Write a working example: a folder with method.toml and GLSL, or one Python file."""
     from taubench_gl.reuse.check import write_example
 
@@ -173,16 +164,22 @@ def new(path: Path, python: bool) -> None:
     click.echo(f"try it: taubench-gl reuse check {shlex.quote(str(files[0] if python else path))}")
 
 
-@reuse.command(
+@command(
+    settings=part(only=GPU),
     epilog="""\b
 Examples:
   taubench-gl reuse check my-method
-  taubench-gl reuse check my_method.py:Variant --set alpha=0.05"""
+  taubench-gl reuse check my_method.py:Variant --set alpha=0.05""",
 )
 @click.argument("path", metavar="NAME|PATH")
-@click.option("--set", "given", type=SettingValue(), multiple=True, help="Value of a setting; repeatable.")
-@gpu_options
-def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: int | None) -> None:
+def check(
+    path: str,
+    settings: Settings,
+    *,
+    given: tuple[tuple[str, str], ...] = setting(
+        (), "Value of a setting; may be repeated", flag="--set", metavar="NAME=V", read=_pairs, repeats=True
+    ),
+) -> None:
     """Validate a method, compile it, and run it over a small synthetic sequence."""
     from taubench_gl.gpu.context import open_gpu
     from taubench_gl.reuse.check import check_method
@@ -190,7 +187,7 @@ def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: i
 
     method = load_method(path)
     values = parsed_settings(method, given)
-    gpu = open_gpu(backend, device)
+    gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         report = check_method(gpu, method, values)
     what = "a Python class" if method.factory else f"{len(method.passes)} pass{'es' * (len(method.passes) != 1)}"
@@ -201,8 +198,10 @@ def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: i
     click.echo(f"weight of history, mean over pixels: {reused}")
 
 
-@reuse.command(
+@command(
     "check-motion",
+    files=part(PathTracedOptions, without=("lobes", "second_seed")),
+    settings=part(only=("camera", "fps")),
     epilog="""\b
 Examples:
   taubench-gl reuse check-motion exr:engine --mapping unreal --scene-file scene.glb
@@ -210,26 +209,28 @@ Examples:
   taubench-gl reuse check-motion exr:frames --json""",
 )
 @click.argument("spec", metavar="exr:DIR")
-@with_exr_options
-@click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
-@click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Frames per second of the scene file.")
-@click.option("--pairs", type=click.IntRange(min=1), default=4, show_default=True, help="Most pairs to check.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def check_motion(spec: str, fps: float, camera: str | None, pairs: int, as_json: bool, **options: Any) -> int:
+def check_motion(
+    spec: str,
+    settings: Settings,
+    files: PathTracedOptions,
+    *,
+    pairs: int = setting(4, "Most pairs to check", at_least(1)),
+    as_json: bool = AS_JSON,
+) -> int:
     """Find a flipped axis, a wrong sign or unit, and a jitter left in the motion vectors of frames made elsewhere.
 
     Compares the motion pass with the motion of still surfaces (of all surfaces, if there are previous positions), or,
     without a camera or geometry, with the images.  The exit code is 2 if a fault is found.
     """
     from taubench_gl.pathtraced.check import motion_finding
-    from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
+    from taubench_gl.pathtraced.evaluation import open_input
     from taubench_gl.pathtraced.motion_check import check_pairs
 
-    given = open_input(spec, Settings(fps=fps, camera=camera), PathTracedOptions(**options))
-    found = check_pairs(given.sequence, given.camera, pairs)
-    findings = {frame: motion_finding(verdict) for frame, verdict in found.items()}
+    frames = open_input(spec, settings, files)
+    verdicts = check_pairs(frames.sequence, frames.camera, pairs)
+    findings = {frame: motion_finding(verdict) for frame, verdict in verdicts.items()}
     if as_json:
-        click.echo(json.dumps([_verdict(f, found[f], findings[f].fault) for f in found], indent=2))
+        show_json([_verdict(f, verdict, findings[f].fault) for f, verdict in verdicts.items()])
     else:
         for frame, finding in findings.items():
             verdict = f"WRONG: {finding.fault.removeprefix('motion: ')}" if finding.fault else "ok"
@@ -248,5 +249,5 @@ def _verdict(frame: int, verdict: Any, fault: str) -> dict[str, Any]:
     return {"frame": frame, "fault": fault or None, **values}
 
 
-for command in (evaluate, fit):
-    reuse.add_command(command)
+for member in (list_methods, show, new, check, check_motion, evaluate, fit):
+    reuse.add_command(member)

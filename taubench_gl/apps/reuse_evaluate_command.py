@@ -2,115 +2,32 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
-import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.evaluate_command import out_folders
-from taubench_gl.apps.options import (
-    List,
-    OutPath,
-    Words,
-    frame_options,
-    given_options,
-    gpu_options,
-    lighting_options,
-    of_settings,
-    settings_from,
-    threshold_option,
-    unit_scale_option,
-    with_options,
-)
-from taubench_gl.errors import SettingsError, TaubenchError
-from taubench_gl.settings import Settings
+from taubench_gl.apps.options import FRAMES, GPU, command, given_options, part
+from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import REQUIRED, one_of, setting, some_of
+from taubench_gl.requests import ReuseOptions
+from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from taubench_gl.reuse.evaluate import Evaluation, MethodSpec
     from taubench_gl.reuse.evaluate_output import ReuseFolder
     from taubench_gl.reuse.input_kind import InputKind
 
-EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
 DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
-METRICS_HELP = "Metrics to compute; also hdr_flip, lpips and cvvdp, which need more time or packages."
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
-METHODS_HELP = (
-    "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1, several values "
-    "as @alpha=0.1/0.2 or @alpha=lo:hi:n.  exr:DIR: frames made elsewhere, with settings mapping, layer, offset, "
-    "scale, label."
-)
+SETTINGS = part(only=(*FRAMES, "thresholds", "unit_scale", "lighting", *GPU), without=("effects", "probes"))
 
 
-def shared_options(command: Any) -> Any:
-    """Options of both ``evaluate`` and ``fit``: frames, inputs, reference, light."""
-    return with_options(
-        command,
-        frame_options(size="640x360"),
-        click.option(
-            "--input",
-            "kind",
-            default="path-traced@1",
-            show_default=True,
-            metavar="KIND",
-            help="Frames to reuse: path-traced@N: light of N samples per pixel, others in every pixel and frame, each "
-            "of one punctual light, with +all-lights of every one; full, or some of jittered, noisy, half, "
-            "checkerboard, quarter, and upscale@S (frames S times smaller than the result), joined by +; or exr:DIR, "
-            "path-traced frames with the camera of SCENE.",
-        ),
-        click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
-        click.option("--vpl-samples", type=int, default=4, show_default=True, help="noisy: VPL samples per pixel."),
-        click.option(
-            "--reference",
-            metavar="max|path-traced[@M]|exr:DIR",
-            help="path-traced: path-traced light with the samples that fit --reference-time; path-traced@M: of M "
-            "samples per pixel; both stored and extended.  max: exact light of the raster method, supersampled.  "
-            "exr:DIR: path-traced frames with the same numbers.  [default: path-traced for path-traced input, else "
-            "max]",
-        ),
-        click.option(
-            "--reference-time",
-            type=float,
-            default=120.0,
-            show_default=True,
-            metavar="SECONDS",
-            help="path-traced: time for references that are not stored.",
-        ),
-        click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
-        click.option(
-            "--mapping",
-            metavar="NAME|FILE",
-            help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.  "
-            "[default: taubench for an export, else blender]",
-        ),
-        click.option(
-            "--seeds",
-            type=int,
-            default=1,
-            show_default=True,
-            help="Repeat the frames with this many seeds, from --seed on; five or more give intervals over seeds.",
-        ),
-        click.option(
-            "--warmup", type=int, default=1, show_default=True, help="First frames that means and intervals leave out."
-        ),
-        click.option("--cut", "cuts", type=int, multiple=True, help="Frame declared to have no history; repeatable."),
-        threshold_option,
-        unit_scale_option,
-        lighting_options,
-        of_settings(
-            "--vpls",
-            "Virtual point lights (VPLs) of indirect light; noisy light samples them, its reference sums all.",
-            field="indirect_samples",
-        ),
-        gpu_options,
-    )
-
-
-@click.command(
+@command(
+    settings=SETTINGS,
     epilog="""\b
 Examples:
   taubench-gl reuse evaluate scene.glb --methods none,accumulate,svgf --frames 0:24 --out results --report
@@ -123,32 +40,33 @@ Examples:
 
 \b
 DIR receives reuse.json, frames.csv, report.html, tables, plots, side_by_side.png (the worst frame) and a video.
-docs/reuse-evaluation.md defines every number."""
+docs/reuse-evaluation.md defines every number.""",
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
-@click.option("--methods", type=List(), required=True, help=METHODS_HELP)
-@click.option("--metrics", type=List(), default=",".join(DEFAULT_METRICS), show_default=True, help=METRICS_HELP)
-@click.option("--out", type=OutPath(), metavar="DIR", help="Also write the results to this folder.")
-@click.option(
-    "--video", type=click.Choice(["mp4", "webm", "none"]), default="mp4", show_default=True, help="With --out."
-)
-@click.option(
-    "--save",
-    type=Words("results"),
-    default="",
-    help="With --out, also write results: linear EXR of input, methods and reference, a folder per method and seed.",
-)
-@click.option("--report", is_flag=True, help="With --out, also store the images that report.html compares.")
-@shared_options
 def evaluate(
     scenes: tuple[str, ...],
-    methods: tuple[str, ...],
-    metrics: tuple[str, ...],
-    out: Path | None,
-    video: str,
-    save: tuple[str, ...],
-    report: bool,
-    **options: Any,
+    settings: Settings,
+    reuse: ReuseOptions,
+    *,
+    methods: tuple[str, ...] = setting(
+        REQUIRED,
+        "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1, several "
+        "values as @alpha=0.1/0.2 or @alpha=lo:hi:n.  exr:DIR: frames made elsewhere, with settings mapping, layer, "
+        "offset, scale, label",
+    ),
+    metrics: tuple[str, ...] = setting(
+        DEFAULT_METRICS, "Metrics to compute; also hdr_flip, lpips and cvvdp, which need more time or packages"
+    ),
+    out: Path | None = setting(None, "Also write the results to this folder", group=OUTPUT, metavar="DIR"),
+    video: str = setting("mp4", "Video of the frames, with --out", one_of(("mp4", "webm", "none")), group=OUTPUT),
+    save: tuple[str, ...] = setting(
+        (),
+        "With --out, also write results: linear EXR of input, methods and reference, a folder per method and seed",
+        some_of(("results",)),
+        group=OUTPUT,
+        short=False,
+    ),
+    report: bool = setting(False, "With --out, also store the images that report.html compares", group=OUTPUT),
 ) -> int:
     """Run reuse methods over the same frames of SCENE and compare every image with a reference.
 
@@ -156,34 +74,29 @@ def evaluate(
     """
     from taubench_gl.reuse.fit import expand_methods
 
-    settings, request = split_options(options)
+    settings, request = split_options(settings, reuse)
     specs = expand_methods(methods)
     if (save or report) and out is None:
         raise SettingsError("there is no folder to write to", hint="give --out DIR")
-    failed = False
-    for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
-        try:
-            done = _evaluate_one(scene, specs, settings, folder, (video, save, report), request | {"metrics": metrics})
-        except TaubenchError as error:
-            if len(scenes) == 1:
-                raise
-            _print_error(f"error: {scene}: {error}")
-            failed = True
-            continue
-        for line in done.failed.values():
-            _print_error(f"error: {line}")
-        failed = failed or bool(done.failed)
-    return EXIT_FAILED if failed else 0
+    request["metrics"] = metrics
+    failures: list[str] = []
+
+    def run(scene: str, folder: Path | None) -> None:
+        failures.extend(_evaluate_one(scene, specs, settings, folder, (video, save, report), request))
+
+    failed = for_each_scene(scenes, out, run)
+    return 2 if failed or failures else 0
 
 
 def _evaluate_one(
     scene: str,
-    methods: Sequence[MethodSpec],
+    methods: Any,
     settings: Settings,
     folder: Path | None,
     files: tuple[str, tuple[str, ...], bool],
     request: dict[str, Any],
-) -> Evaluation:
+) -> list[str]:
+    """Evaluate and show one scene.  -> a line for each method that failed, which is printed too."""
     from taubench_gl.apps.screen import ProgressBar, show_tables
     from taubench_gl.report.page import REPORT_FILE
     from taubench_gl.report.reuse import reuse_tables
@@ -192,54 +105,49 @@ def _evaluate_one(
 
     results = None if folder is None else ReuseFolder(folder, settings.sequence.fps, *files)
     on_frame = None if results is None else results.on_frame
-    try:
-        with results or nullcontext():
-            with ProgressBar(Path(scene).name) as progress:
-                done = evaluate_methods(
-                    scene, methods, settings, progress=progress, on_frame=on_frame, announce=_announce, **request
-                )
-            if results is not None:
-                results.finish(done)
-    except KeyboardInterrupt:
-        _print_error(_interrupted(results))
-        raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
+    with interruptible(lambda: _kept(results)), results or nullcontext():
+        with ProgressBar(scene) as progress:
+            done = evaluate_methods(
+                scene, methods, settings, progress=progress, on_frame=on_frame, announce=note, **request
+            )
+        if results is not None:
+            results.finish(done)
     if len(done.failed) < len(done.summary["methods"]):
         show_tables(reuse_tables(done.summary))
     if folder is not None:
         click.echo(f"written to {folder}{os.sep}")
         size = (folder / REPORT_FILE).stat().st_size / 1e6
         click.echo(f"report: {folder / REPORT_FILE} ({size:.1f} MB)")
-    return done
+    for line in done.failed.values():
+        warn(f"error: {line}")
+    return list(done.failed.values())
 
 
-@click.command(
+@command(
+    settings=SETTINGS,
     epilog="""\b
 Examples:
   taubench-gl reuse fit scene.glb --method taa_variance --setting gamma=0.5:4:8 --input noisy
-  taubench-gl reuse fit scene.glb --method svgf --setting alpha=0.05:0.5:6 --metric flip --refine 2 --out fit"""
+  taubench-gl reuse fit scene.glb --method svgf --setting alpha=0.05:0.5:6 --metric flip --refine 2 --out fit""",
 )
 @click.argument("path", metavar="SCENE")
-@click.option("--method", required=True, help="One method, as in 'reuse evaluate'; settings given with @ stay fixed.")
-@click.option(
-    "--setting",
-    "ranges",
-    multiple=True,
-    required=True,
-    metavar="NAME[=lo:hi[:n]]",
-    help="A setting to search and its range; repeatable for a grid.  [default: the range of the setting, 9 values]",
-)
-@click.option(
-    "--metric",
-    type=click.Choice(FIT_METRICS),
-    default="flip",
-    show_default=True,
-    help="Metric to optimize; a single bright pixel can dominate relmse.",
-)
-@click.option("--refine", type=int, default=1, show_default=True, help="Finer grids around the best point.")
-@click.option("--out", type=OutPath(), metavar="DIR", help="Write fit.json, curve.csv, tables, a plot.")
-@shared_options
 def fit(
-    path: str, method: str, ranges: tuple[str, ...], metric: str, refine: int, out: Path | None, **options: Any
+    path: str,
+    settings: Settings,
+    reuse: ReuseOptions,
+    *,
+    method: str = setting(REQUIRED, "One method, as in 'reuse evaluate'; settings given with @ stay fixed"),
+    ranges: tuple[str, ...] = setting(
+        REQUIRED,
+        "A setting to search and its range; may be repeated for a grid",
+        flag="--setting",
+        metavar="NAME[=lo:hi[:n]]",
+        shown="the range of the setting, 9 values",
+        repeats=True,
+    ),
+    metric: str = setting("flip", "Metric to optimize; a single bright pixel can dominate relmse", one_of(FIT_METRICS)),
+    refine: int = setting(1, "Finer grids around the best point"),
+    out: Path | None = setting(None, "Write fit.json, curve.csv, tables, a plot", group=OUTPUT, metavar="DIR"),
 ) -> None:
     """Find the settings of a method, such as rejection thresholds, with the smallest error on SCENE.
 
@@ -251,64 +159,46 @@ def fit(
     from taubench_gl.reuse.evaluate_output import write_fit
     from taubench_gl.reuse.fit import fit_setting
 
-    settings, request = split_options(options)
-    request["announce"] = _announce
+    settings, request = split_options(settings, reuse)
+    request |= {"metric": metric, "refine": refine, "announce": note}
     with nullcontext() if out is None else FolderLock(out):
-        with ProgressBar(Path(path).name) as progress:
-            found = fit_setting(
-                path, method, ranges, settings, metric=metric, refine=refine, progress=progress, **request
-            )
+        with ProgressBar(path) as progress:
+            fitted = fit_setting(path, method, ranges, settings, progress=progress, **request)
         if out is not None:
-            write_fit(out, found.summary)
-    show_tables([fit_table(found.summary)])
-    click.echo("best: " + ", ".join(f"{name}={value:g}" for name, value in found.best.items()))
+            write_fit(out, fitted.summary)
+    show_tables([fit_table(fitted.summary)])
+    click.echo("best: " + ", ".join(f"{name}={value:g}" for name, value in fitted.best.items()))
     if out is not None:
         click.echo(f"written to {out}{os.sep}")
 
 
-def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
-    """Options of ``shared_options`` as Settings and as an ``EvaluationRequest``'s fields."""
-    request = {
-        name: options.pop(name)
-        for name in ("reference", "reference_samples", "cuts", "reference_time", "mapping", "seeds", "warmup")
-    }
-    request["input"] = kind = _input(options)
-    if request["reference"] is None:
-        request["reference"] = "path-traced" if kind.path_samples else "max"
-    if kind.path_samples:
-        _check_path_traced(kind, options)
-    return settings_from(options, reprojection="motion"), request
-
-
-def _check_path_traced(kind: InputKind, options: dict[str, Any]) -> None:
-    """Raises SettingsError for given options of light that path-traced input would ignore."""
-    ignored = {name: options[name] for name in ("light", "indirect", "spp")}
-    ignored = {name: value for name, value in ignored.items() if value not in ("auto", "path-traced", None)}
-    for name in sorted(given_options(ignored)):
-        what = f"input is {kind.text} and {name} is {ignored[name]}"
-        hint = f"leave --{name} out, or give another --input, such as full or path-traced@4"
-        raise SettingsError(what, hint=hint, setting=name)
-
-
-def _input(options: dict[str, Any]) -> InputKind:
+def split_options(settings: Settings, reuse: ReuseOptions) -> tuple[Settings, dict[str, Any]]:
+    """The settings of the frames, and the fields of an ``EvaluationRequest``.  Raises SettingsError."""
     from taubench_gl.reuse.input_kind import parse_input
 
-    lights, vpls = options.pop("light_samples"), options.pop("vpl_samples")
-    return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=vpls, seed=options["seed"])
+    request = dataclasses.asdict(reuse)
+    lights, vpls = request.pop("light_samples"), request.pop("vpl_samples")
+    kind = parse_input(reuse.input, light_samples=lights, indirect_samples=vpls, seed=settings.lighting.seed)
+    request["input"] = kind
+    if reuse.reference is None:
+        request["reference"] = "path-traced" if kind.path_samples else "max"
+    if kind.path_samples:
+        _check_path_traced(kind, settings)
+    return settings.replace(reprojection="motion"), request
 
 
-def _interrupted(results: ReuseFolder | None) -> str:
-    """One line that lists what was written before an interrupt."""
+def _check_path_traced(kind: InputKind, settings: Settings) -> None:
+    """Raises SettingsError for given options of light that path-traced input would ignore."""
+    for name in sorted(given_options(("light", "indirect", "spp"))):
+        value = settings.get(name)
+        if value not in ("auto", "path-traced", None):
+            hint = f"leave --{name} out, or give another --input, such as full or path-traced@4"
+            raise SettingsError(f"input is {kind.text} and {name} is {value}", hint=hint, setting=name)
+
+
+def _kept(results: ReuseFolder | None) -> str:
+    """What was written before an interrupt."""
     if results is None:
-        return "interrupted; nothing was written (--out DIR keeps the evaluated frames)"
+        return "nothing was written (--out DIR keeps the evaluated frames)"
     count = results.written_frames
-    rows = f"the rows of {count} frames are in {results.out / 'frames.csv'}"
-    return f"interrupted; {rows if count else 'no frame was evaluated'}"
-
-
-def _announce(line: str) -> None:
-    click.echo(line, err=True)
-
-
-def _print_error(line: str) -> None:
-    click.echo(f"taubench-gl: {line}", file=sys.stderr)
+    return f"the rows of {count} frames are in {results.out / 'frames.csv'}" if count else "no frame was evaluated"

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
+from taubench_gl.apps.options import AS_JSON, Commands, command
+from taubench_gl.apps.screen import StatusLine, note, show_json, show_list
+from taubench_gl.fields import setting
+
 STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
 
 
-@click.group()
+@click.group(cls=Commands)
 def scenes() -> None:
     """Named scenes, such as the paper's, and procedural stand-ins."""
 
 
-registry_option = click.option(
-    "--registry",
-    "registries",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    help="A TOML file with further scenes; may be repeated.  [default: those of TAUBENCH_SCENES]",
+REGISTRIES = setting(
+    (),
+    "A TOML file with further scenes; may be repeated",
+    flag="--registry",
+    shown="those of TAUBENCH_SCENES",
+    repeats=True,
 )
-cache_option = click.option(
-    "--cache",
-    type=click.Path(path_type=Path),
-    help="Cache folder.  [default: TAUBENCH_CACHE, else the user's cache]",
-)
+CACHE = setting(None, "Cache folder", shown="TAUBENCH_CACHE, else the user's cache")
 
 
 def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
@@ -37,37 +37,31 @@ def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
     return registry_entries(registries)
 
 
-@click.command(
+@command(
     "list",
     epilog="""\b
 Examples:
   taubench-gl scenes list
   taubench-gl scenes list --registry mine.toml --json""",
 )
-@registry_option
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def list_scenes(registries: tuple[Path, ...], as_json: bool) -> None:
+def list_scenes(*, registries: tuple[Path, ...] = REGISTRIES, as_json: bool = AS_JSON) -> None:
     """List the named scenes."""
     import msgspec
 
     entries = _entries(registries)
     if as_json:
-        click.echo(json.dumps({name: msgspec.to_builtins(e) for name, e in entries.items()}, indent=2))
+        show_json({name: msgspec.to_builtins(e) for name, e in entries.items()}, finite=False)
         return
-    width = max(map(len, entries))
-    for name, entry in entries.items():
-        click.echo(f"{name:{width}}  {entry.format:12}  {entry.title}")
+    show_list({name: f"{entry.format:12}  {entry.title}" for name, entry in entries.items()})
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl scenes show eternal-valley-fps"""
 )
 @click.argument("name")
-@registry_option
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
+def show(name: str, *, registries: tuple[Path, ...] = REGISTRIES, as_json: bool = AS_JSON) -> None:
     """Show license, homepage, units, rate, camera and the paper's rows of scene NAME."""
     import msgspec
 
@@ -77,7 +71,7 @@ def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
     name, entry = find_entry(_entries(registries), name)
     facts = msgspec.to_builtins(entry)
     if as_json:
-        click.echo(json.dumps({"name": name, **facts}, indent=2))
+        show_json({"name": name, **facts}, finite=False)
         return
     show_pairs(f"Scene {name}", {key: value if value not in ("", None) else None for key, value in facts.items()})
     if entry.options():
@@ -86,7 +80,7 @@ def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
         click.echo(f"  Tables 2 and 3     {entry.camera_options()}")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl scenes get bart-museum --from museum.zip
@@ -99,20 +93,15 @@ refused.  Downloading needs the extra 'datasets'; --from does not.  Afterwards N
 frame rate, frames, camera and units are the defaults of the options."""
 )
 @click.argument("name")
-@click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Use this local file.")
-@click.option("--url", help="Download from this URL instead of the registry's.")
-@click.option("--scene", metavar="FILE", help="Scene file of the archive, if it holds several.")
-@click.option("--accept-license", is_flag=True, help="Accept the license without a question.")
-@registry_option
-@cache_option
 def get(
     name: str,
-    source: Path | None,
-    url: str | None,
-    scene: str | None,
-    accept_license: bool,
-    registries: tuple[Path, ...],
-    cache: Path | None,
+    *,
+    source: Path | None = setting(None, "Use this local file", flag="--from", metavar="FILE"),
+    url: str | None = setting(None, "Download from this URL instead of the registry's"),
+    scene: str | None = setting(None, "Scene file of the archive, if it holds several", metavar="FILE"),
+    accept_license: bool = setting(False, "Accept the license without a question"),
+    registries: tuple[Path, ...] = REGISTRIES,
+    cache: Path | None = CACHE,
 ) -> None:
     """Download scene NAME into the cache, or copy it from a local file, and print its path."""
     from taubench_gl.datasets.registry import find_entry
@@ -120,7 +109,7 @@ def get(
     from taubench_gl.errors import DatasetError
 
     name, entry = find_entry(_entries(registries), name)
-    click.echo(f"{entry.title}, by {entry.authors or 'unknown'}; license: {entry.license or 'not stated'}", err=True)
+    note(f"{entry.title}, by {entry.authors or 'unknown'}; license: {entry.license or 'not stated'}")
     if not accept_license:
         if not sys.stdin.isatty():
             raise DatasetError("the license is not accepted", hint="add --accept-license to accept it")
@@ -129,25 +118,23 @@ def get(
     if source is not None:
         path = cached.take(source, scene)
     else:
-        path = cached.get(url, _bar() if sys.stderr.isatty() else None, scene)
+        path = cached.get(url, _bytes_line() if sys.stderr.isatty() else None, scene)
     click.echo(path)
     if entry.format in ("fbx", "blend"):
-        click.echo("the first evaluation converts it with Blender as a Python module (see: convert --help)", err=True)
+        note("the first evaluation converts it with Blender as a Python module (see: convert --help)")
     defaults = f"  (defaults: {entry.options()})" if entry.options() else ""
-    click.echo(f"Tables 1 to 4: taubench-gl evaluate {name}{defaults}", err=True)
+    note(f"Tables 1 to 4: taubench-gl evaluate {name}{defaults}")
     if registries or cache is not None:
-        click.echo("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to the values of --registry and --cache", err=True)
+        note("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to the values of --registry and --cache")
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl scenes verify bart-museum"""
 )
 @click.argument("name")
-@registry_option
-@cache_option
-def verify(name: str, registries: tuple[Path, ...], cache: Path | None) -> None:
+def verify(name: str, *, registries: tuple[Path, ...] = REGISTRIES, cache: Path | None = CACHE) -> None:
     """Check that the cached file of scene NAME is unchanged since its download."""
     from taubench_gl.datasets.registry import find_entry
     from taubench_gl.datasets.scene_cache import CachedScene
@@ -157,17 +144,18 @@ def verify(name: str, registries: tuple[Path, ...], cache: Path | None) -> None:
     click.echo(scene)
 
 
-def _bar():
-    """A callback that prints a progress line on the terminal."""
+def _bytes_line() -> Callable[[int, int | None], None]:
+    """A callback that shows the progress of a download."""
+    line = StatusLine()
 
     def show_bytes(have: int, whole: int | None) -> None:
         share = f"{100 * have / whole:5.1f} %" if whole else ""
-        click.echo(f"\r{have >> 20} MiB {share}", err=True, nl=whole is not None and have >= whole)
+        line(f"{have >> 20} MiB {share}", passing=whole is None or have < whole)
 
     return show_bytes
 
 
-@click.command(
+@command(
     epilog="""\b
 Examples:
   taubench-gl scenes make eternal-valley-fps valley.glb
@@ -217,5 +205,5 @@ def describe(scene: Any, fps: float) -> dict[str, Any]:
     }
 
 
-for command in (list_scenes, show, get, verify, make):
-    scenes.add_command(command)
+for member in (list_scenes, show, get, verify, make):
+    scenes.add_command(member)

@@ -1,15 +1,18 @@
-"""Tables and progress on the terminal, for all commands."""
+"""Tables, messages and progress on the terminal, for all commands."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import sys
-from collections.abc import Iterable
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from taubench_gl.errors import printable
+from taubench_gl.errors import SettingsError, TaubenchError, printable
 
 if TYPE_CHECKING:
     from taubench_gl.report import Table
@@ -18,33 +21,135 @@ if TYPE_CHECKING:
 PLAIN_STEPS = 10
 """Progress lines per scene if standard error is not a terminal."""
 
+TABLE_FORMATS = ("text", "markdown", "csv", "latex", "html")
+EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
+
+
+# Messages
+
+
+def note(line: str) -> None:
+    """Print a line to standard error."""
+    click.echo(line, err=True)
+
+
+def warn(line: str) -> None:
+    """Print a line to standard error that names the program."""
+    click.echo(f"taubench-gl: {line}", err=True)
+
+
+def show_notes(notes: Sequence[object], scene: str = "") -> None:
+    """Print at most 10 notes: a broken exporter can produce one per node.  Files of results have all of them."""
+    about = f"{scene}: " if scene else ""
+    for line in notes[:10]:
+        click.echo(f"note: {about}{line}")
+    if len(notes) > 10:
+        click.echo(f"note: {about}and {len(notes) - 10} more")
+
+
+@contextlib.contextmanager
+def interruptible(line: Callable[[], str]) -> Iterator[None]:
+    """Ends the command with ``line``, which says what is kept, where the user interrupts the block."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        stop_interrupted(line())
+
+
+def stop_interrupted(line: str) -> NoReturn:
+    """End the command after an interrupt."""
+    warn(f"interrupted; {line}")
+    raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
+
+
+# Several scenes
+
+
+def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
+    """Folder of each scene's results: ``out`` itself for one scene, else a folder in it named after the file.
+
+    Equal names get -2, -3, ..., never the name of another scene.  Case is ignored, as some file systems do.
+    """
+    if out is None:
+        return [None] * len(scenes)
+    if len(scenes) == 1:
+        return [out]
+    taken: set[str] = set()
+    stems = [Path(scene).stem or "scene" for scene in scenes]
+    folders: list[Path | None] = []
+    for i, stem in enumerate(stems):
+        others = {other.lower() for j, other in enumerate(stems) if j != i}
+        name, number = stem, 1
+        while name.lower() in taken or (number > 1 and name.lower() in others):
+            number += 1
+            name = f"{stem}-{number}"
+        taken.add(name.lower())
+        folders.append(out / name)
+    return folders
+
+
+def for_each_scene(scenes: Sequence[str], out: Path | None, run: Callable[[str, Path | None], None]) -> int:
+    """Call ``run`` with each scene and its folder.  -> the number of scenes that failed.
+
+    One of several scenes that fails prints its error, or the traceback of an internal error, and the others still run.
+    """
+    failed = 0
+    for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
+        try:
+            run(scene, folder)
+        except Exception as error:
+            if len(scenes) == 1 or isinstance(error, click.exceptions.Exit):
+                raise
+            failed += 1
+            if isinstance(error, TaubenchError):
+                warn(f"error: {error}")
+                continue
+            traceback.print_exc()
+            warn(f"error: {scene}: internal error, see above")
+    return failed
+
 
 def load_runs(folders: Iterable[str | Path]) -> list[Run]:
     """Stored runs, with a note for each of which files are missing.  Raises OutputError."""
     from taubench_gl.run import load_run
 
-    found = [load_run(folder) for folder in folders]
-    for run in found:
+    runs = [load_run(folder) for folder in folders]
+    for run in runs:
         if run.missing:
             more = f" and {len(run.missing) - 1} more files" if len(run.missing) > 1 else ""
-            click.echo(f"note: {run.out}: {printable(run.missing[0])}{more} of the run missing", err=True)
-    return found
+            note(f"note: {run.out}: {printable(run.missing[0])}{more} of the run missing")
+    return runs
 
 
-def show_tables(tables: list[Table]) -> None:
-    """Print tables: styled on a terminal, plain text in a pipe."""
-    if not sys.stdout.isatty():
-        from taubench_gl.report import FORMATS
+# Tables
 
+
+def show_tables(tables: list[Table], form: str = "text") -> None:
+    """Print tables in a form of TABLE_FORMATS; text is styled on a terminal."""
+    from taubench_gl.report import FORMATS, MIN_WIDTH, TablesView
+
+    if form != "text":
+        click.echo(FORMATS[form](tables), nl=False)
+    elif not sys.stdout.isatty():
         click.echo(FORMATS["text"](tables))
-        return
-    from rich.console import Console
+    else:
+        from rich.console import Console
 
-    from taubench_gl.report import MIN_WIDTH, TablesView
+        console = Console()
+        console.width = max(console.width, MIN_WIDTH)
+        console.print(TablesView(tables))
 
-    console = Console()
-    console.width = max(console.width, MIN_WIDTH)
-    console.print(TablesView(tables))
+
+def show_json(data: object, *, finite: bool = True) -> None:
+    """Print JSON values.  ``finite``: refuse NaN and infinity, which JSON has not."""
+    click.echo(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=not finite))
+
+
+def show_list(rows: Mapping[str, str]) -> None:
+    """Print a line for each row, the names in one column."""
+    width = max(map(len, rows))
+    for name, text in rows.items():
+        click.echo(f"{name:{width}}  {text}")
 
 
 def show_pairs(title: str, pairs: dict[str, Any]) -> None:
@@ -64,11 +169,14 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
     console.print(Text(printable(title), style="bold"), grid)
 
 
+# Progress
+
+
 class ProgressBar:
     """Progress callback of ``evaluate``: a bar on a terminal, PLAIN_STEPS lines in a file or pipe."""
 
-    def __init__(self, name: str, unit: str = "pairs"):
-        self.name, self.unit = printable(name), unit
+    def __init__(self, scene: str | Path, unit: str = "pairs"):
+        self.name, self.unit = printable(Path(scene).name), unit
         self.done = 0
         self.total = 0
         self._bar: Any = None
@@ -99,4 +207,31 @@ class ProgressBar:
             self._bar.update(self._task, completed=self.done, total=self.total, rate=rate)
         elif self.done * PLAIN_STEPS // max(self.total, 1) > before * PLAIN_STEPS // max(self.total, 1):
             left = self._seconds / self.done * (self.total - self.done)
-            click.echo(f"{self.name}: {self.done}/{self.total} {self.unit}, {rate}, {left:.0f} s left", err=True)
+            note(f"{self.name}: {self.done}/{self.total} {self.unit}, {rate}, {left:.0f} s left")
+
+
+class StatusLine:
+    """A line on standard error that is overwritten on a terminal; elsewhere only the lines that matter are printed."""
+
+    def __init__(self) -> None:
+        self._open = False
+
+    def __call__(self, line: str, *, passing: bool = False) -> None:
+        """``passing``: the line is not worth keeping in a file."""
+        if sys.stderr.isatty():
+            click.echo(f"\r\033[K{line}", nl=not passing, err=True)
+            self._open = passing
+        elif not passing:
+            note(line)
+
+    def end(self) -> None:
+        """End the line on a terminal."""
+        if self._open:
+            click.echo(err=True)
+            self._open = False
+
+
+def only_one(message: str, hint: str, *choices: object) -> None:
+    """Raises SettingsError if more than one of ``choices`` is given."""
+    if sum(map(bool, choices)) > 1:
+        raise SettingsError(message, hint=hint)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import Size, gpu_options
+from taubench_gl.apps.options import AS_JSON, GPU, command, part
+from taubench_gl.apps.screen import show_json
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import setting
+from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
     from taubench_gl.selftest import CaseResult
@@ -16,44 +19,45 @@ MAX_SIDE = 4096
 """Largest width or height, pixels: larger images could fail for lack of memory."""
 
 
-@click.command(
+@command(
+    settings=part(only=("size", *GPU), size="96x64"),
     epilog="""\b
 Examples:
   taubench-gl selftest
   taubench-gl selftest --only offsets --only screen-edge
-  taubench-gl selftest --backend osmesa --json > selftest.json"""
+  taubench-gl selftest --backend osmesa --json > selftest.json""",
 )
-@gpu_options
-@click.option("--size", type=Size(), default="96x64", show_default=True, help="Pixels of most cases; at least 48x32.")
-@click.option("--only", multiple=True, metavar="NAME", help="A case, part of its name, or a group; may be repeated.")
-@click.option("--list", "listing", is_flag=True, help="Print the names and descriptions, and run nothing.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 def selftest(
-    backend: str, device: int | None, size: tuple[int, int], only: tuple[str, ...], listing: bool, as_json: bool
+    settings: Settings,
+    *,
+    only: tuple[str, ...] = setting(
+        (), "A case, part of its name, or a group; may be repeated", metavar="NAME", repeats=True
+    ),
+    listing: bool = setting(False, "Print the names and descriptions, and run nothing", flag="--list"),
+    as_json: bool = AS_JSON,
 ) -> int:
     """Run the hard cases on this machine and print the known answer, the measured value and the error.
 
     The exit code is 1 if a case fails.
     """
-    from taubench_gl.errors import SettingsError
+    from taubench_gl.gpu.context import open_gpu
+    from taubench_gl.gpu.timing import WALL_CLOCK
+    from taubench_gl.provenance import provenance
     from taubench_gl.selftest import cases, run_selftest
 
-    chosen = cases(only)
-    if not chosen:
+    selected = cases(only)
+    if not selected:
         raise SettingsError(f"no case is named {', '.join(only)}", hint="see 'taubench-gl selftest --list'")
     if listing:
-        for one in chosen:
-            click.echo(f"{one.group:<11} {one.name:<25} {one.what}")
+        for case in selected:
+            click.echo(f"{case.group:<11} {case.name:<25} {case.what}")
         return 0
+    size, device = (settings.sequence.width, settings.sequence.height), settings.device.device
     if size[0] < 48 or size[1] < 32:
         raise SettingsError(f"size is {size[0]}x{size[1]}", hint="the cases need at least 48x32 pixels")
     if max(size) > MAX_SIDE:
         raise SettingsError(f"size is {size[0]}x{size[1]}", hint=f"the cases take up to {MAX_SIDE}x{MAX_SIDE} pixels")
-    from taubench_gl.gpu.context import open_gpu
-    from taubench_gl.gpu.timing import WALL_CLOCK
-    from taubench_gl.provenance import provenance
-
-    gpu = open_gpu(backend, device)
+    gpu = open_gpu(settings.device.backend, device)
     results = run_selftest(gpu, size, only, device=device, on_result=None if as_json else _show_row)
     failed = sum(not r.passed for r in results)
     if as_json:
@@ -64,7 +68,7 @@ def selftest(
             "size": list(size),
             "provenance": provenance(gpu, WALL_CLOCK),
         }
-        click.echo(json.dumps(document, indent=2, allow_nan=False))
+        show_json(document)
     else:
         click.echo(f"\n{gpu.renderer}, {gpu.version} ({gpu.backend}), {size[0]}x{size[1]}")
         verdict = f"{failed} of {len(results)} cases FAILED" if failed else f"all {len(results)} cases passed"

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import List, OutPath, Size, given_options, gpu_options, strict_option
+from taubench_gl.apps.options import GPU, command, given_options, part
 from taubench_gl.errors import SettingsError
+from taubench_gl.fields import REQUIRED, at_least, setting
+from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
     from taubench_gl.datasets.camera_path import CameraSpec
@@ -17,57 +19,48 @@ CAMERAS = ("fps", "vr", "still")
 AXES = ("translation", "yaw", "pitch", "roll")
 
 
-class Stats(click.ParamType):
+def _numbers(text: Any) -> Any:
     """``M,V`` or ``M,V,MAX`` -> numbers, which MotionStats checks."""
-
-    name = "M,V[,MAX]"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        try:
-            numbers = tuple(float(part) for part in value.split(","))
-            if not 1 <= len(numbers) <= 3:
-                raise ValueError
-            return numbers
-        except ValueError:
-            self.fail(f"{value!r} is not a mean and variance such as 3.4,8.9", param, ctx)
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if not 1 <= len(numbers) <= 3:
+        raise SettingsError(f"{text!r} is not a mean and variance", hint="give them as 3.4,8.9")
+    return numbers
 
 
-class Count(click.ParamType):
+def _count(text: Any) -> Any:
     """A number of things, or ``all`` -> -1."""
-
-    name = "N|all"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, int):
-            return value
-        if value == "all":
-            return -1
-        if not value.isdecimal():
-            self.fail(f"{value!r} is neither a number nor all", param, ctx)
-        return int(value)
+    if text == "all":
+        return -1
+    if not str(text).isdecimal():
+        raise SettingsError(f"{text!r} is neither a number nor all", hint="give 2, or all")
+    return int(text)
 
 
-class SweepRange(click.ParamType):
+def _sweep_range(text: Any) -> Any:
     """``yaw=0:12:7`` -> (axis, low, high, count)."""
-
-    name = "AXIS=LO:HI:N"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        axis, equals, numbers = value.partition("=")
-        try:
-            low, high, count = numbers.split(":")
-            if not equals:
-                raise ValueError
-            return axis.strip(), float(low), float(high), int(count)
-        except ValueError:
-            self.fail(f"{value!r} is not a sweep such as yaw=0:12:7", param, ctx)
+    axis, _, numbers = text.partition("=")
+    try:
+        low, high, count = numbers.split(":")
+        return axis.strip(), float(low), float(high), int(count)
+    except ValueError:
+        raise SettingsError(f"{text!r} is not a sweep", hint="give one such as yaw=0:12:7") from None
 
 
-@click.command(
+def _statistics(default: tuple[float, ...] | None, meaning: str) -> Any:
+    """An option for mean, variance and maximum."""
+    return setting(default, meaning, read=_numbers, metavar="M,V[,MAX]", short=default is None)
+
+
+def _moved(meaning: str) -> Any:
+    """An option for a number of things."""
+    return setting(0, meaning, read=_count, metavar="N|all", shown="none")
+
+
+@command(
+    settings=part(only=("size", "columns", "strict", *GPU), size="480x270", columns="frustum,position,normal,direct"),
     epilog="""\b
 Examples:
   taubench-gl stress scene.glb --camera vr --out hard.glb
@@ -78,31 +71,37 @@ Examples:
 \b
 A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, meters, +Y up, quaternion
 world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
-of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3 at 60 fps."""
+of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3 at 60 fps.""",
 )
 @click.argument("scene", metavar="SCENE")
-@click.option("--camera", default=None, metavar="fps|vr|still|FILE",
-              help="Camera statistics of the paper's EternalValley rows, a still camera, or a recorded path (.csv, "
-                   ".json).  [default: fps; with --sweep still]")  # fmt: skip
-@click.option("--translation", type=Stats(), help="Meters per frame: mean, variance and maximum.")
-@click.option("--yaw", type=Stats(), help="Degrees per frame, likewise.")
-@click.option("--pitch", type=Stats(), help="Degrees per frame, likewise.")
-@click.option("--roll", type=Stats(), help="Degrees per frame, likewise.")
-@click.option("--seconds", type=float, help="Length.  [default: 6; with --sweep 0.5]")
-@click.option("--fps", type=float, help="Frames per second of the statistics.  [default: 60]")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
-@click.option("--move-lights", type=Count(), default="0", help="Also move this many lights.")
-@click.option("--move-objects", type=Count(), default="0", help="Also move this many small rigid objects.")
-@click.option("--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, meters per frame.")
-@click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; write a table and a plot to --out.")
-@click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
-@click.option(
-    "--columns", type=List(), default="frustum,position,normal,direct", show_default=True, help="--sweep: columns."
-)
-@click.option("--out", type=OutPath(), required=True, metavar="OUT.glb|DIR")
-@strict_option
-@gpu_options
-def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
+def stress(
+    scene: str,
+    settings: Settings,
+    *,
+    camera: str | None = setting(
+        None,
+        "Camera statistics of the paper's EternalValley rows, a still camera, or a recorded path (.csv, .json)",
+        metavar="fps|vr|still|FILE",
+        shown="fps; with --sweep still",
+    ),
+    translation: tuple[float, ...] | None = _statistics(None, "Meters per frame: mean, variance and maximum"),
+    yaw: tuple[float, ...] | None = _statistics(None, "Degrees per frame, likewise"),
+    pitch: tuple[float, ...] | None = _statistics(None, "Degrees per frame, likewise"),
+    roll: tuple[float, ...] | None = _statistics(None, "Degrees per frame, likewise"),
+    seconds: float | None = setting(None, "Length", shown="6; with --sweep 0.5"),
+    fps: float | None = setting(None, "Frames per second of the statistics", shown="60"),
+    seed: int = setting(0, "Seed of the camera's path", at_least(0)),
+    move_lights: int = _moved("Also move this many lights"),
+    move_objects: int = _moved("Also move this many small rigid objects"),
+    motion: tuple[float, ...] = _statistics((0.05, 0.001), "Their motion, meters per frame"),
+    sweep: tuple[str, float, float, int] | None = setting(
+        None,
+        "Evaluate N constant speeds; write a table and a plot to --out.  --size and --columns are for it",
+        read=_sweep_range,
+        metavar="AXIS=LO:HI:N",
+    ),
+    out: Path = setting(REQUIRED, "The scene, or the folder of a sweep", group=OUTPUT, metavar="OUT.glb|DIR"),
+) -> None:
     """Write a scene as glTF with a camera of given motion statistics, or with a recorded camera.
 
     SCENE is any scene that 'evaluate' accepts, except path-traced files.  The camera's change per frame has exactly the
@@ -111,26 +110,33 @@ def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, *
     """
     from taubench_gl.apps.named_scenes import resolve
 
-    _require_effect(sweep is not None, moving=bool(options["move_lights"] or options["move_objects"]))
+    options = {
+        "camera": camera, "seconds": seconds, "fps": fps, "seed": seed,
+        "translation": translation, "yaw": yaw, "pitch": pitch, "roll": roll,
+    }  # fmt: skip
+    moving = bool(move_lights or move_objects)
+    _require_effect(sweep is not None, moving=moving)
     scene = resolve(scene)[0]
     if sweep is not None:
-        _sweep(scene, out, sweep, options)
+        if moving:
+            raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")
+        _sweep(scene, out, sweep, settings, options)
         return
     from taubench_gl.datasets.motion_stats import MotionStats
     from taubench_gl.datasets.recorded import SUFFIXES, read_recorded
     from taubench_gl.datasets.stress import Moves
     from taubench_gl.datasets.stress import stress as write
 
-    choice = options["camera"] or "fps"
+    choice = camera or "fps"
     if Path(choice).suffix.lower() in SUFFIXES:
         given = [name for name in (*AXES, "seconds", "fps") if options[name] is not None]
         if given:
             raise click.UsageError(f"--{given[0]} is for generated cameras, {choice} is a recorded one")
-        camera = read_recorded(choice)
+        path = read_recorded(choice)
     else:
-        camera = _spec(choice, options, 6.0)
-    moves = Moves(options["move_lights"], options["move_objects"], MotionStats(*options["motion"]))
-    done = write(scene, out, camera, moves, options["seed"], strict=options["strict"])
+        path = _spec(choice, options, 6.0)
+    moves = Moves(move_lights, move_objects, MotionStats(*motion))
+    done = write(scene, out, path, moves, seed, strict=settings.sequence.strict)
     moved = f", {done.lights} lights and {done.objects} objects moving" if done.lights or done.objects else ""
     click.echo(f"written to {done.file}: {done.seconds:.6g} s at {done.fps:.6g} fps{moved}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
@@ -166,29 +172,20 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     return with_stats(spec, **given)
 
 
-def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options: dict[str, Any]) -> None:
+def _sweep(
+    scene: str, out: Path, sweep: tuple[str, float, float, int], settings: Settings, options: dict[str, Any]
+) -> None:
     from taubench_gl.apps.study_screen import StudyScreen
     from taubench_gl.datasets.sweep import Sweep, run_sweep
-    from taubench_gl.settings import Settings
 
-    if options[sweep[0]] is not None if sweep[0] in AXES else False:
+    if sweep[0] in AXES and options[sweep[0]] is not None:
         raise click.UsageError(f"--{sweep[0]} conflicts with --sweep {sweep[0]}")
-    if options["move_lights"] or options["move_objects"]:
-        raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")
     base = _spec(options["camera"] or "still", options, 0.5)
-    width, height = options["size"]
-    settings = Settings(
-        width=width,
-        height=height,
-        columns=options["columns"],
-        strict=options["strict"],
-        backend=options["backend"],
-        device=options["device"],
-    )
     plan = Sweep(*sweep)
     with StudyScreen("speeds") as screen:
         rows = run_sweep(scene, plan, base, settings, out, screen)
-    measured = [name for name in options["columns"] if any(row[f"{name}_percent"] is not None for row in rows)]
+    columns = settings.metrics.columns
+    measured = [name for name in columns if any(row[f"{name}_percent"] is not None for row in rows)]
     click.echo("  ".join([f"{plan.axis:>12}", *(f"{name:>9}" for name in measured)]))
     for row in rows:
         speed = f"{row[f'mean_{plan.axis}_{plan.unit}']:>10.3f} {'m' if plan.unit == 'm' else '°'}"

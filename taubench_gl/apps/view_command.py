@@ -9,23 +9,19 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import (
-    Size,
-    exr_options,
-    frame_options,
-    given_options,
-    light_options,
-    pair_options,
-    settings_from,
-    with_options,
-)
+from taubench_gl.apps.options import GPU, command, given_options, part
 from taubench_gl.errors import SettingsError
+from taubench_gl.fields import at_least, setting
+from taubench_gl.requests import PathTracedOptions
+from taubench_gl.settings import SIZE, Settings, parse_size
 
 LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
 """Module -> name of its distribution."""
 
 
-@click.command(
+@command(
+    settings=part(without=("exact", "storage", "samples_per_pixel", "pairs", *GPU)),
+    files=part(PathTracedOptions, without=("lobes", "second_seed")),
     epilog="""\b
 Examples:
   taubench-gl view scene.glb
@@ -35,34 +31,38 @@ Examples:
   taubench-gl view scene.glb --reference exr:renders --scene-file scene.glb
   taubench-gl view scene.glb --script steps.txt
 \b
-Press ? in the window for the keys; docs/viewer.md lists them, and the script commands."""
+Press ? in the window for the keys; docs/viewer.md lists them, and the script commands.""",
 )
 @click.argument("source", metavar="SCENE")
-@frame_options(size="640x360", fps=24.0)
-@pair_options()
-@light_options
-@click.option(
-    "--lighting/--no-lighting",
-    " /--no-light",
-    "lit",
-    default=None,
-    help="Start with light enabled.  [default: only on a GPU]",
-)
-@click.option(
-    "--reference", metavar="exr:DIR", help="Path-traced reference frames for comparison (split view, difference)."
-)
-@click.option("--compare", metavar="RUN", help="Another run: its scene with its settings, for comparison.")
-@lambda command: with_options(command, *exr_options)
-@click.option("--script", type=click.Path(path_type=Path), metavar="FILE", help="Run a script of viewer commands.")
-@click.option(
-    "--window",
-    type=Size(),
-    help="Window size, screen points.  [default: the last one, else fits the image, at least 1280x720]",
-)
-@click.option("--screenshots", type=click.Path(path_type=Path, file_okay=False), default=".", metavar="DIR",
-              help="Folder of screenshots and clips.  [default: the current one]")  # fmt: skip
-@click.option("--bench", type=click.IntRange(min=1), metavar="N", help="Play N frames, print frames per second, quit.")
-def view(source: str, script: Path | None, bench: int | None, **options: Any) -> None:
+def view(
+    source: str,
+    settings: Settings,
+    files: PathTracedOptions,
+    *,
+    lit: bool | None = setting(
+        None, "Start with light enabled", flag="--lighting/--no-lighting| /--no-light", shown="only on a GPU"
+    ),
+    reference: str | None = setting(
+        None,
+        "Path-traced reference frames for comparison (split view, difference)",
+        metavar="exr:DIR",
+    ),
+    compare: str | None = setting(None, "Another run: its scene with its settings, for comparison", metavar="RUN"),
+    script: Path | None = setting(None, "Run a script of viewer commands", metavar="FILE", short=False),
+    window: tuple[int, int] | None = setting(
+        None,
+        "Window size, screen points",
+        SIZE.check,
+        read=parse_size,
+        metavar="WxH",
+        shown="the last one, else fits the image, at least 1280x720",
+        short=False,
+    ),
+    screenshots: Path = setting(
+        Path("."), "Folder of screenshots and clips", metavar="DIR", shown="the current one", short=False
+    ),
+    bench: int | None = setting(None, "Play N frames, print frames per second, quit", at_least(1), short=False),
+) -> None:
     """Show a scene, path-traced files or a finished run interactively: masks, thresholds, values of each pixel.
 
     SCENE is what evaluate takes: a file, a name of the registry, or exr:DIR.  A folder of results opens the run's
@@ -72,16 +72,19 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     missing = [pip for module, pip in LIBRARIES.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise SettingsError(f"the viewer needs {' and '.join(missing)}", hint="run: pip install 'taubench-gl[viewer]'")
-    request = _restored(source, options) if source.endswith(".session.json") else _open_request(source, options)
+    if source.endswith(".session.json"):
+        request = _restored(source)
+    else:
+        request = _open_request(source, settings, reference, files, compare)
     _require_source(request.source, request.reference)
     from taubench_gl.viewer.window import Session, run_session
 
     run_session(
         Session(
             request=request,
-            light=options["lit"],
-            window=options["window"],
-            screenshots=options["screenshots"],
+            light=lit,
+            window=window,
+            screenshots=screenshots,
             script=script,
             bench=bench,
             # A script starts from the same state on every machine and stores no preferences.
@@ -91,27 +94,19 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     )
 
 
-def _open_request(source: str, options: dict[str, Any]) -> Any:
-    from taubench_gl.pathtraced.evaluation import PathTracedOptions
+def _open_request(
+    source: str, settings: Settings, reference: str | None, files: PathTracedOptions, compare: str | None
+) -> Any:
     from taubench_gl.viewer.feeds import OpenRequest
 
-    names = ("size", "frames", "camera", "scene", "animations", "strict", "fps", "reprojection", "sampling",
-             "thresholds", "unit_scale", "culling", "blend", "textures", "columns", "effects", "light_unit", "exposure",
-             "environment", "light", "spp", "bounces", "bidirectional", "pattern", "seed",
-             "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
-    settings = settings_from({name: options[name] for name in names})
-    path_traced = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
-    return OpenRequest(
-        source, settings, options["reference"], PathTracedOptions(**path_traced), given_options(options), _resolve,
-        run=options["compare"],
-    )  # fmt: skip
+    return OpenRequest(source, settings, reference, files, given_options(), _resolve, run=compare)
 
 
-def _restored(source: str, options: dict[str, Any]) -> Any:
+def _restored(source: str) -> Any:
     """The request of a session file.  Raises SettingsError for options that it has itself."""
     from taubench_gl.viewer.session_file import load
 
-    given = sorted(given_options(options)) + [name for name in ("reference", "compare") if options[name] is not None]
+    given = sorted(given_options() - {"source", "lit", "window", "screenshots", "script", "bench"})
     if given:
         what = f"a session file has its own {given[0].replace('_', ' ')}"
         raise SettingsError(what, hint=f"leave --{given[0].replace('_', '-')} out")

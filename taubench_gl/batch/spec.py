@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
-from taubench_gl.settings import FIELD_TYPES, FIELDS, Settings, parse_environment, parse_frames, parse_size
+from taubench_gl.settings import FIELDS, Settings, read_key
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene to an argument of ``load_scene`` and the settings of its registry entry."""
@@ -132,26 +130,13 @@ def _sweep_table(name: str, table: Mapping[str, Any], errors: list[str]) -> list
 
 def _checked(field: str, value: Any, name: str, errors: list[str]) -> dict[str, Any] | None:
     """The Settings fields that one value sets, after a check of type and range; None if the value is invalid."""
+    if field == "animation" and isinstance(value, str):
+        value = [word.strip() for word in value.split(",") if word.strip()]
     try:
-        if field == "size":
-            return _validated(dict(zip(("width", "height"), parse_size(value))))
-        if field == "frames":
-            value = parse_frames(value)
-        elif field == "environment" and isinstance(value, str):
-            value = parse_environment(value)
-        elif field in LISTS and isinstance(value, str):
-            value = [word.strip() for word in value.split(",") if word.strip()]
-        return _validated({field: msgspec.convert(value, FIELD_TYPES[field])})
-    except msgspec.ValidationError as error:
-        errors.append(f"{name} is {value!r}: {str(error).replace('`', '')}")
+        return read_key(field, value)
     except TaubenchError as error:
         errors.append(f"{name}: {error}")
-    return None
-
-
-def _validated(fields: dict[str, Any]) -> dict[str, Any]:
-    Settings(**fields)
-    return fields
+        return None
 
 
 @dataclass(frozen=True, slots=True)

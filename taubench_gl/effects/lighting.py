@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from taubench_gl.errors import printable
 from taubench_gl.scene.gltf.blender import LUMENS_PER_WATT, exporter_version
 from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
@@ -99,7 +100,7 @@ def light_unit_of(scene: Scene) -> Choice:
 
 
 def _named(scene: Scene) -> str:
-    return " ".join(scene.generator.split())[:60]
+    return " ".join(printable(scene.generator).split())[:60]
 
 
 def emits(material: Material) -> bool:

@@ -114,7 +114,6 @@ GROUPS = {
 }
 DEFAULT = ("gbuffer", "flow", "masks")
 RADIANCE = (*GROUPS["radiance"], *GROUPS["lobes"], "path_info")
-PRECISIONS = ("native", "float", "half")
 
 
 def choose_channels(words: tuple[str, ...]) -> tuple[str, ...]:

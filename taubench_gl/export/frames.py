@@ -21,16 +21,16 @@ from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels, require_exact
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
-from taubench_gl.export.training import NO_TRAINING, TrainingLight, TrainingOptions
+from taubench_gl.export.training import TrainingLight
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.requests import NO_TRAINING, TrainingOptions
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
-JITTERS = ("none", "halton")
 NO_MOTION = int(Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND)
 """Pixels without motion: they have no position in the other frame."""
 
@@ -80,7 +80,7 @@ class FrameSource(GpuOwner):
         buffered: bool | None = None,
         training: TrainingOptions = NO_TRAINING,
     ):
-        """``jitter``: one of JITTERS; ``buffered``: as in ``ChannelReader``."""
+        """``jitter``: as in ``ExportOptions``; ``buffered``: as in ``ChannelReader``."""
         super().__init__(gpu)
         self._animated = animated
         self._count = frame_total(animated.scene, animated.camera, settings)

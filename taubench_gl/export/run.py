@@ -18,16 +18,17 @@ from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
 from taubench_gl.evaluation.owner import opened_gpu
-from taubench_gl.export.channels import PRECISIONS, RADIANCE, choose_channels
+from taubench_gl.export.channels import RADIANCE, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
-from taubench_gl.export.frames import JITTERS, FrameSource
+from taubench_gl.export.frames import FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
-from taubench_gl.export.training import NO_TRAINING, TrainingOptions
+from taubench_gl.export.training import training_names
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
+from taubench_gl.requests import ExportOptions
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -37,34 +38,12 @@ MANIFEST = "export.json"
 FORMATS: dict[str, type[Writer]] = {"exr": ExrWriter, "npz": NpzWriter, "zarr": ZarrWriter, "sintel": SintelWriter}
 
 
-@dataclass(frozen=True, slots=True)
-class ExportOptions:
-    """What to export and how.  Raises SettingsError for an unknown value."""
-
-    format: str = "exr"
-    channels: tuple[str, ...] = ()  # names and groups of ``export.channels``; empty: the default ones
-    precision: str = "native"
-    jitter: str = "none"
-    training: TrainingOptions = NO_TRAINING
-
-    def __post_init__(self) -> None:
-        if self.training.wanted and (self.jitter != "none" or self.format == "sintel"):
-            what = "path-traced light of training pairs is at pixel centers, and no part of the Sintel layout"
-            raise SettingsError(what, hint="leave --jitter and --format sintel out")
-        for what, value, allowed in (
-            ("format", self.format, FORMATS),
-            ("precision", self.precision, PRECISIONS),
-            ("jitter", self.jitter, JITTERS),
-        ):
-            if value not in allowed:
-                raise SettingsError(f"no {what} is named {value!r}", hint=f"choose from {', '.join(allowed)}")
-
-    def names(self) -> tuple[str, ...]:
-        """The channels to export.  Raises SettingsError for a channel that does not exist."""
-        names = choose_channels(self.channels)
-        if self.format != "sintel":
-            return names
-        return (*SINTEL_NAMES, *(("color",) if "color" in self.channels else ()))
+def exported_names(options: ExportOptions) -> tuple[str, ...]:
+    """The channels to export, without those of training.  Raises SettingsError for a channel that does not exist."""
+    names = choose_channels(options.channels)
+    if options.format != "sintel":
+        return names
+    return (*SINTEL_NAMES, *(("color",) if "color" in options.channels else ()))
 
 
 _EXPOSED = frozenset({*RADIANCE, "mask", "mask_forward"})
@@ -132,7 +111,7 @@ def _export(
     control: tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]],
 ) -> ExportResult:
     """``export_scene`` while no other process writes into ``out``.  ``control``: overwrite, progress, announce."""
-    names, (overwrite, progress, announce) = options.names(), control
+    names, (overwrite, progress, announce) = exported_names(options), control
     loaded = load_scene(scene, **settings.sequence.reading)
     require_triangles(loaded)
     camera = camera_of_run(loaded, settings.sequence)
@@ -147,7 +126,7 @@ def _export(
         opened_gpu(settings) as owner,
         FrameSource(owner.gpu, AnimatedScene(loaded, camera), settings, names, **how) as source,
     ):
-        exported = (*source.names, *options.training.names)
+        exported = (*source.names, *training_names(options.training))
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
             raise SettingsError(f"the scene has none of these channels: {why}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,51 +12,20 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import PATH_INFO, clean_name, noisy_name
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.references import LOBES, References, reference_settings
+from taubench_gl.requests import TrainingOptions
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-MAX_SEEDS = 64
 SEED_STEP = 1 << 24
 """Difference of the frame numbers of two seeds' sample patterns: more than a sequence has frames."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrainingOptions:
-    """Samples per pixel of noisy light, 0: none; ``seeds``: noisy images of a frame; samples of clean light, 0: none.
-
-    Raises SettingsError for a number out of range.
-    """
-
-    noisy_spp: int = 0
-    seeds: int = 1
-    reference_spp: int = 0
-
-    def __post_init__(self) -> None:
-        for what, value, most in (
-            ("noisy spp", self.noisy_spp, 1 << 16),
-            ("reference spp", self.reference_spp, 1 << 20),
-        ):
-            if not 0 <= value <= most:
-                raise SettingsError(f"{what} is {value}", hint=f"give 1 to {most}")
-        if not 1 <= self.seeds <= MAX_SEEDS:
-            raise SettingsError(f"seeds is {self.seeds}", hint=f"give 1 to {MAX_SEEDS}")
-        if self.seeds > 1 and not self.noisy_spp:
-            raise SettingsError("seeds are of noisy light", hint="give --noisy-spp N")
-
-    @property
-    def wanted(self) -> bool:
-        return bool(self.noisy_spp or self.reference_spp)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Channels in order: clean lobes, then the lobes and ``path_info`` of each seed."""
-        clean = [clean_name(lobe) for lobe in LOBES] if self.reference_spp else []
-        seeds = range(self.seeds if self.noisy_spp else 0)
-        return (*clean, *(noisy_name(k, name) for k in seeds for name in (*LOBES, PATH_INFO)))
-
-
-NO_TRAINING = TrainingOptions()
+def training_names(options: TrainingOptions) -> tuple[str, ...]:
+    """Channels in order: clean lobes, then the lobes and ``path_info`` of each seed."""
+    clean = [clean_name(lobe) for lobe in LOBES] if options.reference_spp else []
+    seeds = range(options.seeds if options.noisy_spp else 0)
+    return (*clean, *(noisy_name(k, name) for k in seeds for name in (*LOBES, PATH_INFO)))
 
 
 class TrainingLight:
@@ -82,7 +50,7 @@ class TrainingLight:
                 announce(estimate.text)
 
     def channels(self, frame: int) -> dict[str, Array]:
-        """By the names of ``TrainingOptions``: (h, w, 3), ``path_info`` (h, w, 4)."""
+        """By the names of ``training_names``: (h, w, 3), ``path_info`` (h, w, 4)."""
         out: dict[str, Array] = {}
         if self._references is not None:
             lobes = self._references.frame(frame).lobes

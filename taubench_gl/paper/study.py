@@ -10,15 +10,14 @@ from typing import Any
 from taubench_gl.batch.merge import job_folder
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
 from taubench_gl.batch.study import batch_store, run_batch
-from taubench_gl.errors import SettingsError
 from taubench_gl.paper.scenes import PaperScene
+from taubench_gl.requests import PaperOptions
 from taubench_gl.run import Run, load_run
-from taubench_gl.settings import PAPER_SIZE, Settings
+from taubench_gl.settings import Settings
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
 
-LIGHTS = ("raster", "path-traced")
 CAMERA = "camera"
 QUICK_PAIRS = "strata:4"
 ONE_PAIR = "every:9999999"
@@ -27,39 +26,6 @@ ONE_PAIR = "every:9999999"
 CAMERA_SIZE = (160, 90)
 UNIT_SECONDS = 60.0
 """Most seconds of a unit of work, as far as pairs can be split: what a killed run loses."""
-
-
-@dataclass(frozen=True, slots=True)
-class PaperOptions:
-    """``lights``: of LIGHTS; ``spp``: of path-traced light, None: the default; ``quick``: QUICK_PAIRS of the pairs.
-
-    ``pixels``: random ones of each pair with path-traced light; None: whole images.
-    """
-
-    size: tuple[int, int] = PAPER_SIZE
-    lights: tuple[str, ...] = ("raster",)
-    spp: int | None = None
-    lobes: tuple[str, ...] = ()
-    quick: bool = False
-    pixels: int | None = None
-
-    def __post_init__(self) -> None:
-        for light in self.lights:
-            if light not in LIGHTS:
-                raise SettingsError(f"no light is named {light!r:.60}", hint=f"choose from {', '.join(LIGHTS)}")
-        if not self.lights:
-            raise SettingsError("no light is given", hint=f"choose from {', '.join(LIGHTS)}")
-        if self.spp is not None and "path-traced" not in self.lights:
-            raise SettingsError("samples per pixel are of path-traced light", hint="give --light path-traced")
-        if self.pixels is not None:
-            if "path-traced" not in self.lights:
-                raise SettingsError("random pixels are of path-traced light", hint="give --light path-traced")
-            if self.pixels < 2:
-                raise SettingsError(
-                    f"{self.pixels} random pixels have no interval", hint="give at least 2, such as 256"
-                )
-            if self.lobes:
-                raise SettingsError("lobes are measured in whole images", hint="leave out --lobe or --pixels")
 
 
 @dataclass(frozen=True, slots=True)

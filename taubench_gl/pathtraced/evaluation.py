@@ -15,7 +15,7 @@ from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers
-from taubench_gl.evaluation.lobes import LobeColumns, require_lobes
+from taubench_gl.evaluation.lobes import LobeColumns
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.gpu.timing import PassTimer
@@ -32,29 +32,13 @@ from taubench_gl.pathtraced.passes import BOUNCES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report.labels import GIVEN
+from taubench_gl.requests import PathTracedOptions
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 NO_SCENE = "path-traced files have no scene statistics"
 NOISY_COLUMNS = ("color", "direct", "indirect")
-
-
-@dataclass(frozen=True, slots=True)
-class PathTracedOptions:
-    """Options of path-traced files.  At most one of ``camera_file`` and ``scene_file``.  Raises SettingsError."""
-
-    camera_file: str | Path | None = None  # JSON sidecar
-    scene_file: str | Path | None = None  # glTF file with the camera that rendered the images (settings choose it)
-    mapping: str | Path | None = None  # preset, or TOML or JSON file; None: as for PathTracedSequence.open
-    layer: str | None = None  # view layer; None: the one with most passes
-    lobes: tuple[str, ...] = ()  # lobes of direct and indirect to evaluate separately too
-    second_seed: str | Path | None = None  # exr: of the same frames with another seed, for the noise floor
-
-    def __post_init__(self) -> None:
-        if self.camera_file is not None and self.scene_file is not None:
-            raise SettingsError("a camera file and a scene file are given", hint="give one")
-        require_lobes(self.lobes)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taubench_gl.apps.evaluate_command import out_folders
+from taubench_gl.apps.screen import out_folders
 from taubench_gl.run import load_run, read_frames
 from taubench_gl.settings import Settings
 
@@ -85,7 +85,7 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
     ("options", "named"),
     [
         (["--size", "wide"], "wide"),
-        (["--size", "0x5"], "width"),
+        (["--size", "0x5"], "--size"),
         (["--frames", "7"], "--frames"),
         (["--frames", "a:b"], "a:b"),
         (["--threshold", "normal"], "--threshold"),
@@ -103,9 +103,9 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
         (["--environment", "1,2"], "environment"),
         (["--environment", "0,0,-1"], "environment"),
         (["--exposure", "0"], "exposure"),
-        (["--shadow-size", "8"], "shadow size"),
-        (["--shadow-lights", "-1"], "shadow lights"),
-        (["--light-error", "-1"], "light error"),
+        (["--shadow-size", "8"], "--shadow-size"),
+        (["--shadow-lights", "-1"], "--shadow-lights"),
+        (["--light-error", "-1"], "--light-error"),
         (["--tone-map", "film"], "film"),
         (["--reprojection", "both"], "both"),
         (["--nope"], "--nope"),

@@ -41,7 +41,13 @@ def control_characters(text: str) -> set[str]:
 
 @pytest.mark.parametrize(
     "command",
-    [("inspect",), ("evaluate", *SMALL), ("evaluate", *SMALL, "--camera", "missing"), ("export", "--frames", "0:1")],
+    [
+        ("inspect",),
+        ("evaluate", *SMALL),
+        ("evaluate", *SMALL, "--light-unit", "auto"),
+        ("evaluate", *SMALL, "--camera", "missing"),
+        ("export", "--frames", "0:1"),
+    ],
     ids=lambda command: command[0],
 )
 def test_names_do_not_control_the_terminal(taubench, tmp_path, command):

@@ -49,7 +49,7 @@ def test_flat_name_reaches_its_field_and_no_other(name):
     settings, default = Settings(**{name: CHANGED[name]}), Settings()
     different = {one for one in FIELDS if settings.get(one) != default.get(one)}
     assert different == {name}
-    assert FIELDS[name].metadata["meaning"]
+    assert FIELDS[name].meaning
 
 
 @pytest.mark.parametrize("name", WRONG)

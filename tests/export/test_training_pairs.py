@@ -11,8 +11,9 @@ from export_tools import DEMO, settings
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.channels import channel_named
 from taubench_gl.export.run import ExportOptions, export_scene
-from taubench_gl.export.training import TrainingOptions
+from taubench_gl.export.training import training_names
 from taubench_gl.pathtraced.references import LOBES, listed
+from taubench_gl.requests import TrainingOptions
 
 SMALL = {
     "width": 24,
@@ -43,7 +44,7 @@ def test_noisy_images_converge_to_the_clean_one(tmp_path):
     assert done.written == 2 and len(said) == 2
     with np.load(tmp_path / "out" / "frame_00001.npz") as found:
         frame = dict(found)
-    assert set(TRAINING.names) <= set(frame) and {"depth", "motion", "base_color"} <= set(frame)
+    assert set(training_names(TRAINING)) <= set(frame) and {"depth", "motion", "base_color"} <= set(frame)
     for k in range(3):
         np.testing.assert_array_equal(frame[f"noisy{k}_path_info"][..., 1], 1.0)
     total = {name: sum(frame[f"{name}_{lobe}"] for lobe in LOBES) for name in ("clean", "noisy0", "noisy1", "noisy2")}

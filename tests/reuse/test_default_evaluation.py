@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 
+import click
 import pytest
 
 from taubench_gl.apps import cli
 from taubench_gl.paths import PACKAGE
 from taubench_gl.report.reuse import reuse_tables
+from taubench_gl.settings import Settings
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 COMMAND = (
@@ -84,15 +86,10 @@ def test_what_path_traced_input_cannot_use_is_one_line(options, capsys):
     assert ended.value.code == 2 and capsys.readouterr().err.count("\n") == 1
 
 
-def test_raster_input_keeps_the_exact_reference(capsys):
-    from taubench_gl.apps.reuse_evaluate_command import evaluate, split_options
+def test_raster_input_keeps_the_exact_reference():
+    from taubench_gl.apps.reuse_evaluate_command import split_options
+    from taubench_gl.requests import ReuseOptions
 
-    options = {p.name: p.default for p in evaluate.params if p.name not in ("scenes", "methods", "metrics", "out")}
-    arguments = ["s.glb", "--methods", "none", "--input", "noisy"]
-    context = evaluate.make_context("evaluate", arguments, **cli.cli.context_settings)
-    given = {k: v for k, v in context.params.items() if k in options}
-    for name in ("video", "save", "report"):
-        given.pop(name)
-    with context:
-        _, request = split_options(given)
+    with click.Context(click.Command("evaluate")):
+        _, request = split_options(Settings(), ReuseOptions(input="noisy"))
     assert request["reference"] == "max"

@@ -23,10 +23,11 @@ from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.curves import sample_channel
 from taubench_gl.effects.lighting import Sun, unit_divisor
-from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import limit
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
+from taubench_gl.requests import RenderOptions
 from taubench_gl.scene.files import read_file
 from taubench_gl.scene.model import Channel, Scene
 
@@ -43,14 +44,9 @@ _JSON_CHUNK = 0x4E4F534A
 
 
 @dataclass(frozen=True, slots=True)
-class Quality:
-    """How Cycles renders.  The paper uses 1024 samples and 12 bounces.  Raises SettingsError."""
+class Quality(RenderOptions):
+    """How Cycles renders.  Raises SettingsError."""
 
-    samples: int = 64  # per pixel
-    bounces: int = 12  # longest path
-    seed: int = 0  # of the noise
-    seed_per_frame: bool = True  # independent noise in every frame; False: the same pattern in all frames
-    crisp: bool = False  # sample pixel centers only, as a rasterizer does
     cull_back_faces: bool = True  # of single-sided materials, as glTF requires
     single_scatter: bool = True  # GGX without the energy that multiple scattering adds, as glTF defines it
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear RGB
@@ -58,12 +54,6 @@ class Quality:
     image: str | None = None  # environment image, replaces the sky
     image_sha256: str | None = None  # of its file
     light_unit: str = "candela"  # watt: intensities divided by 683
-    threads: int = 0  # 0: all cores
-
-    def __post_init__(self) -> None:
-        for name, value, least in (("samples", self.samples, 1), ("bounces", self.bounces, 0), ("seed", self.seed, 0)):
-            if not least <= value < 2**31:
-                raise SettingsError(f"{name} is {value}", hint=f"give {least} or more")
 
 
 def make_job(

@@ -1,0 +1,254 @@
+"""What can be asked for beside Settings, as dataclasses of fields (``fields.setting``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from taubench_gl.conventions import LOBES
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import Checked, above_zero, at_least, one_of, setting, some_of
+from taubench_gl.settings import DEFAULT_SPP, FILES, MASKS, OUTPUT, PAPER_SIZE, SIZE, parse_size
+
+MAX_SEEDS = 64
+"""Noisy images of one exported frame."""
+
+
+def _numbers(values: Any) -> Any:
+    """Integers from texts."""
+    try:
+        return tuple(int(value) for value in values)
+    except (TypeError, ValueError):
+        raise SettingsError(f"{', '.join(map(str, values)):.60} is no integer", hint="give integers") from None
+
+
+@dataclass(frozen=True, slots=True)
+class PathTracedOptions(Checked):
+    """How path-traced files are read, and the lobes to measure.  At most one of ``camera_file`` and ``scene_file``.
+
+    Raises SettingsError.
+    """
+
+    group: ClassVar[str] = FILES
+
+    camera_file: str | Path | None = setting(
+        None, "Camera sidecar of the frames", metavar="JSON", shown="that of an export, else estimated"
+    )
+    scene_file: str | Path | None = setting(None, "glTF file with the camera of the frames", metavar="SCENE")
+    mapping: str | Path | None = setting(
+        None,
+        "Names of the passes: blender, falcor, mitsuba, taubench, unity, unreal or a TOML file",
+        metavar="NAME|FILE",
+        shown="taubench for an export, else blender",
+    )
+    layer: str | None = setting(None, "View layer", metavar="NAME", shown="the one with most passes")
+    second_seed: str | Path | None = setting(
+        None, "The same frames with another seed, for the noise floor", metavar="exr:DIR"
+    )
+    lobes: tuple[str, ...] = setting(
+        (),
+        "Also measure this lobe of direct and indirect apart; may be repeated.  Rendered scenes have diffuse and "
+        "glossy lobes",
+        some_of(LOBES),
+        group=MASKS,
+        flag="--lobe",
+        repeats=True,
+    )
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        if self.camera_file is not None and self.scene_file is not None:
+            raise SettingsError("a camera file and a scene file are given", hint="give one")
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingOptions(Checked):
+    """Path-traced light of an export for training.  Raises SettingsError."""
+
+    noisy_spp: int = setting(
+        0,
+        "Also export path-traced light of N samples per pixel, per lobe: noisy0_direct_diffuse, ...",
+        at_least(0, most=1 << 16),
+        shown="none",
+    )
+    seeds: int = setting(
+        1, "Noisy images of each frame: noisy0_*, noisy1_*, ...", at_least(1, most=MAX_SEEDS), metavar="S"
+    )
+    reference_spp: int = setting(
+        0,
+        "Also export path-traced light of M samples per pixel, per lobe: clean_direct_diffuse, ...; stored, see "
+        "'reference list'",
+        at_least(0, most=1 << 20),
+        metavar="M",
+        shown="none",
+    )
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        if self.seeds > 1 and not self.noisy_spp:
+            raise SettingsError("seeds are of noisy light", hint="give --noisy-spp N")
+
+    @property
+    def wanted(self) -> bool:
+        """Whether any light is exported."""
+        return bool(self.noisy_spp or self.reference_spp)
+
+
+NO_TRAINING = TrainingOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions(Checked):
+    """What to export and how.  Raises SettingsError for an unknown value."""
+
+    group: ClassVar[str] = OUTPUT
+
+    format: str = setting(
+        "exr",
+        "exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout",
+        one_of(("exr", "npz", "zarr", "sintel")),
+        short=True,
+    )
+    channels: tuple[str, ...] = setting(
+        (), "Names and groups of channels, see below", short=True, shown="gbuffer,flow,masks"
+    )
+    precision: str = setting(
+        "native",
+        "native: as on the GPU.  float: 32 bits.  half: 16 bits except for positions, depth and motion",
+        one_of(("native", "float", "half")),
+    )
+    jitter: str = setting(
+        "none",
+        "Sub-pixel offset of the samples of each frame; not part of motion",
+        one_of(("none", "halton")),
+    )
+    training: TrainingOptions = NO_TRAINING
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        if self.training.wanted and (self.jitter != "none" or self.format == "sintel"):
+            message = "path-traced light of training pairs is at pixel centers, and no part of the Sintel layout"
+            raise SettingsError(message, hint="leave --jitter and --format sintel out")
+
+
+@dataclass(frozen=True, slots=True)
+class ReuseOptions(Checked):
+    """On which frames reuse methods are evaluated, and with which reference.  Raises SettingsError."""
+
+    input: str = setting(
+        "path-traced@1",
+        "Frames to reuse: path-traced@N: light of N samples per pixel, others in every pixel and frame, each of one "
+        "punctual light, with +all-lights of every one; full, or some of jittered, noisy, half, checkerboard, quarter, "
+        "and upscale@S (frames S times smaller than the result), joined by +; or exr:DIR, path-traced frames with the "
+        "camera of SCENE",
+        short=True,
+        metavar="KIND",
+    )
+    light_samples: int = setting(1, "noisy: light samples per pixel", at_least(1))
+    vpl_samples: int = setting(4, "noisy: VPL samples per pixel", at_least(1))
+    reference: str | None = setting(
+        None,
+        "path-traced: path-traced light with the samples that fit --reference-time; path-traced@M: of M samples per "
+        "pixel; both stored and extended.  max: exact light of the raster method, supersampled.  exr:DIR: path-traced "
+        "frames with the same numbers",
+        short=True,
+        metavar="max|path-traced[@M]|exr:DIR",
+        shown="path-traced for path-traced input, else max",
+    )
+    reference_time: float = setting(
+        120.0, "path-traced: time for references that are not stored", above_zero(), metavar="SECONDS"
+    )
+    reference_samples: int = setting(16, "max: samples per pixel", at_least(1))
+    mapping: str | None = setting(
+        None,
+        "exr: names of the passes: blender, falcor, mitsuba, taubench, unity, unreal or a TOML file",
+        metavar="NAME|FILE",
+        shown="taubench for an export, else blender",
+    )
+    seeds: int = setting(
+        1,
+        "Repeat the frames with this many seeds, from --seed on; five or more give intervals over seeds",
+        at_least(1),
+    )
+    warmup: int = setting(1, "First frames that means and intervals leave out", at_least(1))
+    cuts: tuple[int, ...] = setting(
+        (), "Frame declared to have no history; may be repeated", flag="--cut", repeats=True, read=_numbers
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PaperOptions(Checked):
+    """What of the paper's tables is measured, and how.  Raises SettingsError."""
+
+    size: tuple[int, int] = setting(
+        PAPER_SIZE,
+        "Size of the images of Table 4",
+        SIZE.check,
+        read=parse_size,
+        short=True,
+        metavar="WxH",
+        shown="{}x{}".format(*PAPER_SIZE),
+    )
+    lights: tuple[str, ...] = setting(
+        ("raster",),
+        "Light of Table 4, one row each: raster, path-traced, comma-separated",
+        some_of(("raster", "path-traced"), least=1),
+        short=True,
+        flag="--light",
+    )
+    spp: int | None = setting(
+        None, "Samples per pixel of path-traced light", at_least(1), short=True, shown=str(DEFAULT_SPP["path-traced"])
+    )
+    lobes: tuple[str, ...] = setting(
+        (), "Also measure this lobe apart; may be repeated", some_of(LOBES), short=True, flag="--lobe", repeats=True
+    )
+    quick: bool = setting(False, "Table 4 of 8 pairs spread over the animation, with confidence intervals", short=True)
+    pixels: int | None = setting(
+        None,
+        "Path-traced light at N random pixels of each pair instead of all, with confidence intervals",
+        at_least(2, "2 or more, such as 256: one pixel has no interval"),
+        short=True,
+    )
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        for name, value in (("samples per pixel", self.spp), ("random pixels", self.pixels)):
+            if value is not None and "path-traced" not in self.lights:
+                raise SettingsError(f"{name} are of path-traced light", hint="give --light path-traced")
+        if self.pixels is not None and self.lobes:
+            raise SettingsError("lobes are measured in whole images", hint="leave out --lobe or --pixels")
+
+
+@dataclass(frozen=True, slots=True)
+class EngineOptions(Checked):
+    """What runs the units of a study."""
+
+    workers: int | None = setting(None, "Worker processes on this machine", short=True, shown="none")
+    engine: str | None = setting(
+        None,
+        "dask://HOST:PORT (a Dask scheduler) or dask-local (local Dask workers)",
+        short=True,
+        metavar="NAME",
+        shown="this process",
+    )
+    chunk: int | None = setting(
+        None, "Pairs per unit of work; does not change results", metavar="PAIRS", shown="automatic"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RenderOptions(Checked):
+    """How Cycles renders reference images.  The paper uses 1024 samples and 12 bounces.  Raises SettingsError."""
+
+    samples: int = setting(64, "Samples per pixel", at_least(1, most=2**31 - 1), short=True)
+    bounces: int = setting(12, "Longest path", at_least(0, most=2**31 - 1), short=True)
+    seed: int = setting(0, "Seed of the noise", at_least(0, most=2**31 - 1), short=True)
+    seed_per_frame: bool = setting(
+        True,
+        "Independent noise in every frame, or the same pattern in all frames",
+        flag="--seed-per-frame/--one-seed",
+        shown="seed-per-frame",
+    )
+    crisp: bool = setting(False, "Sample pixel centers only, as a rasterizer does", short=True)
+    threads: int = setting(0, "CPU threads of Blender", at_least(0), shown="all cores")

@@ -1,0 +1,158 @@
+"""A field is declared once: options, help, keys of files and keywords of functions follow from its declaration."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import click
+import pytest
+
+from taubench_gl.apps.cli import SECTIONS, cli
+from taubench_gl.apps.options import MOST_SHORT, Command, Commands, Option, command
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import REQUIRED, at_least, declared, one_of, setting, some_of
+from taubench_gl.paths import PACKAGE
+
+ADD_A_SETTING = f"""
+import sys, types
+from pathlib import Path
+source = Path({str(PACKAGE / "settings.py")!r}).read_text(encoding="utf-8")
+line = '    haze: float = setting(0.5, "Density of the haze", at_least(0, most=2))\\n'
+place = "    light_error: float"
+assert source.count(place) == 1
+module = types.ModuleType("taubench_gl.settings")
+sys.modules["taubench_gl.settings"] = module
+exec(compile(source.replace(place, line + place), "settings.py", "exec"), module.__dict__)
+"""
+
+
+def with_the_setting(code: str) -> str:
+    """What ``code`` prints in a process whose settings have one field more."""
+    done = subprocess.run([sys.executable, "-c", ADD_A_SETTING + code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_new_setting_is_an_option_of_every_command_with_light():
+    printed = with_the_setting("""
+from click.testing import CliRunner
+from taubench_gl.apps.cli import cli
+def options(group):
+    for member in group.commands.values():
+        for param in member.params:
+            if param.name == "haze":
+                print(member.name, *param.opts)
+        if hasattr(member, "commands"):
+            options(member)
+options(cli)
+for help in ("--help", "--help-all"):
+    text = " ".join(CliRunner().invoke(cli, ["evaluate", help]).output.split())
+    print(help, "--haze" in text, "Density of the haze. [default: 0.5]" in text)
+print(CliRunner().invoke(cli, ["evaluate", "a.glb", "--haze", "3"], standalone_mode=False).exception)
+""")
+    for name in ("evaluate", "view", "cost", "export", "fit"):
+        assert f"{name} --haze" in printed
+    assert "--help False False" in printed and "--help-all True True" in printed
+    assert "--haze is 3.0 (give 0 to 2)" in printed
+
+
+def test_a_new_setting_is_a_key_and_a_keyword(tmp_path):
+    (tmp_path / "batch.toml").write_text('scenes = ["a.glb"]\nhaze = [0.25, 1]\n')
+    (tmp_path / "wrong.toml").write_text('scenes = ["a.glb"]\nhaze = 3\n')
+    (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nhaze = 0.75\n')
+    (tmp_path / "a.glb").write_bytes(b"")
+    printed = with_the_setting(f"""
+import taubench_gl as tb
+from taubench_gl.batch.spec import read_spec
+folder = Path({str(tmp_path)!r})
+print("batch", [job.settings.lighting.haze for job in read_spec(folder / "batch.toml").jobs])
+for call in (lambda: read_spec(folder / "wrong.toml"), lambda: tb.evaluate(folder / "a.glb", haze=3)):
+    try:
+        call()
+    except tb.TaubenchError as error:
+        print(error)
+print("preset", tb.load_preset(folder / "preset.toml"))
+print("keyword", tb.Settings(haze="1.5").replace(fps=30).get("haze"), tb.Settings().to_dict()["haze"])
+from taubench_gl.apps.doc import settings_table
+print([line for line in settings_table() if "haze" in line])
+""")
+    assert "batch [0.25, 1.0]" in printed and "preset {'haze': 0.75}" in printed and "keyword 1.5 0.5" in printed
+    assert printed.count("haze is 3") == 2 and "Density of the haze |" in printed
+
+
+def members(group: click.Group) -> list[click.Command]:
+    return [c for m in group.commands.values() for c in (members(m) if isinstance(m, click.Group) else [m])]
+
+
+@pytest.mark.parametrize("member", members(cli), ids=lambda member: member.name)
+def test_the_short_help_is_short_and_the_complete_help_complete(member):
+    assert isinstance(member, Command)
+    context = click.Context(member, **cli.context_settings)
+    short, complete = member.get_help(context), member.get_complete_help(click.Context(member, **cli.context_settings))
+    options = [param for param in member.params if isinstance(param, Option)]
+    shown = [param for param in member.shown(context) if isinstance(param, Option)]
+    assert len(shown) <= 14 and (len(shown) == len(options) or len(options) > MOST_SHORT)
+    assert all(option.opts[0] in complete for option in options) and all(option.opts[0] in short for option in shown)
+    assert "--help-all" in short
+
+
+def test_every_command_has_a_section():
+    assert isinstance(cli, Commands)
+    listed = [name for names in cli.sections.values() for name in names]
+    assert sorted(listed) == sorted(cli.commands) and set(cli.sections) == set(SECTIONS)
+
+
+def test_no_option_of_a_command_is_declared_twice():
+    for member in members(cli):
+        flags = [flag for param in member.params if isinstance(param, click.Option) for flag in param.opts]
+        assert len(flags) == len(set(flags)), member.name
+
+
+@command()
+def sample(
+    *,
+    needed: int = setting(REQUIRED, "A number", at_least(2)),
+    shape: str = setting("box", "A shape", one_of(("box", "ball"))),
+    parts: tuple[str, ...] = setting((), "Parts", some_of(("lid", "base"))),
+    sizes: tuple[int, ...] = setting((), "Sizes", flag="--of", read=lambda texts: tuple(map(int, texts)), repeats=True),
+    closed: bool = setting(True, "Closed", flag="--closed/--open"),
+) -> None:
+    """A command."""
+    click.echo(repr((needed, shape, parts, sizes, closed)))
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        ("--needed 3", (3, "box", (), (), True)),
+        ("--needed 2 --shape ball --parts base,lid,base", (2, "ball", ("base", "lid"), (), True)),
+        ("--needed 2 --of 4 --of 5 --open", (2, "box", (), (4, 5), False)),
+    ],
+)  # fmt: skip
+def test_parameters_of_a_function_are_options(words, values, capsys):
+    sample.main(words.split(), standalone_mode=False)
+    assert capsys.readouterr().out == f"{values!r}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("", "--needed"), ("--needed 1", "--needed is 1"), ("--needed two", "--needed"), ("--needed 2.5", "--needed"),
+        ("--needed 2 --shape bal", "did you mean ball?"), ("--needed 2 --parts lid,foot", "foot"),
+        ("--needed 2 --parts ,", "--parts is empty"),
+    ],
+)  # fmt: skip
+def test_a_wrong_value_names_its_option(words, named):
+    with pytest.raises(click.UsageError) as caught:
+        sample.main(words.split(), standalone_mode=False)
+    assert named in str(caught.value.format_message())
+
+
+def test_a_declaration_reads_what_people_and_programs_write():
+    fields = declared(sample.callback)
+    assert fields["needed"].checked("7") == 7 == fields["needed"].value_of(7)
+    assert fields["parts"].value_of(["lid"]) == ("lid",)
+    with pytest.raises(SettingsError) as caught:
+        fields["needed"].checked(1)
+    assert caught.value.setting == "needed" and caught.value.hint == "give 2 or more"
