@@ -69,7 +69,7 @@ class RecordedFrames:
 
     @staticmethod
     def label(source: str, requested: str | None) -> str:
-        """The label of ``exr:DIR``: ``requested``, or without it ``name``.  Raises SettingsError for a reserved name."""
+        """The label of ``exr:DIR``: ``requested``, else its name.  Raises SettingsError for a reserved name."""
         if requested in RESERVED:
             raise SettingsError(f"label is {requested!r}, which every evaluation has", hint="give another @label=")
         return requested or RecordedFrames(source.removeprefix(PREFIX)).name
