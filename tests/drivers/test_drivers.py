@@ -60,8 +60,8 @@ def test_counts_equal_those_of_llvmpipe() -> None:
 LIGHT = """
 import sys
 import numpy as np
-from taubench_gl.animation import choose_camera
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings

@@ -127,8 +127,9 @@ def test_the_shadow_touches_the_boxs_foot(gpu, kind, elevation):
     case = Case(kind, elevation)
     scene = case.scene()
     scene = dataclasses.replace(scene, cameras=(dataclasses.replace(scene.cameras[0], xmag=0.25, ymag=0.25),))
-    node = int(scene.camera_nodes[0])
-    scene.nodes.translation[node] = (-0.5, 8.0, 0.0)  # over the foot that faces away from the light
+    translation = scene.nodes.translation.copy()
+    translation[scene.camera_nodes[0]] = (-0.5, 8.0, 0.0)  # over the foot that faces away from the light
+    scene = dataclasses.replace(scene, nodes=dataclasses.replace(scene.nodes, translation=translation))
     shot, lit = visibility(gpu, scene, shadow_size=SIZE)
     plane = on_plane(shot)
     x = shot.points[..., 0]

@@ -95,8 +95,8 @@ def _world_blending() -> AbstractContextManager[None]:
 
     def palettes(one: Any, state: FrameState, view: View) -> Any:
         away = dataclasses.replace(view, position=np.zeros(3))
-        found, mirrored = original(one, state, away)
-        return [_relative(m, view) for m in found], mirrored
+        matrices, first, mirrored = original(one, state, away)
+        return _relative(matrices, view), first, mirrored
 
     def _relative(matrices: Array, view: View) -> Array:
         out = matrices.astype(np.float32)
