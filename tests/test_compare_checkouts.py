@@ -51,25 +51,11 @@ def test_exit_codes_are_compared(tool):
     assert found(tool, result(1), result(1)) == ["exit"], "an internal error is never expected"
 
 
-def test_another_orbit_is_expected_and_the_same_one_is_not(tool):
-    case, path = tool.Case("scene", ()), "summary/pairs"
-    sources = ("camera 'Main'", "framing orbit (no camera)", "framing orbit (no camera): moves 1 m per frame at 24 fps")
-    file, earlier, present = (result(summary__camera__source=source) for source in sources)
-    assert tool.expected_reason(case, path, earlier, present) and tool.expected_reason(case, path, file, present)
-    assert tool.expected_reason(case, path, present, present) is None
-    assert tool.expected_reason(case, path, file, file) is None
-
-
-def test_refusing_a_run_without_a_pair_is_expected(tool):
-    case = tool.Case("scene", ())
-    assert tool.expected_reason(case, "exit", result(summary__pairs=0), result(2))
-    assert tool.expected_reason(case, "exit", result(summary__pairs=3), result(2)) is None
-
-
-def test_lengths_may_change_from_scene_units_to_meters(tool):
-    path, scale = "summary/settings/thresholds/position", {"summary/settings/unit_scale": 4.0}
-    old, new, wrong = ({"exit": 0, "error": "", "values": scale | {path: value}} for value in (2.0, 0.5, 0.25))
-    assert found(tool, old, new) == [] and found(tool, old, wrong) == [path]
+def test_expected_differences_are_named(tool, monkeypatch):
+    monkeypatch.setattr(tool, "EXPECTED", (("^exr:", r"summary/pairs", "another frame rate"),))
+    assert tool.expected_reason(tool.Case("exr:renders", ()), "summary/pairs") == "another frame rate"
+    assert tool.expected_reason(tool.Case("exr:renders", ()), "summary/fps") is None
+    assert tool.expected_reason(tool.Case("scene", ()), "summary/pairs") is None
 
 
 def test_text_and_volatile_values_are_not_compared(tool):
@@ -89,18 +75,3 @@ def test_a_checkout_equals_itself(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1].startswith("2 cases (1 refused")
-
-
-def test_a_checkout_with_light_units_gets_the_lighting_of_earlier_releases(tool, tmp_path):
-    old, new = tmp_path / "old", tmp_path / "new"
-    for checkout, field in ((old, "sky: tuple"), (new, "light_unit: str")):
-        (checkout / "taubench_gl").mkdir(parents=True)
-        (checkout / "taubench_gl" / "settings.py").write_text(field)
-    lit = tool.Case("lit", ("evaluate", "a.glb", "--environment", "1,1,1", "--exposure", "0.5"))
-    assert tool.arguments_for(lit, old) == lit.arguments
-    more = tool.arguments_for(lit, new)[len(lit.arguments) :]
-    assert more == ("--light-unit", "candela", "--light-error", "0.0005")
-    plain = tool.arguments_for(tool.Case("plain", ("export", "a.glb")), new)
-    assert plain[2:] == ("--light-unit", "candela", "--exposure", "1", "--environment", "none")
-    for words in (("scenes", "make"), ("evaluate", "exr:renders")):
-        assert tool.arguments_for(tool.Case("other", words), new) == words
