@@ -25,6 +25,7 @@ from taubench_gl.evaluation import (
 )
 from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.fields import declared
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import (
@@ -38,7 +39,6 @@ from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.run_frames import FrameRecorder, PlaneRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
-from taubench_gl.requests import PathTracedOptions
 from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import KEYS, Settings, unknown_setting

@@ -11,7 +11,7 @@ import click
 from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.screen import interruptible, show_tables, warn
 from taubench_gl.fields import REQUIRED, setting
-from taubench_gl.requests import EngineOptions
+from taubench_gl.option_groups import EngineOptions
 from taubench_gl.settings import OUTPUT
 
 if TYPE_CHECKING:

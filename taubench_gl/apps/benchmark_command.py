@@ -10,7 +10,7 @@ import click
 from taubench_gl.apps.options import Commands, command, part
 from taubench_gl.apps.screen import TABLE_FORMATS, interruptible, note, show_tables, warn
 from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
-from taubench_gl.requests import EngineOptions
+from taubench_gl.option_groups import EngineOptions
 from taubench_gl.settings import OUTPUT
 
 SUITE = setting("quick", "Built-in suite, or a TOML file", metavar="quick|full|FILE")

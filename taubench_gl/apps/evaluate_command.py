@@ -14,7 +14,7 @@ from taubench_gl.apps.screen import for_each_scene, interruptible, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import setting, some_of
 from taubench_gl.glossary import COLUMNS, definitions
-from taubench_gl.requests import PathTracedOptions
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import OUTPUT, SCENE, Settings
 
 if TYPE_CHECKING:

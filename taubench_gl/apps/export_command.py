@@ -9,7 +9,7 @@ import click
 
 from taubench_gl.apps.options import command, part
 from taubench_gl.fields import REQUIRED, setting
-from taubench_gl.requests import ExportOptions, TrainingOptions
+from taubench_gl.option_groups import ExportOptions, TrainingOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 

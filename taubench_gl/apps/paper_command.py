@@ -10,7 +10,7 @@ import click
 from taubench_gl.apps.options import command
 from taubench_gl.apps.screen import interruptible, show_tables, warn
 from taubench_gl.fields import setting
-from taubench_gl.requests import EngineOptions, PaperOptions
+from taubench_gl.option_groups import EngineOptions, PaperOptions
 from taubench_gl.settings import OUTPUT
 
 

@@ -14,7 +14,7 @@ from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, part
 from taubench_gl.apps.screen import StatusLine, show_json, show_notes
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, setting
-from taubench_gl.requests import PathTracedOptions, RenderOptions
+from taubench_gl.option_groups import PathTracedOptions, RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 
 

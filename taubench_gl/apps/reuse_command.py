@@ -15,7 +15,7 @@ from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
 from taubench_gl.apps.screen import show_json, show_list
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import at_least, setting
-from taubench_gl.requests import PathTracedOptions
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:

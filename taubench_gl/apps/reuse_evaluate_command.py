@@ -14,7 +14,7 @@ from taubench_gl.apps.options import FRAMES, GPU, command, given_options, part
 from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, one_of, setting, some_of
-from taubench_gl.requests import ReuseOptions
+from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:

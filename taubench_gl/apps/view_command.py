@@ -12,7 +12,7 @@ import click
 from taubench_gl.apps.options import GPU, command, given_options, part
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import at_least, setting
-from taubench_gl.requests import PathTracedOptions
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import SIZE, Settings, parse_size
 
 LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}

@@ -27,7 +27,7 @@ from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.requests import NO_TRAINING, TrainingOptions
+from taubench_gl.option_groups import NO_TRAINING, TrainingOptions
 from taubench_gl.settings import Settings
 
 Array = np.ndarray

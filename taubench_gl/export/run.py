@@ -26,9 +26,9 @@ from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.export.training import training_names
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.option_groups import ExportOptions
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
-from taubench_gl.requests import ExportOptions
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings

@@ -11,8 +11,8 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import PATH_INFO, clean_name, noisy_name
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.option_groups import TrainingOptions
 from taubench_gl.pathtraced.references import LOBES, References, reference_settings
-from taubench_gl.requests import TrainingOptions
 from taubench_gl.settings import Settings
 
 Array = np.ndarray

@@ -10,8 +10,8 @@ from typing import Any
 from taubench_gl.batch.merge import job_folder
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
 from taubench_gl.batch.study import batch_store, run_batch
+from taubench_gl.option_groups import PaperOptions
 from taubench_gl.paper.scenes import PaperScene
-from taubench_gl.requests import PaperOptions
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import Settings
 

@@ -20,6 +20,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.sequence_stats import SequenceStats
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
 from taubench_gl.pathtraced.cameras import (
     CAMERA_FILE,
@@ -32,7 +33,6 @@ from taubench_gl.pathtraced.passes import BOUNCES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report.labels import GIVEN
-from taubench_gl.requests import PathTracedOptions
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings

@@ -12,8 +12,8 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.channels import channel_named
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.export.training import training_names
+from taubench_gl.option_groups import TrainingOptions
 from taubench_gl.pathtraced.references import LOBES, listed
-from taubench_gl.requests import TrainingOptions
 
 SMALL = {
     "width": 24,

@@ -88,7 +88,7 @@ def test_what_path_traced_input_cannot_use_is_one_line(options, capsys):
 
 def test_raster_input_keeps_the_exact_reference():
     from taubench_gl.apps.reuse_evaluate_command import split_options
-    from taubench_gl.requests import ReuseOptions
+    from taubench_gl.option_groups import ReuseOptions
 
     with click.Context(click.Command("evaluate")):
         _, request = split_options(Settings(), ReuseOptions(input="noisy"))

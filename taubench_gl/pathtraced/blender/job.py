@@ -25,9 +25,9 @@ from taubench_gl.animation.curves import sample_channel
 from taubench_gl.effects.lighting import Sun, unit_divisor
 from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import limit
+from taubench_gl.option_groups import RenderOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
-from taubench_gl.requests import RenderOptions
 from taubench_gl.scene.files import read_file
 from taubench_gl.scene.model import Channel, Scene
 

@@ -1,4 +1,4 @@
-"""What can be asked for beside Settings, as dataclasses of fields (``fields.setting``)."""
+"""Groups of options beside Settings, as dataclasses of fields (``fields.setting``)."""
 
 from __future__ import annotations
 
