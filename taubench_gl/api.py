@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +15,13 @@ import numpy as np
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import (
-    Observers,
-    Pair,
-    SceneInput,
-    Session,
-    Wants,
-    evaluate_scene,
-    open_scene,
-)
+from taubench_gl.evaluation import Observers, Pair, Session, Wants, evaluate_scene
 from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.fields import declared
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
-from taubench_gl.pathtraced.evaluation import (
-    PathTracedInput,
-    evaluate_path_traced,
-    open_input,
-    require_supported,
-)
+from taubench_gl.pathtraced.evaluation import choose_input, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
@@ -138,14 +126,10 @@ def pairs(
     ...     print(pair.frame, pair.mask.shape, pair.explain(320, 180))
     """
     settings, path_traced = _settings_of(scene, settings, options, ("settings", "channels"))
-    given: SceneInput | PathTracedInput
-    if is_sequence(scene):
-        require_supported(scene, settings)
-        given = open_input(scene, settings, path_traced)
-    else:
-        every = settings.replace(pairs="all") if settings.metrics.all_pairs else settings
-        given = open_scene(_readable(scene), every)
-    return _pairs(given, _channels(channels))
+    if not is_sequence(scene):
+        scene, settings = _readable(scene), settings.replace(pairs="all") if settings.metrics.all_pairs else settings
+    chosen = choose_input(scene, settings, options=path_traced)
+    return _pairs(partial(Session, chosen, Wants(images=True, channels=_channels(channels))))
 
 
 def _readable(scene: Scene | str | Path) -> Scene | str | Path:
@@ -153,8 +137,8 @@ def _readable(scene: Scene | str | Path) -> Scene | str | Path:
     return scene if isinstance(scene, Scene) or not is_convertible(scene) else converted(scene)
 
 
-def _pairs(given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Iterator[Pair]:
-    with Session(given, Wants(images=True, channels=channels)) as session:
+def _pairs(open_session: Callable[[], Session]) -> Iterator[Pair]:
+    with open_session() as session:
         for pair in session.pairs():
             yield pair.load()
 

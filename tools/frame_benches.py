@@ -29,7 +29,7 @@ from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.channels import CHANNELS
 from taubench_gl.datasets.stand_ins import make_stand_in
-from taubench_gl.evaluation import PairEvaluator, Session, open_scene
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
@@ -37,6 +37,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
+from taubench_gl.pathtraced.evaluation import open_session
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -58,7 +59,7 @@ def shares(gpu: Gpu, options: Options) -> Result:
             settings = Settings(
                 width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given, **FIXED_LIGHTING
             )
-            with Session(open_scene(scene, settings, camera), every=1) as session:
+            with open_session(scene, settings, camera=camera, every=1) as session:
                 for _ in session.pairs():
                     pass
             samples = {what: list(ms[1:]) for what, ms in session.timer.samples_ms().items() if len(ms) > 1}

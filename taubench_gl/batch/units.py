@@ -34,12 +34,9 @@ from taubench_gl.evaluation import (
     files_identity,
     frame_range,
     frame_schedule,
+    open_scene,
     pair_schedule,
-    require_exact,
-    require_triangles,
-    resolve_lighting,
     scene_facts,
-    with_pairs,
 )
 from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.frame.spec import AnimatedScene
@@ -184,13 +181,9 @@ def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -
 
     ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
     """
-    animated, scene, camera = loaded.animated, loaded.animated.scene, loaded.animated.camera
-    require_triangles(scene)
-    if settings.metrics.exact:
-        require_exact(settings)
-    frames = frame_range(scene, camera, settings)
-    resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=animated.poser)
-    resolved = replace(resolved, settings=with_pairs(scene, resolved.settings, frames))
+    scene = loaded.animated.scene
+    given = open_scene(scene, settings, loaded.animated.camera)
+    frames, animated, resolved = given.frames, given.animated, given.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
     one_file = scene.files == 1 and environment_image(resolved.settings) is None

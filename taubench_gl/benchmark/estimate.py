@@ -10,15 +10,13 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from taubench_gl.animation import camera_of_run
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
 from taubench_gl.benchmark.unit import BenchmarkUnit, applicable
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import resolve_lighting
+from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.features import COLUMNS
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.references import PREFIX, reference_samples
@@ -120,10 +118,7 @@ def _tracing(case: Case) -> float:
     samples = reference_samples(case.reference)
     if samples is None:
         return 0.0
-    scene = load_scene(scene_file(case.scene))
-    settings = case.settings
-    camera = camera_of_run(scene, settings.sequence)
-    settings = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera).settings
-    with opened_gpu(settings) as owner:
-        references = References.open(owner, AnimatedScene(scene, camera), settings, samples, exact=True)
+    given = open_scene(load_scene(scene_file(case.scene)), case.settings, columns=COLUMNS, sampled=False)
+    with opened_gpu(given.settings) as owner:
+        references = References.open(owner, given.animated, given.settings, samples, exact=True)
         return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0

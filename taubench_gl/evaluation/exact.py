@@ -11,14 +11,12 @@ import numpy as np
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.brightness import checked_frames
-from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair
-from taubench_gl.evaluation.previous_shading import LIGHT, PointLight, PreviousShading, needed
+from taubench_gl.evaluation.previous_shading import LIGHT, PointLight, PreviousShading, Variant, needed
 from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.features import FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
 from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.metrics.reuse_rate import RATE_BITS
@@ -57,20 +55,20 @@ class ExactReasons:
 
     def __init__(
         self,
-        owner: GpuOwner,
-        animated: AnimatedScene,
+        variant: Variant,
         settings: Settings,
         radiance: Collection[str],
         *,
         without: tuple[str, ...] = (),
     ):
-        """``owner``: frees what this draws with; ``radiance``: those of direct, indirect and color that the source has.
+        """``variant``: opens a source beside that of the pairs; ``radiance``: those of direct, indirect and color that
+        the source of the pairs has.
 
         ``without``: effects not to simulate.
         """
         self._thresholds = {name: settings.metrics.threshold(name) for name in LIGHT}
         lit = {*LIGHT, "color"} & set(radiance)
-        self._shading = PreviousShading(owner, animated, settings, without) if lit else None
+        self._shading = PreviousShading(variant, settings, without) if lit else None
 
     @property
     def lit(self) -> bool:
@@ -126,11 +124,9 @@ class ExactColumns:
         self._measured = tuple(c for c in FEATURES if c not in unmeasured)
 
     @classmethod
-    def of_source(
-        cls, owner: GpuOwner, animated: AnimatedScene, settings: Settings, source: RasterSource, frames: range
-    ) -> ExactColumns:
+    def of_source(cls, variant: Variant, settings: Settings, source: RasterSource, frames: range) -> ExactColumns:
         """For the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
-        reasons = ExactReasons(owner, animated, settings, source.radiance)
+        reasons = ExactReasons(variant, settings, source.radiance)
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.math3d import normalize
 from taubench_gl.settings import Settings
@@ -19,6 +18,9 @@ SURFACE = ("normal", "geometric_normal", "base_color", "material")
 """Channels of a point that light depends on, besides its position."""
 
 LIGHT = ("direct", "indirect")
+
+Variant = Callable[..., RasterSource]
+"""``Session.variant``: settings and options -> another source of the same scene."""
 
 
 def needed() -> tuple[str, ...]:
@@ -50,10 +52,10 @@ class PreviousShading:
     are the current ones.
     """
 
-    def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings, without: tuple[str, ...] = ()):
-        """``owner``: frees the source of the previous frame; ``without``: effects not to simulate."""
+    def __init__(self, variant: Variant, settings: Settings, without: tuple[str, ...] = ()):
+        """``variant``: opens the source of the previous frame; ``without``: effects not to simulate."""
         self._exposure = settings.lighting.exposure_factor
-        self._source = owner.open_source(animated, settings, extra=SURFACE, without=without, given_directions=True)
+        self._source = variant(settings, extra=SURFACE, without=without, given_directions=True)
         self.radiance = tuple(name for name in LIGHT if name in self._source.radiance)
         self._copied = tuple(n for n in (*SURFACE, "emission") if n in self._source.channels)
         self._glossy = self._source.effects["glossy"].enabled

@@ -53,7 +53,7 @@ class SceneInput:
             missing = missing_of_scene(session.wants.lobes, source.unmeasured)
             yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if settings.metrics.exact:
-            yield ExactColumns.of_source(session, self.animated, settings, source, self.frames)
+            yield ExactColumns.of_source(session.variant, settings, source, self.frames)
 
     def facts(self, session: Session) -> dict[str, Any]:
         return scene_facts(self.animated, self.frames, self.lighting)
@@ -68,8 +68,18 @@ class SceneInput:
         """Nothing: a rendered scene has what every input has."""
 
 
-def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrack | None = None) -> SceneInput:
-    """Load a scene if it is a path, choose camera, frames and lighting.  Raises TaubenchError."""
+def open_scene(
+    scene: Scene | str | Path,
+    settings: Settings,
+    camera: CameraTrack | None = None,
+    *,
+    columns: tuple[str, ...] | None = None,
+    sampled: bool = True,
+) -> SceneInput:
+    """Load a scene if it is a path, choose camera, frames, lighting and, if ``sampled``, pairs.  Raises TaubenchError.
+
+    ``columns``: those that lighting is resolved for, where light is needed for others than those of ``settings``.
+    """
     if settings.metrics.exact:
         require_exact(settings)
     if not isinstance(scene, Scene):
@@ -79,9 +89,11 @@ def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrac
     require_triangles(scene)
     require_scale(scene, settings)
     animated = AnimatedScene(scene, camera)
-    lighting = resolve_lighting(scene, settings, camera, frames=frames, poser=animated.poser)
-    lighting = replace(lighting, settings=with_pairs(scene, lighting.settings, frames))
-    return SceneInput(animated, frames, lighting)
+    lit = settings if columns is None else settings.replace(columns=columns)
+    lighting = resolve_lighting(scene, lit, camera, frames=frames, poser=animated.poser)
+    resolved = lighting.settings if columns is None else lighting.settings.replace(columns=settings.metrics.columns)
+    resolved = with_pairs(scene, resolved, frames) if sampled else resolved
+    return SceneInput(animated, frames, replace(lighting, settings=resolved))
 
 
 def evaluate_scene(

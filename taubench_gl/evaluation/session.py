@@ -26,7 +26,8 @@ from taubench_gl.evaluation.scale import describe_scale, median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run
 from taubench_gl.features import COLUMNS
-from taubench_gl.frame.sources import Source
+from taubench_gl.frame.sources import RasterSource, Source
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity
@@ -75,6 +76,8 @@ class Input(Protocol):
     @property
     def frames(self) -> range: ...
 
+    animated: AnimatedScene | None  # None: files
+
     def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> Source:
         """Owned by ``owner``."""
 
@@ -113,6 +116,13 @@ class Session(GpuOwner):
             self.evaluator = self.open_evaluator(self.source, self.settings, **how)
             opened.pop_all()
         self._begin()
+
+    def variant(self, settings: Settings, **how: Any) -> RasterSource:
+        """Another source of the session's scene with its camera, poses and programs.  ``how``: as of ``RasterSource``.
+
+        ``settings``: those of the session with what differs, so that their lighting is resolved.
+        """
+        return self.open_source(self.given.animated, settings, **how)
 
     def _begin(self) -> None:
         self.rows: list[dict[str, Any]] = []

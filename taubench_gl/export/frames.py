@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -117,7 +118,7 @@ class FrameSource(GpuOwner):
         self._exact: ExactReasons | None = None
         if exact:
             radiance = {"direct", "indirect"} & set(self.source.radiance)
-            self._exact = ExactReasons(self, animated, settings, radiance)
+            self._exact = ExactReasons(partial(self.open_source, animated), settings, radiance)
         self._ahead: History | None = None
         if set(FORWARD) & set(self.names):
             self._ahead = self.own(History(gpu, self.source.size, self.source.channels, settings.device.storage))

@@ -13,10 +13,10 @@ from typing import Any, Literal
 import msgspec
 
 from taubench_gl import __version__
-from taubench_gl.animation import View, camera_of_run
+from taubench_gl.animation import View
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
+from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.export.channels import RADIANCE, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
@@ -25,12 +25,10 @@ from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.export.training import training_names
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.option_groups import ExportOptions
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
-from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/export/1"
@@ -112,19 +110,14 @@ def _export(
 ) -> ExportResult:
     """``export_scene`` while no other process writes into ``out``.  ``control``: overwrite, progress, announce."""
     names, (overwrite, progress, announce) = exported_names(options), control
-    loaded = load_scene(scene, **settings.sequence.reading)
-    require_triangles(loaded)
-    camera = camera_of_run(loaded, settings.sequence)
-    frames = frame_range(loaded, camera, settings)
     # Geometry does not depend on the exposure.
     lit = _EXPOSED & set(names) or options.training.wanted
-    columns = settings.metrics.columns if lit else ("frustum",)
-    lighting = resolve_lighting(loaded, settings.replace(columns=columns), camera, frames=frames).settings
-    settings = lighting.replace(columns=settings.metrics.columns)
+    given = open_scene(scene, settings, columns=None if lit else ("frustum",), sampled=False)
+    settings, frames, loaded = given.settings, given.frames, given.animated.scene
     how = {"jitter": options.jitter, "training": options.training}
     with (
         opened_gpu(settings) as owner,
-        FrameSource(owner.gpu, AnimatedScene(loaded, camera), settings, names, **how) as source,
+        FrameSource(owner.gpu, given.animated, settings, names, **how) as source,
     ):
         exported = (*source.names, *training_names(options.training))
         if not exported:

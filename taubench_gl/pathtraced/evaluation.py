@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import View, choose_camera
+from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
@@ -17,7 +17,8 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers
 from taubench_gl.evaluation.lobes import LobeColumns
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
+from taubench_gl.evaluation.scene import SceneInput, open_scene
+from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
@@ -30,11 +31,12 @@ from taubench_gl.pathtraced.cameras import (
     SidecarCamera,
 )
 from taubench_gl.pathtraced.passes import BOUNCES
-from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report.labels import GIVEN
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 NO_SCENE = "path-traced files have no scene statistics"
@@ -53,6 +55,10 @@ class PathTracedInput:
     @property
     def name(self) -> str:
         return self.sequence.name
+
+    @property
+    def animated(self) -> None:
+        """Files have no scene."""
 
     @property
     def frames(self) -> range:
@@ -105,6 +111,30 @@ def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions)
     camera, fps = _choose_camera(options, settings, sequence)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     return PathTracedInput(sequence, camera, settings, options)
+
+
+def choose_input(
+    source: Scene | str | Path,
+    settings: Settings,
+    *,
+    camera: CameraTrack | None = None,
+    options: PathTracedOptions | None = None,
+) -> SceneInput | PathTracedInput:
+    """What a session evaluates of a scene, or of ``exr:DIR`` with ``options``: its camera, frames and lighting.
+
+    Raises TaubenchError.
+    """
+    if is_sequence(source):
+        require_supported(source, settings)
+        return open_input(source, settings, options or PathTracedOptions())
+    return open_scene(source, settings, camera)
+
+
+def open_session(
+    source: Scene | str | Path, settings: Settings, wants: Wants | None = None, *, every: int = TIMED_EVERY, **how: Any
+) -> Session:
+    """A session of a scene or of ``exr:DIR``.  ``how``: as of ``choose_input``.  Raises TaubenchError."""
+    return Session(choose_input(source, settings, **how), wants or Wants(), every=every)
 
 
 def _choose_camera(

@@ -14,7 +14,6 @@ from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels, require_exact
-from taubench_gl.evaluation.scene import SceneInput
 from taubench_gl.evaluation.session import Session, Wants
 from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.metrics.classifier import Confusion, Curve
@@ -125,25 +124,25 @@ def evaluate_tests(
     if not settings.metrics.all_pairs:
         raise SettingsError("rejection tests are scored on consecutive pairs", hint="leave pairs at all")
     require_exact(settings)
-    given = open_scene(scene, settings)
-    if len(given.frames) < 3:
+    opened = open_scene(scene, settings)
+    if len(opened.frames) < 3:
         raise SettingsError("fewer than three frames", hint="give --frames A:B with B - A of at least 3")
     wants = Wants(images=True, channels=tuple(dict.fromkeys((*exact_channels(), *CHANNELS))))
-    with Session(given, wants, every=1) as session, session.gpu:
-        return _Run(session, given, loaded).evaluate(progress)
+    with Session(opened, wants, every=1) as session, session.gpu:
+        return _Run(session, loaded).evaluate(progress)
 
 
 class _Run:
     """One evaluation: tests and truth of the pairs of a session."""
 
-    def __init__(self, session: Session, given: SceneInput, tests: tuple[RejectionTest, ...]):
+    def __init__(self, session: Session, tests: tuple[RejectionTest, ...]):
         self._session, self._source, self._pairs = session, session.source, session.evaluator
-        self._given, self._tests = given, tests
+        self._given, self._tests = session.given, tests
         single = {t.name: t for test in tests for t in test.single}
         self._differences = session.own(Differences(session.context, self._source, tuple(single.values())))
         self._single = tuple(single)
         radiance = {"direct", "indirect"} & set(self._source.radiance)
-        self._reasons = ExactReasons(session, given.animated, given.settings, radiance)
+        self._reasons = ExactReasons(session.variant, session.settings, radiance)
         truths = TRUTHS if self._reasons.lit else TRUTHS[:1]
         self._scores = {test.name: Scores.of(test, truths) for test in tests}
         self._apart = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +40,8 @@ class ExactMasks:
         """
         source = feed.source
         if id(source) not in self._reasons:  # with coarse light, geometry has a source of its own
-            reasons = ExactReasons(self._owner, feed.animated, feed.settings, source.radiance, without=tuple(off))
+            variant = partial(self._owner.open_source, feed.animated)
+            reasons = ExactReasons(variant, feed.settings, source.radiance, without=tuple(off))
             self._reasons[id(source)] = source, reasons
         reasons = self._reasons[id(source)][1]
         bits = self.bits = reasons.of(source, frame).bits

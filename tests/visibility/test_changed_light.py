@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ class Pair:
         given = open_scene(scene, Settings(**(own | {"reprojection": "motion"} | more)))
         with gpu, GpuOwner(gpu) as owner:
             source = owner.open_source(given.animated, given.settings, extra=exact_channels())
-            exact = ExactReasons(owner, given.animated, given.settings, source.radiance)
+            exact = ExactReasons(partial(owner.open_source, given.animated), given.settings, source.radiance)
             source.advance(frame - 1)
             source.advance(frame)
             found = exact.of(source, frame, noise=noise)
