@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,8 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.memory_budget import limit
 from taubench_gl.outputs import text_bytes, write_atomically
 from taubench_gl.scene.files import read_file
-from taubench_gl.scene.gltf.document import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document, read_uri
+from taubench_gl.scene.gltf.container import GLB_MAGIC, container_bytes, read_container
+from taubench_gl.scene.gltf.document import MESHOPT, open_document, read_uri
 from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
 
 Json = dict[str, Any]
@@ -103,9 +103,7 @@ class GltfEditor:
             buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
         text = text_bytes(json.dumps(self.root, separators=(",", ":"), ensure_ascii=False, allow_nan=False))
         if path.suffix.lower() == ".glb":
-            text += b" " * (-len(text) % 4)
-            chunks = struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(blob), BIN_CHUNK) + blob
-            text = GLB_MAGIC + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+            text = container_bytes(text, blob)
         write_atomically(path, text, parents=True)
 
     def _append(self, collection: str, item: Json) -> int:
@@ -167,6 +165,4 @@ class GltfEditor:
 def _json_text(path: Path) -> bytes:
     """The JSON text of a file that ``open_document`` accepts."""
     data = read_file(path, max_bytes=limit())
-    if data[:4] != GLB_MAGIC:
-        return data
-    return data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]
+    return bytes(read_container(data, path.name)[0]) if data[:4] == GLB_MAGIC else data

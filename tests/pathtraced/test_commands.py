@@ -119,7 +119,6 @@ def test_intensities_of_a_job_are_divided_for_watt():
     ]
     assert any(intensities[0]) and intensities[1] == [value / 683.0 for value in intensities[0]]
     assert len({identity(job, "x") for job in jobs}) == 2
-    assert identity(jobs[0], "x") == identity({k: v for k, v in jobs[0].items() if k != "light_unit"}, "x")
 
 
 def test_a_sky_of_three_arguments_is_refused(tmp_path):

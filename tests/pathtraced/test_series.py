@@ -22,7 +22,8 @@ def make_render(folder: Path, samples: int, seed: int = 0, seconds: float = 0.5)
     shutil.copytree(STORED, folder)
     settings = {"samples": samples, "seed": seed, "bounces": 4, "crisp": True, "fps": 12.0}
     times = {str(20 + i): seconds * samples * (1 + 0.1 * i) for i in range(2)}
-    record = {"job": "x", "settings": settings, "frame_seconds": times, "clock": "a wall clock", "cores": 2}
+    record = {"job": "x", "settings": settings, "lighting": {"light_unit": "candela"}, "frame_seconds": times,
+              "clock": "a wall clock", "cores": 2}  # fmt: skip
     (folder / "provenance.json").write_text(json.dumps(record))
     return folder
 

@@ -2,18 +2,9 @@
 
 import bpy
 import numpy as np
+from script_shared import fcurves_of
 
 LINEAR = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
-
-
-def fcurves_of(action):
-    if getattr(action, "layers", None):  # Blender 4.4 and later: slotted actions
-        for layer in action.layers:
-            for strip in layer.strips:
-                for bag in strip.channelbags:
-                    yield from bag.fcurves
-    elif hasattr(action, "fcurves"):
-        yield from action.fcurves
 
 
 def is_animated(owner, path):

@@ -9,8 +9,9 @@ import hashlib
 
 import bpy
 import numpy as np
-from convert_curves import fcurves_of, is_animated, key_values
+from convert_curves import is_animated, key_values
 from mathutils import Matrix
+from script_shared import fcurves_of
 
 CONVERTED = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Types of objects that are evaluated to meshes."""

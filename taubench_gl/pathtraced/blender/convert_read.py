@@ -3,7 +3,7 @@
 import math
 
 import bpy
-from convert_curves import fcurves_of
+from script_shared import fcurves_of
 
 NAME_LIMIT = 60  # Blender 4 cuts names at 63 bytes
 

@@ -5,28 +5,18 @@
 Reports events as lines that start with ``@tb `` and hold one JSON object.  All other output is Blender's.
 """
 
-import json
-import os
-import sys
-
 import bpy
 from convert_light import bake_world, replace_area_lights
 from convert_losses import Losses
 from convert_motion import bake_motion
 from convert_read import read
-from end_with_driver import end_with_driver
+from script_shared import read_job, report, stop
 
 KINDS = ("MESH", "CAMERA", "LIGHT", "ARMATURE")
 
 
-def report(**values):
-    print("@tb " + json.dumps(values), flush=True)
-
-
 def main():
-    end_with_driver()
-    with open(sys.argv[1], encoding="utf-8") as file:
-        job = json.load(file)
+    job = read_job()
     losses = Losses()
     try:
         read(job, losses)
@@ -82,12 +72,6 @@ def export(job, scene, animated):
         export_all_influences=True,
         export_import_convert_lighting_mode=job["lights"],
     )
-
-
-def stop(code):
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)  # Blender's threads can hang the interpreter's shutdown
 
 
 if __name__ == "__main__":

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import struct
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.scene.gltf.blender import intensity_factor
+from taubench_gl.scene.gltf.container import container_bytes, read_container
 
-_MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
 _VISIBILITY, _POINTER = "KHR_node_visibility", "KHR_animation_pointer"
 _FLOAT, _UNSIGNED_BYTE = 5126, 5121
 _INTENSITY = re.compile(r"/extensions/KHR_lights_punctual/lights/(\d+)/intensity")
@@ -22,28 +21,16 @@ class Glb:
     """The JSON and the binary chunk of one file in memory."""
 
     def __init__(self, data: bytes):
-        """Raises ValueError for data that is no binary glTF file with one buffer."""
-        if data[:4] != _MAGIC:
-            raise ValueError("is not a .glb file")
-        chunks, at = {}, 12
-        while at + 8 <= len(data):
-            size, kind = struct.unpack_from("<II", data, at)
-            chunks[kind] = data[at + 8 : at + 8 + size]
-            at += 8 + size
-        self.root: dict[str, Any] = json.loads(chunks[_JSON])
-        self.binary = bytearray(chunks.get(_BIN, b""))
+        """Raises SceneError for data that is no binary glTF file."""
+        text, binary, _ = read_container(data, "Blender's file")
+        self.root: dict[str, Any] = json.loads(bytes(text))
+        self.binary = bytearray(binary or b"")
 
     def data(self) -> bytes:
         """The file."""
         if self.binary:
             self.root.setdefault("buffers", [{}])[0]["byteLength"] = len(self.binary)
-        text = json.dumps(self.root, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        out = struct.pack("<II", len(text), _JSON) + text
-        if self.binary:
-            self.binary += b"\0" * (-len(self.binary) % 4)
-            out += struct.pack("<II", len(self.binary), _BIN) + bytes(self.binary)
-        return _MAGIC + struct.pack("<II", 2, 12 + len(out)) + out
+        return container_bytes(json.dumps(self.root, separators=(",", ":")).encode(), bytes(self.binary) or None)
 
     def describe(self, facts: dict[str, Any]) -> None:
         """Write ``asset.extras.taubench_gl``, which the scene reader reads."""

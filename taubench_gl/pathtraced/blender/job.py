@@ -29,6 +29,7 @@ from taubench_gl.option_groups import RenderOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
 from taubench_gl.scene.files import read_file
+from taubench_gl.scene.gltf.container import GLB_MAGIC, read_container
 from taubench_gl.scene.model import Channel, Scene
 
 FRAME_NAME = "frame_%04d.exr"
@@ -40,7 +41,6 @@ NODE_NAME = "taubench node {}"
 
 _SET_BY_JOB = ("KHR_lights_punctual", "KHR_animation_pointer", "KHR_node_visibility")
 _PATHS = ("translation", "rotation", "scale", "weights")
-_JSON_CHUNK = 0x4E4F534A
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +89,9 @@ def make_job(
 
 def identity(job: dict[str, Any], sha256: str | None) -> str:
     """Hash of everything that the pixels of a frame depend on.  Renders of different identity are never mixed."""
-    # These differ between the frames of one render, or do not change pixels.
-    left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name")
+    # These differ between the frames of one render, or do not change pixels; of an image, the content counts.
+    left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name", "image")
     pixels = {k: v for k, v in job.items() if k not in left_out}
-    # Renders of earlier releases, which knew no other unit and no other environment, keep their identity.
-    if not pixels["single_scatter"]:
-        del pixels["single_scatter"]
-    if pixels.get("light_unit") == "candela":
-        del pixels["light_unit"]
-    pixels.pop("image")  # its path; its content counts
-    for name in ("sun", "image_sha256"):
-        if pixels[name] is None:
-            del pixels[name]
     return hashlib.sha256(json.dumps([pixels, sha256], sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -186,16 +177,10 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
 
 def _read(path: Path) -> tuple[dict[str, Any], bytes | None]:
     data = read_file(path, max_bytes=limit())  # the scene reader has checked it
-    if data[:4] != b"glTF":
+    if data[:4] != GLB_MAGIC:
         return json.loads(data), None
-    offset, chunks = 12, []
-    while offset + 8 <= len(data):
-        size = int.from_bytes(data[offset : offset + 4], "little")
-        kind = int.from_bytes(data[offset + 4 : offset + 8], "little")
-        chunks.append((kind, data[offset + 8 : offset + 8 + size]))
-        offset += 8 + size
-    rest = [body for kind, body in chunks if kind != _JSON_CHUNK]
-    return json.loads(chunks[0][1]), rest[0] if rest else None
+    text, binary, _ = read_container(data, path.name)
+    return json.loads(bytes(text)), None if binary is None else bytes(binary)
 
 
 def _strip(root: dict[str, Any], scene: Scene) -> None:

@@ -68,7 +68,7 @@ def run_script(
     tail: deque[str] = deque(maxlen=_KEPT_LINES)
     process = subprocess.Popen(
         command,
-        stdin=subprocess.PIPE,  # closed by the system when this process ends: ``end_with_driver``
+        stdin=subprocess.PIPE,  # closed by the system when this process ends: ``script_shared.py``
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -291,8 +291,7 @@ def read_render(folder: Path) -> RenderRecord | None:
     settings = values.get("settings")
     if not isinstance(settings, dict) or "job" not in values:
         return None
-    # Earlier releases rendered candela, and recorded no environment.
-    lighting = values.get("lighting") or {"light_unit": "candela"}
+    lighting = values.get("lighting") or {}
     seconds = {int(frame): float(s) for frame, s in (values.get("frame_seconds") or {}).items()}
     return RenderRecord(
         **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "fps")},

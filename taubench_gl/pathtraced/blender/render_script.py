@@ -1,20 +1,18 @@
 """Runs in Blender's Python: renders the frames of one job with Cycles.  Imports only bpy, the standard
-library and ``end_with_driver.py`` beside it.
+library and ``script_shared.py`` beside it.
 
     python render_script.py job.json
 
 Reports events as lines that start with ``@tb `` and hold one JSON object.  All other output is Blender's.
 """
 
-import json
 import math
 import os
-import sys
 import time
 
 import bpy
-from end_with_driver import end_with_driver
 from mathutils import Matrix, Vector
+from script_shared import fcurves_of, read_job, report, stop
 
 BLENDER_FROM_GLTF = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
 PASSES = (
@@ -27,14 +25,8 @@ INFINITE_ZFAR = 1e6  # meters, for cameras without a far plane
 SAMPLES_EVERY = 1.0  # seconds between reports of finished samples
 
 
-def report(**values):
-    print("@tb " + json.dumps(values), flush=True)
-
-
 def main():
-    end_with_driver()
-    with open(sys.argv[1], encoding="utf-8") as file:
-        job = json.load(file)
+    job = read_job()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.render.fps_base = 24, 1.0  # frame rate of the written keys: job frames are Blender frames
@@ -58,19 +50,7 @@ def main():
             cpu = time.process_time() - cpu_started
             report(event="frame", frame=frame, seconds=time.perf_counter() - started, cpu_seconds=cpu)
     report(event="done")
-    # Blender's threads can hang the interpreter's shutdown.  All frames are on disk.
-    sys.stderr.flush()
-    os._exit(0)
-
-
-def fcurves_of(action):
-    if getattr(action, "layers", None):  # Blender 4.4 and later: slotted actions
-        for layer in action.layers:
-            for strip in layer.strips:
-                for bag in strip.channelbags:
-                    yield from bag.fcurves
-    else:
-        yield from action.fcurves
+    stop(0)
 
 
 def activate_animations(first_key):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import binascii
 import re
-import struct
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,6 +17,7 @@ from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import Budget, limit, over, require
 from taubench_gl.scene.files import MAX_TEXT_BYTES, Identity, find_referenced, read_file, shortened
 from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.gltf.container import GLB_MAGIC, read_container
 from taubench_gl.scene.gltf.lenient import Lenient
 from taubench_gl.scene.notes import Notes
 
@@ -190,8 +190,6 @@ def _data_uri(document: Document, uri: str, pointer: str, media_types: tuple[str
     return data
 
 
-GLB_MAGIC = b"glTF"
-JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 BUFFER_MEDIA_TYPES = ("application/octet-stream", "application/gltf-buffer")
 MESHOPT = frozenset({"EXT_meshopt_compression", "KHR_meshopt_compression"})
 COMPRESSION = MESHOPT | {"KHR_draco_mesh_compression"}
@@ -210,7 +208,7 @@ def open_document(path: Path, strict: bool = False) -> Document:
     data = read_file(path, max_bytes=most)
     notes = Notes(strict)
     binary = data[:4] == GLB_MAGIC or path.suffix.lower() == ".glb"
-    json_bytes, chunk, extra = _split_glb(data, path) if binary else (data, None, 0)
+    json_bytes, chunk, extra = read_container(data, path.name) if binary else (data, None, 0)
     require(OBJECT_BYTES * bytes(json_bytes).count(b"{"), "its JSON", SceneError, path.name)
     root, repaired = _decode(json_bytes, path, notes)
     document = Document(path, root, binary, chunk, notes=notes, repaired=repaired)
@@ -224,43 +222,6 @@ def open_document(path: Path, strict: bool = False) -> Document:
     for external in document.external.values():
         document.identity.add(external)
     return document
-
-
-def _split_glb(data: bytes, path: Path) -> tuple[memoryview, memoryview | None, int]:
-    """JSON chunk, BIN chunk and the number of bytes after the container.  Checks every length.  Raises SceneError."""
-
-    def bad(message: str, hint: str = "the file is damaged or truncated: export or download it again") -> SceneError:
-        return SceneError(message, where=path.name, hint=hint)
-
-    if data[:4] != GLB_MAGIC:
-        raise bad(f"not a binary glTF file: begins with {data[:4]!r} instead of {GLB_MAGIC!r}", "check the file format")
-    if len(data) < 12:
-        raise bad(f"binary glTF header truncated after {len(data)} bytes")
-    version, length = struct.unpack_from("<II", data, 4)
-    if version != 2:
-        raise bad(f"binary glTF version {version}, only 2 is supported", "convert the file to glTF 2.0")
-    if length < 12 or length > len(data):
-        raise bad(f"header declares {length} bytes, the file has {len(data)}")
-    view, offset, chunks, seen = memoryview(data), 12, {}, 0
-    while offset < length:
-        if offset + 8 > length:
-            raise bad(f"chunk header at byte {offset} is truncated")
-        size, kind = struct.unpack_from("<II", data, offset)
-        offset += 8
-        if offset + size > length:
-            raise bad(f"chunk at byte {offset - 8} declares {size} bytes, {length - offset} remain")
-        if seen == 0 and kind != JSON_CHUNK:
-            raise bad(f"first chunk is {kind:#010x}, must be JSON")
-        if kind in chunks:
-            raise bad(f"two chunks of type {kind:#010x}")
-        if kind == BIN_CHUNK and seen != 1:
-            raise bad("BIN chunk is not the second chunk")
-        if kind in (JSON_CHUNK, BIN_CHUNK):
-            chunks[kind] = view[offset : offset + size]
-        offset, seen = offset + size, seen + 1
-    if not chunks.get(JSON_CHUNK):
-        raise bad("has no JSON chunk, or an empty JSON chunk")
-    return chunks[JSON_CHUNK], chunks.get(BIN_CHUNK), len(data) - length
 
 
 def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.Root, bytes | None]:
