@@ -6,21 +6,17 @@ import json
 from collections.abc import Collection, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.checksums import with_checksums
 from taubench_gl.data_files import read_bytes
-from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.errors import SettingsError
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import (
-    cannot_write,
     csv_text,
-    new_partial,
     output_folder,
-    put_in_place,
     write_atomically,
     write_png,
 )
@@ -28,6 +24,7 @@ from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
 from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
 from taubench_gl.report.table import write_tables
+from taubench_gl.report.video import CODECS, Video
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
 from taubench_gl.reuse.recorded import ResultWriter
 from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
@@ -40,7 +37,6 @@ MIN_CELL = 200
 
 _BACK = (24, 24, 24)
 _CROP_SHARE = 4
-CODECS = {"mp4": ("libx264", ["-crf", "18"]), "webm": ("libvpx-vp9", ["-crf", "24", "-b:v", "0"])}
 
 
 def error_colors(error: Array) -> Array:
@@ -113,66 +109,6 @@ def fit_text(text: str, width: float, font: Any) -> str:
     return text + "…"
 
 
-class Video:
-    """Encodes frames of one size.  The file exists only once it is complete.  ``kind``: mp4 or webm."""
-
-    def __init__(self, path: Path, fps: float, kind: str = "mp4"):
-        self.path, self._fps, self._kind = path, fps, kind
-        self._partial: Path | None = None
-        self._writer: Any = None
-        self._added = 0
-
-    def add(self, image: Array) -> None:
-        """(h, w, 3) uint8; odd sizes are padded with a black row or column, as 4:2:0 needs.  Raises OutputError."""
-        import imageio_ffmpeg
-
-        height, width = image.shape[:2]
-        image = np.pad(image, ((0, height % 2), (0, width % 2), (0, 0)))
-        try:
-            if self._writer is None:
-                codec, more = CODECS[self._kind]
-                self._partial = new_partial(self.path, f".{self._kind}")
-                self._writer = imageio_ffmpeg.write_frames(
-                    str(self._partial), image.shape[1::-1], fps=self._fps, codec=codec, macro_block_size=1,
-                    output_params=more, ffmpeg_log_level="error",
-                )  # fmt: skip
-                self._writer.send(None)
-            self._writer.send(np.ascontiguousarray(image))
-            self._added += 1
-        except OSError as error:
-            raise OutputError(f"the video cannot be written: {_first_line(error)}", where=str(self.path)) from None
-
-    def close(self) -> Path | None:
-        """Finish the file.  -> its path, None without frames.  Raises OutputError."""
-        if self._writer is None or self._partial is None:
-            return None
-        import imageio_ffmpeg
-
-        self._writer.close()
-        self._writer = None
-        try:
-            written, _ = imageio_ffmpeg.count_frames_and_secs(str(self._partial))
-        except RuntimeError:
-            written = 0
-        if written < self._added:  # the encoder reports no error when the disk is full
-            raise OutputError(f"only {written} of {self._added} frames could be written", where=str(self.path))
-        try:
-            put_in_place(self._partial, self.path)
-        except OSError as error:
-            raise cannot_write(self.path, error) from None
-        return self.path
-
-    def __enter__(self) -> Video:
-        return self
-
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._writer is not None:  # not closed: an error occurred
-            self._writer.close()
-            self._writer = None
-        if self._partial is not None:
-            self._partial.unlink(missing_ok=True)
-
-
 def _amount(evaluated: EvaluatedFrame, label: str) -> str:
     row = evaluated.rows[label]
     if row["flip"] is not None:
@@ -187,10 +123,6 @@ def _crop(image: Array, window: Sequence[int]) -> Array:
 
 def _bytes(shown: Array) -> Array:
     return (255.0 * np.clip(np.nan_to_num(shown), 0.0, 1.0) + 0.5).astype(np.uint8)
-
-
-def _first_line(error: OSError) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 VIDEOS = (*CODECS, "none")
@@ -283,7 +215,7 @@ class ReuseFolder:
 
     def __exit__(self, *error: Any) -> None:
         if self._video is not None:
-            self._video.__exit__(*error)
+            self._video.discard()
         if isinstance(error[1], KeyboardInterrupt) and self._rows:
             (self.out / "reuse.json").unlink(missing_ok=True)  # of an earlier evaluation
             write_atomically(self.out / "frames.csv", rows_csv(self._rows, ROW_COLUMNS))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.errors import TaubenchError
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.outputs import cannot_write, new_partial, put_in_place, write_png
+from taubench_gl.outputs import write_png
+from taubench_gl.report.video import Video
 from taubench_gl.viewer import prefs, session_file
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.comparisons import open_comparisons
@@ -23,7 +23,6 @@ from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState, variables
 
 Array = np.ndarray
-NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
 LIGHT = ("direct", "color", "emission")
 """Effects that start disabled on software OpenGL."""
 
@@ -48,7 +47,7 @@ class ViewerModel:
         prefs.apply(stored, self.state)
         self.state.message = note or self.state.message
         self.screenshots = Path(".")  # folder of screenshots and clips
-        self.clip: Clip | None = None
+        self.clip: Video | None = None
         self.done = False
         self.fps = 0.0
         self._last_image: tuple[int, object] = (0, None)  # the image that was drawn last, for clips
@@ -185,13 +184,14 @@ class ViewerModel:
         try:
             if self.clip is None:
                 path = free_name(self.screenshots, self.stem, ".mp4")
-                height, width = self.engine.picture().shape[:2]
-                self.clip = Clip(path, (width, height), self.state.fps)
+                self.clip = Video(path, self.state.fps)
                 self.state.message = f"recording {path.name}: F9 stops"
             else:
                 self.clip.close()
                 self.state.message, self.clip = f"saved {self.clip.path.name}, {self.clip.frames} frames", None
-        except (TaubenchError, OSError) as error:
+        except TaubenchError as error:
+            if self.clip is not None:
+                self.clip.discard()
             self.state.message, self.clip = str(error), None
 
     def tick(self, seconds: float) -> None:
@@ -209,6 +209,7 @@ class ViewerModel:
             try:
                 self.clip.add(self.engine.picture())
             except TaubenchError as error:
+                self.clip.discard()
                 self.state.message, self.clip = str(error), None
         self._last_image = image
 
@@ -259,47 +260,3 @@ def free_name(folder: Path, stem: str, suffix: str) -> Path:
     while (folder / f"{stem}-{number}{suffix}").exists():
         number += 1
     return folder / f"{stem}-{number}{suffix}"
-
-
-class Clip:
-    """An mp4 at a constant frame rate.  Odd sizes lose their last row or column (yuv420)."""
-
-    def __init__(self, path: Path, size: tuple[int, int], fps: float):
-        try:
-            import imageio_ffmpeg
-        except ImportError:
-            raise OutputError(NO_VIDEO) from None
-        self.path, self.frames = path, 0
-        self._even = (size[0] // 2 * 2, size[1] // 2 * 2)
-        if min(self._even) < 2:
-            raise OutputError("the image is too small for a clip")
-        try:
-            self._partial = new_partial(path, path.suffix)
-        except OSError as error:
-            raise cannot_write(path, error) from None
-        self._writer: Any = imageio_ffmpeg.write_frames(
-            str(self._partial), self._even, fps=fps, macro_block_size=1, quality=8, ffmpeg_log_level="error"
-        )
-        self._writer.send(None)
-
-    def add(self, image: Array) -> None:
-        """(h, w, 3) uint8.  Raises OutputError, also for an image of another size than the first."""
-        width, height = self._even
-        if (image.shape[1] // 2 * 2, image.shape[0] // 2 * 2) != self._even:
-            raise OutputError("recording ended: the image has another size", where=str(self.path))
-        try:
-            self._writer.send(np.ascontiguousarray(image[:height, :width]))
-        except (OSError, RuntimeError) as error:
-            raise OutputError(f"recording failed: {str(error).splitlines()[0]}", where=str(self.path)) from None
-        self.frames += 1
-
-    def close(self) -> None:
-        """Finish the file; a clip without frames leaves no file."""
-        self._writer.close()
-        if self.frames:
-            try:
-                put_in_place(self._partial, self.path)
-            except OSError as error:
-                raise cannot_write(self.path, error) from None
-        else:
-            self._partial.unlink(missing_ok=True)
