@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ from taubench_gl.run_schema import COUNT_COLUMNS, EXACT_COLUMNS, FRAME_COLUMNS, 
 SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
-_INTEGERS = frozenset({"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, "camera_cut", "gimbal"})
+INTEGER_COLUMNS = frozenset({"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, "camera_cut", "gimbal"})
+"""Columns of frames.csv that hold integers."""
 
 
 def total_discards(row: Mapping[str, Any]) -> int:
@@ -267,10 +268,12 @@ def load_run(folder: str | Path) -> Run:
     return Run(summary, rows, out, missing)
 
 
-def read_frames(path: Path) -> list[dict[str, Any]]:
+def read_frames(
+    path: Path, integers: Collection[str] = INTEGER_COLUMNS, texts: Collection[str] = ()
+) -> list[dict[str, Any]]:
     """Rows of a frames.csv, also of an interrupted run: numbers as int or float, an empty cell as None.
 
-    Raises OutputError.
+    ``integers``: columns without fractions; ``texts``: columns of text.  Raises OutputError.
     """
     if not path.exists():
         raise OutputError("is missing", where=str(path), hint="the run's folder is not complete")
@@ -283,7 +286,11 @@ def read_frames(path: Path) -> list[dict[str, Any]]:
         if len(cells) != len(columns):
             raise OutputError(f"{len(cells)} cells, expected {len(columns)}", where=f"{path}:{number}")
         try:
-            rows.append({name: _number(name, cell) for name, cell in zip(columns, cells, strict=True)})
+            rows.append({
+                # csv_text writes ' before text that a spreadsheet takes for a formula
+                name: cell.removeprefix("'") if name in texts else _number(name, cell, integers)
+                for name, cell in zip(columns, cells, strict=True)
+            })  # fmt: skip
         except ValueError as error:
             raise OutputError(str(error), where=f"{path}:{number}") from None
     return rows
@@ -301,14 +308,14 @@ def _cell(value: Any) -> Any:
     return int(value) if isinstance(value, bool) else value
 
 
-def _number(column: str, cell: str) -> int | float | None:
+def _number(column: str, cell: str, integers: Collection[str]) -> int | float | None:
     """Raises ValueError for text, for infinity and NaN, and for a fraction where the column holds integers."""
     if cell == "":
         return None
     try:
         return integer(cell)
     except ValueError:
-        if column in _INTEGERS:
+        if column in integers:
             raise ValueError(f"{column} is {cell[:40]!r}, expected an integer") from None
     try:
         return real(cell)

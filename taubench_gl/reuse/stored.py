@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isclose
 from pathlib import Path
@@ -13,10 +12,11 @@ import msgspec
 from msgspec import Meta, Struct
 
 from taubench_gl.checksums import without_checksums
-from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
+from taubench_gl.data_files import checked, read_json, schema_fault
 from taubench_gl.errors import OutputError
+from taubench_gl.run import FRAMES_FILE, read_frames
 
-FILE, FRAMES_FILE = "reuse.json", "frames.csv"
+FILE = "reuse.json"
 SCHEMA = "taubench-gl/reuse/3"
 _INTEGERS = frozenset({"frame", "seed", "invalid_pixels"})
 
@@ -121,7 +121,7 @@ def load_evaluation(folder: str | Path) -> StoredEvaluation:
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
     _check_methods(summary, path)
-    rows = _rows(out / FRAMES_FILE, summary)
+    rows = _read_rows(out / FRAMES_FILE, summary)
     summary, _ = without_checksums(summary, path, out / FRAMES_FILE)
     _check_means(summary, rows, path)
     return StoredEvaluation(summary, rows, out)
@@ -158,30 +158,12 @@ def _check_means(summary: dict[str, Any], rows: list[dict[str, Any]], path: Path
                     raise OutputError(what, where=str(path), hint="evaluate the methods again")
 
 
-def _rows(path: Path, summary: dict[str, Any]) -> list[dict[str, Any]]:
-    lines = read_csv(path)
-    _, columns = next(lines, (0, []))
+def _read_rows(path: Path, summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """Raises OutputError for a file without the columns of the measures."""
+    rows = read_frames(path, _INTEGERS, texts=("method",))
+    columns = rows[0] if rows else ()
     needed = ("frame", "method", *summary["measures"])
-    if lost := [name for name in needed if name not in columns]:
-        raise OutputError(f"has no column {lost[0]}", where=str(path), hint="is the file damaged?")
-    return [_row(columns, cells, f"{path}:{line}") for line, cells in lines]
-
-
-def _row(columns: Sequence[str], cells: Sequence[str], where: str) -> dict[str, Any]:
-    if len(cells) != len(columns):
-        raise OutputError(f"has {len(cells)} cells, expected {len(columns)}", where=where, hint="is the file damaged?")
-    out: dict[str, Any] = {}
-    for name, cell in zip(columns, cells, strict=True):
-        try:
-            out[name] = _value(name, cell)
-        except ValueError as error:
-            raise OutputError(f"{name}: {error}", where=where) from None
-    return out
-
-
-def _value(name: str, cell: str) -> Any:
-    if name == "method":
-        return cell.removeprefix("'")  # csv_text writes it before what a spreadsheet takes for a formula
-    if cell == "":
-        return None
-    return integer(cell) if name in _INTEGERS else real(cell)
+    lacking = [name for name in needed if name not in columns]
+    if lacking and not all(method["failed"] for method in summary["methods"].values()):
+        raise OutputError(f"has no column {lacking[0]}", where=str(path), hint="is the file damaged?")
+    return rows
