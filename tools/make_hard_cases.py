@@ -35,6 +35,7 @@ TITLES = {
     "encodings": "Values in every form that glTF allows",
     "arithmetic": "Rates, means, cuts and exposure",
     "formulas": "Formulas against other formulas",
+    "tables": "Tables and schedules by their definition",
     "cross_checks": "One scene by two ways",
 }
 

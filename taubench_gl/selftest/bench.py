@@ -180,6 +180,12 @@ class Bench(GpuOwner):
             source.advance(0)
             return {n: source.read(n) for n in ("direct", "indirect", *extra)}
 
+    def lights_of_tiles(self, scene: Scene) -> list[Array]:
+        """Rows of the light table that each tile keeps in the first frame, tiles row by row from the bottom."""
+        with self._opened(scene, self._settings({"columns": ("direct",), "shadow_lights": 0})) as source:
+            source.advance(0)
+            return source.light.tile_lists()
+
     @contextlib.contextmanager
     def _opened(self, scene: Scene, settings: Settings, extra: Sequence[str] = ()) -> Iterator[RasterSource]:
         with GpuOwner(self.gpu) as owner:

@@ -17,7 +17,7 @@ Value = float | int | str
 GROUPS = (
     "projection", "depth", "camera", "offsets", "animation", "geometry",
     "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "statistics",
-    "storage", "files", "encodings", "arithmetic", "formulas", "cross_checks",
+    "storage", "files", "encodings", "arithmetic", "formulas", "tables", "cross_checks",
 )  # fmt: skip
 """Groups in the order in which they run; each is a module of the same name."""
 

@@ -420,8 +420,8 @@ def share_of_stochastic_alpha(bench: Bench) -> Outcome:
 
 @case(
     "twelve-hundred-instances",
-    what="1,200 boxes as instances of one node, and as one mesh: pixels with another position, normal, light by a "
-    "lamp and its shadows, rasterized and path-traced",
+    what="1,200 boxes as instances of one node, still and moving, and as one mesh: pixels with another position, "
+    "normal, light by a lamp and its shadows, rasterized and path-traced",
     elsewhere="tables of instances that end after the first row, or matrices of the instance before",
     here="what one mesh gives, many instances give",
     tolerance=0.003,
@@ -439,11 +439,13 @@ def twelve_hundred_instances(bench: Bench) -> Outcome:
         normals=np.concatenate([one.normals @ m[:3, :3].T for m in matrices]).astype(np.float32),
     )  # fmt: skip
     images = []
-    for instanced in (True, False):
+    for instanced, moves in ((False, False), (True, False), (True, True)):
         b = SceneBuilder()
         material = lambert(b, 0.6)
         fields = {"instances": matrices} if instanced else {}
-        b.node(mesh=b.mesh(dataclasses.replace(one if instanced else merged, material=material)), **fields)
+        node = b.node(mesh=b.mesh(dataclasses.replace(one if instanced else merged, material=material)), **fields)
+        if moves:  # later: each instance is a tree's own
+            b.animate(node, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
         b.node(mesh=b.mesh(quad(9.0, 9.0, material=material)), translation=(0.0, 0.0, -1.0))
         b.light(translation=(2.0, 3.0, 6.0), intensity=60.0)
         b.camera(translation=(0.0, 0.0, 9.0), yfov=0.85, znear=0.5)
@@ -452,7 +454,7 @@ def twelve_hundred_instances(bench: Bench) -> Outcome:
         traced = bench.traced(scene, spp=1, bounces=1, **size)
         images.append({name: shot[name] for name in ("position", "normal", "direct")} | {"traced": traced["direct"]})
     errors = [
-        (np.abs(there - here).max(axis=-1) > 1e-3).mean() for there, here in zip(*map(dict.values, images), strict=True)
+        (np.abs(there[name] - images[0][name]).max(axis=-1) > 1e-3).mean() for there in images[1:] for name in there
     ]
     return field("one mesh", [*errors, 1.0 - float(images[0]["traced"].mean() > 0.1)])
 
@@ -640,29 +642,31 @@ def light_of_a_textured_emitter(bench: Bench) -> Outcome:
 
 @case(
     "occlusion-and-metered-exposure",
-    what="an occlusion texture of strength 0.7, a texel per pixel: its channel; a wall in the sun: the metered "
-    "exposure",
+    what="an occlusion texture of strength 0.7 and 1, a texel per pixel: its channel; a wall in the sun: the "
+    "metered exposure",
     elsewhere="the strength multiplies the texel, or the exposure is of another size or unit",
     here="1 + strength (texel - 1); 0.18 over the radiance, four digits",
     tolerance=1e-3,
     source="half floats, and four digits",
 )
 def occlusion_and_metered_exposure(bench: Bench) -> Outcome:
-    b = SceneBuilder()
-    wall = b.material(occlusion_texture=Texture(3, NEAREST), occlusion_strength=0.7, metallic=0.0, specular=0.0,
-                      base_color=(0.5, 0.5, 0.5, 1.0))  # fmt: skip
-    b.node(mesh=b.mesh(_mapped(quad(2.5, 1.5, material=wall))), translation=(0.0, 0.0, -3.0))
-    b.light(kind="directional", intensity=2.0, rotation=turn_y(30.0))
-    b.camera(kind="orthographic", xmag=2.5, ymag=1.5, znear=0.5, zfar=9.0)
-    images = _texels()
-    scene = dataclasses.replace(b.build(), images=images)
-    frame, _ = bench.frame(scene, extra=("material",), size=(5, 3))
-    expected = 1.0 + 0.7 * (images[3].decode()[..., 0] / 255.0 - 1.0)
+    images, errors = _texels(), []
+    for strength in (1.0, 0.7):
+        b = SceneBuilder()
+        wall = b.material(occlusion_texture=Texture(3, NEAREST), occlusion_strength=strength, metallic=0.0,
+                          specular=0.0, base_color=(0.5, 0.5, 0.5, 1.0))  # fmt: skip
+        b.node(mesh=b.mesh(_mapped(quad(2.5, 1.5, material=wall))), translation=(0.0, 0.0, -3.0))
+        b.light(kind="directional", intensity=2.0, rotation=turn_y(30.0))
+        b.camera(kind="orthographic", xmag=2.5, ymag=1.5, znear=0.5, zfar=9.0)
+        scene = dataclasses.replace(b.build(), images=images)
+        frame, _ = bench.frame(scene, extra=("material",), size=(5, 3))
+        expected = 1.0 + strength * (images[3].decode()[..., 0] / 255.0 - 1.0)
+        errors.append(worst(frame["material"][..., 2] - expected))
     settings = bench._settings({"light_unit": "candela", "environment": "none", "exposure": "auto"})
     with tempfile.TemporaryDirectory() as folder, _cache_in(folder):
         exposure, _ = exposure_of(scene, settings)
     radiance = 0.5 / np.pi * 2.0 * np.cos(np.radians(30.0))
-    return field("closed forms", [*(frame["material"][..., 2] - expected).ravel(), exposure * radiance / 0.18 - 1.0])
+    return field("closed forms", [*errors, exposure * radiance / 0.18 - 1.0])
 
 
 @contextmanager

@@ -7,10 +7,11 @@ import dataclasses
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.frame.passes.lighting import TILE
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.scene.model import Light
 from taubench_gl.selftest.bench import Bench, Shot
-from taubench_gl.selftest.case import Naive, Outcome, case, field, scalar, worst
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
 from taubench_gl.selftest.geometry import one_metre_per_pixel
 from taubench_gl.selftest.scenes import IDENTITY, SceneBuilder, quad, sphere, turn, turn_x
 
@@ -291,6 +292,26 @@ def forty_lights(bench: Bench) -> Outcome:
         d, _, unit = reflected(shot, place)
         expected += (5.0 + i) * unit * np.clip(1.0 - (d / 14.0) ** 4, 0.0, 1.0)
     return field("the sum of all", off_peak(shot.direct[..., 0], expected))
+
+
+@case(
+    "lamps-beside-the-sky",
+    what="a far wall in half of the image and 20 lamps around the camera that do not reach it: lamps in lists of tiles",
+    elsewhere="pixels of sky count as points at the camera, so lamps there are in every list",
+    here="a tile is the box of its surfaces; one without surfaces has no lights",
+    source="exact: no lamp reaches the wall",
+)
+def lamps_beside_the_sky(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(90.0, 90.0, material=lambert(b))), translation=(-88.0, 0.0, -30.0))
+    for i in range(21):
+        b.light(translation=(0.1 * i, 0.2, 0.1), intensity=50.0, range=500.0 if i == 7 else 4.0)
+    b.camera(yfov=1.0, znear=0.1)
+    lists = bench.lights_of_tiles(b.build())
+    (width, height), columns = bench.size, -(-bench.size[0] // TILE)
+    last = int(0.5 * width + 2.0 / 30.0 * 0.5 * height / np.tan(0.5) - 0.5) // TILE  # column with the edge of the wall
+    wrong = sum(rows.tolist() != [7] * (k % columns <= last) for k, rows in enumerate(lists))
+    return count(0, wrong)
 
 
 def _ball(b: SceneBuilder, **material) -> None:

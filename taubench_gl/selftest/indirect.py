@@ -8,7 +8,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
 from taubench_gl.selftest.direct import lambert
-from taubench_gl.selftest.scenes import IDENTITY, SceneBuilder, box, quad, turn, turn_y
+from taubench_gl.selftest.scenes import IDENTITY, SceneBuilder, box, quad, turn, turn_x, turn_y
 
 ALBEDO = 0.5
 FLUX = 4.0 * np.pi
@@ -18,14 +18,22 @@ SCREEN, SCREEN_ALBEDO = 3.0, 0.05
 """Where ``lamp_beside_a_wall`` has the screen that the wall lights, along x, and how little it reflects."""
 
 
-def _bounced(bench: Bench, lamps: int = 1, **settings) -> float:
-    """Mean indirect irradiance of the walls of a closed box, 2 m along a side, around lamps of 1 cd together."""
+LOOKS = [turn_y(90.0 * i) for i in range(4)] + [turn_x(90.0 * i) for i in (1, -1)]
+"""Rotations of a camera towards each wall of a box."""
+
+
+def _bounced(bench: Bench, lamps: int = 1, cone: float = 0.0, **settings) -> float:
+    """Mean indirect irradiance of the walls of a closed box, 2 m along a side, around lamps of 1 cd together.
+
+    ``cone``: half angle of spots instead of lamps, radians, with 2 pi (1 - cos) lumens.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
+    lens = {"kind": "spot", "inner_cone": cone - 1e-3, "outer_cone": cone} if cone else {}
     for i in range(lamps):
-        b.light(intensity=1.0 / lamps, translation=(0.01 * i, 0.0, 0.0))
+        b.light(intensity=1.0 / lamps, translation=(0.01 * i, 0.0, 0.0), rotation=turn((1.0, 0.5, 0.2), 40.0), **lens)
     eye = b.camera(yfov=np.radians(90.0), znear=0.01)
-    b.animate(eye, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(90.0)], "STEP")
+    b.animate(eye, "rotation", np.arange(6.0), LOOKS, "STEP")
     own = {
         "columns": ("direct", "indirect"),
         "indirect_samples": 1500,
@@ -34,7 +42,7 @@ def _bounced(bench: Bench, lamps: int = 1, **settings) -> float:
         "shadow_size": 32,
     } | settings
     means = []
-    for shot in bench.shots(b.build(), (0, 1), **own):
+    for shot in bench.shots(b.build(), range(6), **own):
         wall = np.abs(shot["position"][..., 3] - 1.0) < 1e-4
         means.append(shot["indirect"][..., 0][wall].mean() * np.pi / ALBEDO if wall.any() else np.nan)
     return float(np.mean(means))
@@ -50,14 +58,16 @@ def _box_case(name: str, what: str, bounces: int, **how) -> None:
         source="relative; probes between which irradiance is interpolated, a finite number of virtual point lights",
     )
     def closed_box(bench: Bench) -> Outcome:
-        expected = FLUX * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
-        once = FLUX * ALBEDO / 24.0
+        flux = 2.0 * np.pi * (1.0 - np.cos(how["cone"])) if "cone" in how else FLUX
+        expected = flux * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
+        once = flux * ALBEDO / 24.0
         naive = Naive("one bounce", once, 1.0 - once / expected) if bounces > 1 else None
         return scalar(expected, _bounced(bench, **how), naive, relative=True)
 
 
 _box_case("box-by-probes", "a lamp, method probes,", 4, indirect="probes")
 _box_case("box-by-rsm", "a lamp, method rsm,", 1, indirect="rsm")
+_box_case("box-by-rsm-of-a-spot", "a spot of 34 degrees, method rsm,", 1, cone=0.6, indirect="rsm")
 _box_case("box-without-shadow-maps", "three lamps without shadow maps,", 4, lamps=3, shadow_lights=0)
 _box_case(
     "box-with-some-shadow-maps", "three lamps, one with a shadow map,", 4, lamps=3, shadow_lights=1, indirect="probes"

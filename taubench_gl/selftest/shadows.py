@@ -280,7 +280,8 @@ def shadow_of_a_masked_leaf(bench: Bench) -> Outcome:
 
 @case(
     "shadow-cache",
-    what="a plate that moves, then stands still: direct light against that of maps drawn from scratch, to the last bit",
+    what="a plate that moves, then stands still, and one that vanishes and returns: direct light against that of maps "
+    "drawn from scratch, to the last bit",
     elsewhere="a cached map keeps the shadow of where the object was, or of a part of it",
     here="only texels that a caster can have left or entered are redrawn, with everything else there",
     source="exact: the same texels",
@@ -289,12 +290,14 @@ def shadow_cache(bench: Bench) -> Outcome:
     b = _on_a_floor()
     plate = b.node(mesh=b.mesh(box((1.0, 0.1, 1.0), material=lambert(b))), translation=(-3.0, 2.0, 0.0))
     b.node(mesh=b.mesh(box((0.5, 0.1, 0.5), material=lambert(b))), translation=(0.5, 1.0, 0.0))
+    other = b.node(mesh=b.mesh(box((0.4, 0.1, 0.4), material=lambert(b))), translation=(-2.0, 1.5, -1.5))
     b.animate(plate, "translation", [0.0, 1.0, 2.0], [(-3.0, 2.0, 0.0), (1.0, 2.0, 0.5), (1.0, 2.0, 0.5)])
+    b.animate(other, "visible", [0.0, 3.0, 4.0], [[1.0], [0.0], [1.0]], "STEP")
     b.camera(translation=(0.0, 9.0, 0.0), rotation=turn_x(-90.0), yfov=np.radians(75.0), znear=0.05)
     b.light(translation=(0.0, 5.0, 0.0), intensity=50.0)
     scene = b.build()
-    cached = bench.shots(scene, (0, 1, 2), shadow_size=128)[1:]
-    fresh = [bench.shots(scene, (n,), shadow_size=128)[0] for n in (1, 2)]
+    cached = bench.shots(scene, range(5), shadow_size=128)[1:]
+    fresh = [bench.shots(scene, (n,), shadow_size=128)[0] for n in range(1, 5)]
     different = sum(int((a.direct != c.direct).any(axis=-1).sum()) for a, c in zip(cached, fresh, strict=True))
     moved = int((bench.shots(scene, (0,), shadow_size=128)[0].direct != fresh[0].direct).any(axis=-1).sum())
     return count(0, different if moved else -1, Naive("the map of frame 0", moved, moved))
