@@ -6,14 +6,36 @@ import ast
 import importlib.machinery
 import importlib.util
 import itertools
+import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tools"))
-from mutations import Mutant, draw, sites  # noqa: E402
+from mutations import COST_ONLY, Mutant, draw, sites, values_of  # noqa: E402
+
+IMAGES = """
+import hashlib, sys
+import numpy as np
+from taubench_gl.animation import OrbitCamera, Poser
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.scenes import busy_room
+scene, own = busy_room(lamps=20), {"width": 48, "height": 32}
+with open_gpu() as gpu:
+    bench = Bench(gpu)
+    light = {"columns": ("direct", "indirect"), "indirect": "probes", "probes": 60, "shadow_lights": 9}
+    shots = bench.shots(scene, (0, 1), **light, **own)
+    images = [shot[name] for shot in shots for name in ("position", "direct", "indirect")]
+    images += bench.traced(scene, spp=3, bounces=2, **own).values()
+    run = bench.evaluate(scene, fps=4.0, **own)
+poser = Poser(scene)
+images.append(OrbitCamera(scene, poser).view_at(poser.sample(0.5)).position)
+print(hashlib.sha256(b"".join(np.ascontiguousarray(i).tobytes() for i in images)).hexdigest(), run.frames)
+"""
 
 GLSL = """\
 // 1 + 2
@@ -73,6 +95,27 @@ def test_every_shader_and_numeric_module_has_sites_and_every_seed_its_own_mutant
         assert all((ROOT / test).exists() for test in tests) and all(list(ROOT.glob(p)) for p in patterns)
     first, again, other = (list(itertools.islice(draw(ROOT, list(files), seed), 50)) for seed in (1, 1, 2))
     assert first == again != other and len(set(first)) == 50
+
+
+def doubled(text: str, names: Iterable[str]) -> str:
+    """``text`` of a module with twice the numbers in the values of its constants ``names``."""
+    for start, end in sorted({values_of(text, name) for name in names}, reverse=True):
+        head, _, values = text[start:end].partition(" = ")
+        text = f"{text[:start]}{head} = {re.sub(r'[0-9.]+', lambda m: f'2 * {m[0]}', values)}{text[end:]}"
+    return text
+
+
+def test_constants_that_are_not_mutated_change_no_bit(mutate, tmp_path):
+    mutate.copy_project(tmp_path)
+    command = [sys.executable, "-c", IMAGES]
+    before = mutate._finished(command, tmp_path, 300.0)
+    for file, reasons in COST_ONLY.items():
+        text = (tmp_path / file).read_text()
+        assert all(reasons.values()) and doubled(text, reasons) != text
+        (tmp_path / file).write_text(doubled(text, reasons))
+    after = mutate._finished(command, tmp_path, 300.0)
+    assert before[0] == after[0] == 0, before[2] + after[2]
+    assert before[1] == after[1] != ""
 
 
 def test_tests_that_import_a_module_cover_it(mutate):

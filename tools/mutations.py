@@ -52,10 +52,48 @@ FUNCTIONS = {
 }  # fmt: skip
 
 
+COST_ONLY = {
+    "taubench_gl/animation/views.py": {"_HULL_POINTS": "clouds of fewer points are not reduced to their hull"},
+    "taubench_gl/evaluation/session.py": {
+        "TIMED_FIRST": "frames whose passes are timed, in profile.json alone",
+        "TIMED_EVERY": "frames whose passes are timed, in profile.json alone",
+    },
+    "taubench_gl/frame/lights.py": {"LIGHT_ROW": "columns of a table; shaders get the same number"},
+    "taubench_gl/frame/passes/deform.py": {"GROUP": "vertices of a work group"},
+    "taubench_gl/frame/passes/indirect.py": {"VPL_ROW": "columns of a table; shaders get the same number"},
+    "taubench_gl/frame/passes/pathtracing.py": {
+        "LIGHT_CHUNK": "lights of a dispatch; their sum has the same order",
+        "LIST_TILE": "pixels of a dispatch",
+        "TABLE_ROWS": "samples whose numbers are uploaded at a time",
+    },
+    "taubench_gl/frame/raytracing/bvh.py": {
+        "NODE_COST": "shape of a tree; every tree gives the same nearest hit",
+        "TRIANGLE_COST": "shape of a tree; every tree gives the same nearest hit",
+        "BINS": "shape of a tree; every tree gives the same nearest hit",
+    },
+    "taubench_gl/frame/raytracing/refit.py": {"GROUP": "nodes of a work group"},
+    "taubench_gl/frame/shadow_faces.py": {"FACE_ROW": "columns of a table; shaders get the same number"},
+}
+"""Constants that change time or layout and no result, by file, and why.  No mutants are drawn from their values.
+
+``tests/test_mutation.py`` doubles all of them at once and compares the bits of images.  Limits above which something is
+refused or made smaller are not among them, nor are constants that only bound an error.
+"""
+
+
 def sites(file: str, text: str) -> list[Site]:
-    """Every place of ``text`` that can be mutated."""
-    found = python_sites(text) if file.endswith(".py") else glsl_sites(text)
-    return sorted(set(found))
+    """Every place of ``text`` that can be mutated, without the values of COST_ONLY."""
+    found = set(python_sites(text) if file.endswith(".py") else glsl_sites(text))
+    cost_only = [values_of(text, name) for name in COST_ONLY.get(file, ())]
+    return sorted(site for site in found if not any(start <= site[0] < end for start, end in cost_only))
+
+
+def values_of(text: str, name: str) -> tuple[int, int]:
+    """Start and end of the line that assigns the constant ``name`` of a Python module.  ValueError if none does."""
+    for match in re.finditer(r"^(\w+(?:, \w+)*) = [^\n]+", text, re.M):
+        if name in match[1].split(", "):
+            return match.span()
+    raise ValueError(f"no constant is named {name}")
 
 
 def draw(root: Path, files: Sequence[str], seed: int) -> Iterator[Mutant]:
