@@ -19,7 +19,7 @@ import typing
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -30,6 +30,8 @@ REQUIRED = dataclasses.MISSING
 
 NO_OPTION = "-"
 """``flag`` of a field that is no option of the command line."""
+
+T = TypeVar("T")
 
 
 # Checks
@@ -223,6 +225,28 @@ def declared(owner: Any) -> dict[str, Setting]:
         )
         for name, field in settings.items()
     }
+
+
+def unknown_field(name: str, allowed: Collection[str]) -> SettingsError:
+    """The error for a name that is none of ``allowed``."""
+    near = difflib.get_close_matches(name, allowed, 1)
+    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(allowed)}"
+    return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
+
+
+def from_values(kind: type[T], values: Mapping[str, Any]) -> T:
+    """An object of ``kind``, a dataclass of fields, from values by name as people or programs write them.
+
+    Raises SettingsError for a name that is no field, a field that is missing, and a wrong value.
+    """
+    declarations, fields = declared(kind), {field.name: field for field in dataclasses.fields(kind)}
+    for name in values:
+        if name not in fields:
+            raise unknown_field(name, tuple(fields))
+    for name, field in declarations.items():
+        if field.default is REQUIRED and name not in values:
+            raise SettingsError(f"{name} is missing", hint=field.meaning, setting=name)
+    return kind(**{n: declarations[n].value_of(v) if n in declarations else v for n, v in values.items()})
 
 
 class Checked:

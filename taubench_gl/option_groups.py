@@ -2,17 +2,46 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from taubench_gl.conventions import LOBES
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import Checked, above_zero, at_least, one_of, setting, some_of
-from taubench_gl.settings import DEFAULT_SPP, FILES, MASKS, OUTPUT, PAPER_SIZE, SIZE, parse_size
+from taubench_gl.features import COLUMNS
+from taubench_gl.fields import Checked, above_zero, at_least, declared, one_of, setting, some_of
+from taubench_gl.settings import (
+    DEFAULT_SPP,
+    FILES,
+    MASKS,
+    OUTPUT,
+    PAPER_SIZE,
+    SIZE,
+    LightingSettings,
+    parse_size,
+)
 
 MAX_SEEDS = 64
 """Noisy images of one exported frame."""
+
+DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
+"""PSNR, relMSE and the linear MSE are always computed."""
+
+METRICS = (*DEFAULT_METRICS, "hdr_flip", "lpips", "cvvdp")
+"""Metrics of reuse methods: the default ones, and those that take more time or another package."""
+
+FITTED_METRICS = METRICS[:-1]
+"""Metrics with a value of every frame."""
+
+OVERALL = "overall"
+"""A pixel that is wrong in any column."""
+
+REUSE_SETTINGS = (
+    "fps", "size", "thresholds", "unit_scale",
+    *(name for name in declared(LightingSettings) if name not in ("effects", "probes")),
+)  # fmt: skip
+"""Settings that evaluations of reuse methods depend on, besides those that name the scene, frames and machine."""
 
 
 def _numbers(values: Any) -> Any:
@@ -145,6 +174,12 @@ class ReuseOptions(Checked):
         short=True,
         metavar="KIND",
     )
+    metrics: tuple[str, ...] = setting(
+        DEFAULT_METRICS,
+        "Metrics to compute; also hdr_flip, lpips and cvvdp, which need more time or packages",
+        some_of(METRICS),
+        short=True,
+    )
     light_samples: int = setting(1, "noisy: light samples per pixel", at_least(1))
     vpl_samples: int = setting(4, "noisy: VPL samples per pixel", at_least(1))
     reference: str | None = setting(
@@ -175,6 +210,72 @@ class ReuseOptions(Checked):
     cuts: tuple[int, ...] = setting(
         (), "Frame declared to have no history; may be repeated", flag="--cut", repeats=True, read=_numbers
     )
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions(Checked):
+    """How the settings of a reuse method are searched.  Raises SettingsError."""
+
+    metric: str = setting(
+        "flip", "Metric to optimize; a single bright pixel can dominate relmse", one_of(FITTED_METRICS), short=True
+    )
+    refine: int = setting(1, "Finer grids around the best point", at_least(0), short=True)
+
+
+def _seconds(value: Any) -> Any:
+    """``90s``, ``5m``, ``1h`` -> seconds; ``none``: None."""
+    if not isinstance(value, str):
+        return value
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)|none", value.strip())
+    if match is None:
+        raise SettingsError(f"{value!r} is no time", hint="give one such as 90s, 5m, 1h, or none")
+    return float(match[1]) * {"s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}[match[2]] if match[1] else None
+
+
+@dataclass(frozen=True, slots=True)
+class CostOptions(Checked):
+    """What a cost study varies, compares with and recommends.  Raises SettingsError."""
+
+    parameters: tuple[str, ...] | None = setting(
+        None, "Parameters to vary, comma-separated, see --list-parameters", shown="all"
+    )
+    reference: str | None = setting(
+        None,
+        "What masks are compared with.  path-traced: light traced at the compared pixels, for up to a third of the "
+        "time or with M samples per pixel; exr:DIR: path-traced renders; highest-quality: the raster method at its "
+        "best",
+        short=True,
+        metavar="path-traced[@M]|highest-quality|exr:DIR",
+        shown="path-traced where anything is lit, else highest-quality",
+    )
+    time_limit: float | None = setting(
+        300.0,
+        "Start no measurement after this time, such as 90s, 5m, 1h or none.  A later run goes on",
+        above_zero("a time above 0"),
+        read=_seconds,
+        short=True,
+        metavar="T",
+        shown="5m",
+    )
+    within: float | None = setting(
+        None, "Choose the fastest with at most PERCENT wrong masks", at_least(0), short=True, metavar="PERCENT"
+    )
+    budget_ms: float | None = setting(
+        None, "Choose the most exact configuration up to T ms per frame", above_zero(), short=True, metavar="T"
+    )
+    choose_for: str = setting(
+        OVERALL,
+        "Column that the choice is for; overall: wrong in any column",
+        one_of((OVERALL, *COLUMNS)),
+        flag="--for",
+    )
+    repeats: int = setting(5, "Interleaved rounds of timing", at_least(1))
+    clock: str = setting(
+        "wall",
+        "Clock of frames; cpu: CPU time of the process, for software rasterizers beside other work",
+        one_of(("wall", "cpu")),
+    )
+    fresh: bool = setting(False, "Discard the records in DIR and measure from scratch")
 
 
 @dataclass(frozen=True, slots=True)

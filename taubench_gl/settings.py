@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import difflib
 import math
 import operator
 import re
@@ -36,6 +35,7 @@ from taubench_gl.fields import (
     declared,
     one_of,
     setting,
+    unknown_field,
     value_text,
 )
 from taubench_gl.glossary import OPTIONS
@@ -645,9 +645,7 @@ def scheme_of(pairs: str) -> tuple[str, int]:
 
 def unknown_setting(name: str, others: tuple[str, ...] = ()) -> SettingsError:
     """The error for a name that is no setting; ``others``: further names allowed where it was given."""
-    near = difflib.get_close_matches(name, [*KEYS, *others], 1)
-    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, *KEYS])}"
-    return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
+    return unknown_field(name, (*others, *KEYS))
 
 
 def _group_of(name: str) -> str:

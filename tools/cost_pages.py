@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.cost.analysis import SAME_TIME, MaskError, Point, compare_errors, time_of
-from taubench_gl.report.cost import OVERALL, answer, plot_study, three
+from taubench_gl.option_groups import OVERALL
+from taubench_gl.report.cost import answer, plot_study, three
 from taubench_gl.report.table import Column, Row, Table, to_markdown
 
 Study = Mapping[str, Any]

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from taubench_gl.apps.options import command, part
 from taubench_gl.apps.screen import StatusLine, for_each_scene, stop_interrupted
-from taubench_gl.errors import SettingsError
-from taubench_gl.features import COLUMNS
-from taubench_gl.fields import REQUIRED, one_of, setting
+from taubench_gl.fields import REQUIRED, setting
+from taubench_gl.option_groups import CostOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
@@ -22,14 +21,6 @@ if TYPE_CHECKING:
 
 PROGRESS_LINES = 20
 """Lines of progress per study if standard error is not a terminal."""
-
-
-def _seconds(text: Any) -> Any:
-    """``90s``, ``5m``, ``1h`` -> seconds; ``none``: None."""
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)|none", str(text).strip())
-    if match is None:
-        raise SettingsError(f"{text!r} is no time", hint="give one such as 90s, 5m, 1h, or none")
-    return float(match[1]) * {"s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}[match[2]] if match[1] else None
 
 
 def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -47,6 +38,7 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
 
 
 @command(
+    options=part(CostOptions),
     settings=part(without=("exact",)),
     epilog="""\b
 Examples:
@@ -73,43 +65,9 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 def cost(
     scenes: tuple[str, ...],
     settings: Settings,
+    options: CostOptions,
     *,
     out: Path = setting(REQUIRED, "Folder of the study", group=OUTPUT, metavar="DIR"),
-    parameters: tuple[str, ...] | None = setting(
-        None, "Parameters to vary, comma-separated, see --list-parameters", shown="all", short=False
-    ),
-    reference: str | None = setting(
-        None,
-        "What masks are compared with.  path-traced: light traced at the compared pixels, for up to a third of the "
-        "time or with M samples per pixel; exr:DIR: path-traced renders; highest-quality: the raster method at its "
-        "best",
-        metavar="path-traced[@M]|highest-quality|exr:DIR",
-        shown="path-traced where anything is lit, else highest-quality",
-    ),
-    time_limit: float | None = setting(
-        300.0,
-        "Start no measurement after this time, such as 90s, 5m, 1h or none.  A later run goes on",
-        read=_seconds,
-        metavar="T",
-        shown="5m",
-    ),
-    within: float | None = setting(None, "Choose the fastest with at most PERCENT wrong masks", metavar="PERCENT"),
-    budget_ms: float | None = setting(None, "Choose the most exact configuration up to T ms per frame", metavar="T"),
-    choose_for: str = setting(
-        "overall",
-        "Column that the choice is for; overall: wrong in any column",
-        one_of(("overall", *COLUMNS)),
-        flag="--for",
-        short=False,
-    ),
-    repeats: int = setting(5, "Interleaved rounds of timing", short=False),
-    clock: str = setting(
-        "wall",
-        "Clock of frames; cpu: CPU time of the process, for software rasterizers beside other work",
-        one_of(("wall", "cpu")),
-        short=False,
-    ),
-    fresh: bool = setting(False, "Discard the records in DIR and measure from scratch", short=False),
 ) -> int:
     """Recommend settings for SCENE: how many masks they get wrong, and what a frame takes.
 
@@ -118,15 +76,11 @@ def cost(
     pixels is compared.  Configurations are timed in turn, A B C A B C.  The first three lines are the answer.  With
     several scenes, each gets a folder inside DIR and its own time.
     """
-    request = {
-        "parameters": parameters, "reference": reference, "within": within, "budget_ms": budget_ms,
-        "choose_for": choose_for, "repeats": repeats, "time_limit": time_limit, "fresh": fresh, "clock": clock,
-    }  # fmt: skip
-    failed = for_each_scene(scenes, out, lambda scene, folder: _run(scene, settings, folder, request))
+    failed = for_each_scene(scenes, out, lambda scene, folder: _run(scene, settings, folder, options))
     return 2 if failed else 0
 
 
-def _run(scene: str, settings: Settings, folder: Path | None, request: dict[str, Any]) -> None:
+def _run(scene: str, settings: Settings, folder: Path | None, options: CostOptions) -> None:
     from taubench_gl.cost.study import cost as run_study
     from taubench_gl.report.cost import cost_text
 
@@ -137,7 +91,7 @@ def _run(scene: str, settings: Settings, folder: Path | None, request: dict[str,
         line(f"{Path(scene).name}: {step.done}/{step.total}, {step.what}", passing=part in parts or sys.stderr.isatty())
         parts.add(part)
 
-    study = run_study(scene, settings, out=folder, progress=show, **request)
+    study = run_study(scene, settings, out=folder, progress=show, **asdict(options))
     study.save()
     line.end()
     click.echo(cost_text(study.as_json()), nl=False)

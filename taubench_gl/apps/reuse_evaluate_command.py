@@ -14,16 +14,13 @@ from taubench_gl.apps.options import FRAMES, GPU, command, given_options, part
 from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, one_of, setting, some_of
-from taubench_gl.option_groups import ReuseOptions
+from taubench_gl.option_groups import REUSE_SETTINGS, FitOptions, ReuseOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
     from taubench_gl.reuse.evaluate_output import ReuseFolder
-    from taubench_gl.reuse.input_kind import InputKind
 
-DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
-FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
-SETTINGS = part(only=(*FRAMES, "thresholds", "unit_scale", "lighting", *GPU), without=("effects", "probes"))
+SETTINGS = part(only=(*FRAMES, *REUSE_SETTINGS, *GPU))
 
 
 @command(
@@ -54,9 +51,6 @@ def evaluate(
         "values as @alpha=0.1/0.2 or @alpha=lo:hi:n.  exr:DIR: frames made elsewhere, with settings mapping, layer, "
         "offset, scale, label",
     ),
-    metrics: tuple[str, ...] = setting(
-        DEFAULT_METRICS, "Metrics to compute; also hdr_flip, lpips and cvvdp, which need more time or packages"
-    ),
     out: Path | None = setting(None, "Also write the results to this folder", group=OUTPUT, metavar="DIR"),
     video: str = setting("mp4", "Video of the frames, with --out", one_of(("mp4", "webm", "none")), group=OUTPUT),
     save: tuple[str, ...] = setting(
@@ -74,11 +68,10 @@ def evaluate(
     """
     from taubench_gl.reuse.fit import expand_methods
 
-    settings, request = split_options(settings, reuse)
+    settings, request = _of_input(settings, reuse), dataclasses.asdict(reuse)
     specs = expand_methods(methods)
     if (save or report) and out is None:
         raise SettingsError("there is no folder to write to", hint="give --out DIR")
-    request["metrics"] = metrics
     failures: list[str] = []
 
     def run(scene: str, folder: Path | None) -> None:
@@ -124,7 +117,9 @@ def _evaluate_one(
 
 
 @command(
+    search=part(FitOptions),
     settings=SETTINGS,
+    reuse=part(ReuseOptions, without=("metrics",)),
     epilog="""\b
 Examples:
   taubench-gl reuse fit scene.glb --method taa_variance --setting gamma=0.5:4:8 --input noisy
@@ -135,6 +130,7 @@ def fit(
     path: str,
     settings: Settings,
     reuse: ReuseOptions,
+    search: FitOptions,
     *,
     method: str = setting(REQUIRED, "One method, as in 'reuse evaluate'; settings given with @ stay fixed"),
     ranges: tuple[str, ...] = setting(
@@ -145,8 +141,6 @@ def fit(
         shown="the range of the setting, 9 values",
         repeats=True,
     ),
-    metric: str = setting("flip", "Metric to optimize; a single bright pixel can dominate relmse", one_of(FIT_METRICS)),
-    refine: int = setting(1, "Finer grids around the best point"),
     out: Path | None = setting(None, "Write fit.json, curve.csv, tables, a plot", group=OUTPUT, metavar="DIR"),
 ) -> None:
     """Find the settings of a method, such as rejection thresholds, with the smallest error on SCENE.
@@ -159,8 +153,8 @@ def fit(
     from taubench_gl.reuse.evaluate_output import write_fit
     from taubench_gl.reuse.fit import fit_setting
 
-    settings, request = split_options(settings, reuse)
-    request |= {"metric": metric, "refine": refine, "announce": note}
+    settings = _of_input(settings, reuse)
+    request = dataclasses.asdict(reuse) | dataclasses.asdict(search) | {"announce": note}
     with nullcontext() if out is None else FolderLock(out):
         with ProgressBar(path) as progress:
             fitted = fit_setting(path, method, ranges, settings, progress=progress, **request)
@@ -172,28 +166,17 @@ def fit(
         click.echo(f"written to {out}{os.sep}")
 
 
-def split_options(settings: Settings, reuse: ReuseOptions) -> tuple[Settings, dict[str, Any]]:
-    """The settings of the frames, and the fields of an ``EvaluationRequest``.  Raises SettingsError."""
+def _of_input(settings: Settings, reuse: ReuseOptions) -> Settings:
+    """The settings of the frames.  Raises SettingsError for given options of light that path-traced input ignores."""
     from taubench_gl.reuse.input_kind import parse_input
 
-    request = dataclasses.asdict(reuse)
-    lights, vpls = request.pop("light_samples"), request.pop("vpl_samples")
-    kind = parse_input(reuse.input, light_samples=lights, indirect_samples=vpls, seed=settings.lighting.seed)
-    request["input"] = kind
-    if reuse.reference is None:
-        request["reference"] = "path-traced" if kind.path_samples else "max"
-    if kind.path_samples:
-        _check_path_traced(kind, settings)
-    return settings.replace(reprojection="motion"), request
-
-
-def _check_path_traced(kind: InputKind, settings: Settings) -> None:
-    """Raises SettingsError for given options of light that path-traced input would ignore."""
-    for name in sorted(given_options(("light", "indirect", "spp"))):
+    kind = parse_input(reuse.input)
+    for name in sorted(given_options(("light", "indirect", "spp"))) if kind.path_samples else ():
         value = settings.get(name)
         if value not in ("auto", "path-traced", None):
             hint = f"leave --{name} out, or give another --input, such as full or path-traced@4"
             raise SettingsError(f"input is {kind.text} and {name} is {value}", hint=hint, setting=name)
+    return settings.replace(reprojection="motion")
 
 
 def _kept(results: ReuseFolder | None) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import glob
 import hashlib
 import itertools
@@ -16,7 +15,7 @@ from typing import Any
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
-from taubench_gl.settings import FIELDS, Settings, read_key
+from taubench_gl.settings import KEYS, Settings, read_key, unknown_setting
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene to an argument of ``load_scene`` and the settings of its registry entry."""
@@ -24,7 +23,7 @@ Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 LISTS = ("columns", "environment", "animation")
 """Settings whose value is itself a list: only a list of lists sweeps them."""
 
-OWN_KEYS = ("name", "scenes", "size")
+OWN_KEYS = ("name", "scenes")
 SCENE_KEY = "path"
 
 
@@ -104,10 +103,8 @@ def read_choices(values: Mapping[str, Any], where: str, errors: list[str]) -> di
     for key, value in values.items():
         field = key.replace("-", "_")
         name = f"{where}{key}"
-        if field not in FIELDS and field != "size":
-            near = difflib.get_close_matches(field, [*FIELDS, *OWN_KEYS], 1)
-            hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*OWN_KEYS, *FIELDS])}"
-            errors.append(f"{name} is not a setting ({hint})")
+        if field not in KEYS:
+            errors.append(f"{name}: {unknown_setting(field, OWN_KEYS)}")
             continue
         if field == "thresholds" and isinstance(value, dict):
             out[field] = _sweep_table(name, value, errors)

@@ -6,9 +6,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
-from msgspec.structs import replace
+from dataclasses import asdict, dataclass, replace
 
 from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
@@ -40,8 +38,8 @@ class Cost:
     def of(self, case: Case, traced: float = 0.0) -> Estimate:
         """Of all frames; ``traced``: seconds for the path-traced reference."""
         frame = self.pixel * case.size[0] * case.size[1]
-        begin = self.begin + (case.seeds - 1) * self.seed + traced
-        return Estimate(case.id, case.seeds * case.frames, frame, begin=begin)
+        begin = self.begin + (case.request.seeds - 1) * self.seed + traced
+        return Estimate(case.id, case.request.seeds * case.frames, frame, begin=begin)
 
 
 def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[Estimate]:
@@ -53,7 +51,7 @@ def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = 
     estimates = []
     for unit in units:
         case = unit.case
-        kind = (case.scene.source, case.input, case.light_samples, case.vpl_samples, case.reference_samples)
+        kind = (case.scene.source, case.kind, case.request.reference_samples)
         if kind not in of_kind:
             say(f"{case.id}: measuring {FRAMES} frames")
             if not of_kind:
@@ -76,7 +74,7 @@ def _measured(unit: BenchmarkUnit) -> Cost:
         specs,
         case.settings,
         on_frame=lambda frame: times.append(time.perf_counter()),
-        **{**case.request, "statistics": False},
+        **asdict(case.request),
     )
     return cost_of(times, time.perf_counter(), case)
 
@@ -86,36 +84,39 @@ def cost_of(times: Sequence[float], end: float, case: Case) -> Cost:
     spent = [after - before for before, after in itertools.pairwise(times)]
     # Of the last frames: shaders are compiled, and the reference of a second seed is in memory.
     frame = min(spent[-(case.frames - 1) :])
-    seed = spent[case.frames] - frame if case.seeds > 1 else 0.0
+    seed = spent[case.frames] - frame if case.request.seeds > 1 else 0.0
     begin = spent[0] - frame + end - times[-1]
     return Cost(max(begin, 0.0), max(seed, 0.0), frame / (case.size[0] * case.size[1]))
 
 
 def _small(case: Case) -> Case:
     """A few small frames of a case; with random numbers, of two seeds."""
-    traced = reference_samples(case.reference) is not None
-    few = replace(
-        case,
-        frames=min(case.frames, FRAMES),
+    traced = reference_samples(case.request.reference) is not None
+    request = replace(
+        case.request,
         warmup=1,
         cuts=(),
         seeds=2 if case.kind.noisy or case.kind.path_samples else 1,
-        reference=f"{PREFIX}{PART}" if traced else case.reference,
+        reference=f"{PREFIX}{PART}" if traced else case.request.reference,
+    )
+    frames = min(case.frames, FRAMES)
+    few = replace(
+        case, frames=frames, request=request, settings=case.settings.replace(frames=(case.first, case.first + frames))
     )
     factor = max(1, round(case.size[0] / WIDTH))
     if any(length % factor for length in case.size):
         return few
-    small = replace(few, size=(case.size[0] // factor, case.size[1] // factor))
+    width, height = (length // factor for length in case.size)
     try:
-        small.kind.input_size(small.size)
+        few.kind.input_size((width, height))
     except SettingsError:
         return few
-    return small
+    return replace(few, settings=few.settings.replace(width=width, height=height))
 
 
 def _tracing(case: Case) -> float:
     """Seconds of what is not stored of a path-traced reference; 0 for other references."""
-    samples = reference_samples(case.reference)
+    samples = reference_samples(case.request.reference)
     if samples is None:
         return 0.0
     given = open_scene(load_scene(scene_file(case.scene)), case.settings, columns=COLUMNS, sampled=False)

@@ -86,8 +86,9 @@ def _case(case: Case, sha256: str, result: Result) -> dict[str, Any]:
     return {
         "sha256": case.identity(sha256), "track": case.track, "series": case.series, "value": case.value,
         "scene": case.id.partition("/")[0], "scene_sha256": sha256, "size": list(case.size),
-        "frames": [case.first, case.first + case.frames - 1], "fps": case.fps, "input": case.input,
-        "seeds": case.seeds, "cuts": list(case.cuts), "reference": result.get("reference"),
+        "frames": [case.first, case.first + case.frames - 1], "fps": case.settings.sequence.fps,
+        "input": case.request.input,
+        "seeds": case.request.seeds, "cuts": list(case.request.cuts), "reference": result.get("reference"),
         "exposure": result.get("exposure"), "classes_percent": _shares(result), "discarded_percent": discarded,
         "level": _level(discarded),
     }  # fmt: skip

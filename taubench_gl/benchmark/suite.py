@@ -1,7 +1,8 @@
 """Suites: TOML files that list cases.  A case is a scene, its frames, an input, seeds and a reference.
 
-``schema = "suite/1"`` fixes what the keys mean.  A table of ``cases`` with one of ``SERIES`` is a series: one case per
-value.  Everything that a result depends on is part of ``Case.identity``.
+``schema = "suite/1"`` fixes what the keys mean.  A table of ``cases`` has keys of its own (``_Table``), settings, and
+options of ``reuse evaluate``; those beside the tables hold for all.  A table with one of ``SERIES`` is a series: one
+case per value.  Everything that a result depends on is part of ``Case.identity``.
 """
 
 from __future__ import annotations
@@ -10,23 +11,22 @@ import fnmatch
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import msgspec
+from typing import Any
 
 from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
 from taubench_gl.data_files import hashed, read_toml
 from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
+from taubench_gl.fields import REQUIRED, Checked, at_least, declared, from_values, setting, unknown_field
+from taubench_gl.option_groups import REUSE_SETTINGS, ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
-from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.quality import DEFAULT_METRICS
+from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.references import FITTED
-from taubench_gl.settings import Settings, parse_size
+from taubench_gl.settings import AUTO, Settings
 
 SCHEMA = "suite/1"
 SUITES = Path(__file__).resolve().parent / "suites"
@@ -37,106 +37,81 @@ SERIES = (*STRESS, CUT)
 """What a series changes from case to case: camera, lights or objects (``scenes.STRESS``), or frames between cuts."""
 
 HINT = "see docs/benchmark.md"
-Positive = Annotated[int, msgspec.Meta(ge=1)]
+
+_FIXED = ("light", "reference_time", "mapping")
+"""What follows from the input, or would make a result depend on the machine or on files."""
+
+_SETTINGS = tuple(name for name in REUSE_SETTINGS if name not in _FIXED)
+_OPTIONS = tuple(name for name in declared(ReuseOptions) if name not in _FIXED)
+_HASHED = (
+    "cuts", "environment", "exposure", "fps", "input", "light_samples", "metrics", "reference", "reference_samples",
+    "seeds", "shadow_size", "size", "vpl_samples", "warmup",
+)  # fmt: skip
+"""Settings and options that are part of every hash of a case.  The others are part of it where they have not their
+default: a new one changes no hash."""
 
 
-class _Evaluated(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What a table of ``cases`` and each of its cases share."""
-
-    track: str
-    input: str
-    first: Annotated[int, msgspec.Meta(ge=0)] = 0
-    fps: Annotated[float, msgspec.Meta(gt=0)] = 24.0
-    seeds: Positive = 1
-    light_samples: Positive = 1
-    vpl_samples: Positive = 4
-    reference: str = "max"
-    reference_samples: Positive = 16
-    environment: tuple[float, float, float] | None = None
-    exposure: Annotated[float, msgspec.Meta(gt=0)] | None = None
+def _speeds(meaning: str) -> Any:
+    """The key of a series."""
+    return setting(None, f"Series: {meaning}")
 
 
-class _Cases(_Evaluated, frozen=True):
-    scene: str
-    frames: Annotated[int, msgspec.Meta(ge=2)] | None = None
-    still: bool = False
-    rotation: list[float] | None = None
-    translation: list[float] | None = None
-    light_speed: list[float] | None = None
-    object_speed: list[float] | None = None
-    cut: list[int] | None = None
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Table(Checked):
+    """Keys of a table of ``cases`` besides settings and options."""
+
+    scene: str = setting(REQUIRED, "demo, a stand-in or a file beside the suite")
+    track: str = setting(REQUIRED, "Cases within which methods are ranked")
+    first: int = setting(0, "Number of the first frame", at_least(0))
+    frames: int = setting(REQUIRED, "Number of frames", at_least(2))
+    still: bool = setting(False, "Of a series: without the scene's own animations")
+    rotation: tuple[float, ...] | None = _speeds("yaw of the camera, degrees per frame")
+    translation: tuple[float, ...] | None = _speeds("speed of the camera, meters per frame")
+    light_speed: tuple[float, ...] | None = _speeds("speed of all lights, meters per frame")
+    object_speed: tuple[float, ...] | None = _speeds("speed of all small rigid objects, meters per frame")
+    cut: tuple[int, ...] | None = _speeds("frames from cut to cut")
 
 
-class _Suite(msgspec.Struct, forbid_unknown_fields=True):
-    schema: str
-    name: Annotated[str, msgspec.Meta(min_length=1)]
-    size: str
-    frames: Annotated[int, msgspec.Meta(ge=2)]
-    cases: Annotated[list[_Cases], msgspec.Meta(min_length=1)]
-    warmup: Positive = 1
-    shadow_size: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 1024
-    metrics: tuple[str, ...] = DEFAULT_METRICS
-
-
-class Case(_Evaluated, frozen=True):
+@dataclass(frozen=True, slots=True)
+class Case:
     """One evaluation.  ``series`` and ``value``: the axis and step of a series, None for a single case.
 
-    ``first``: number of the first frame; ``cuts``: frames declared to have no history.
+    ``first``: number of the first frame; ``settings``: of the frames; ``request``: what methods are evaluated on.
     """
 
     id: str
+    track: str
     series: str | None
     value: float | None
     scene: SceneRecipe
-    size: tuple[int, int]
+    first: int
     frames: int
-    cuts: tuple[int, ...]
-    warmup: int
-    shadow_size: int
-    metrics: tuple[str, ...]
+    settings: Settings
+    request: EvaluationRequest
 
     @property
     def kind(self) -> InputKind:
-        return parse_input(self.input, light_samples=self.light_samples, indirect_samples=self.vpl_samples)
+        return self.request.kind(self.settings.lighting.seed)
 
     @property
-    def settings(self) -> Settings:
-        """Every setting of light is given: the result does not depend on defaults."""
-        return Settings(
-            width=self.size[0],
-            height=self.size[1],
-            fps=self.fps,
-            frames=(self.first, self.first + self.frames),
-            reprojection="motion",
-            light="path-traced" if self.kind.path_samples else "raster",
-            light_unit="auto",
-            exposure=self.exposure or "auto",
-            shadow_size=self.shadow_size,
-            environment=self.environment or "auto",
-            # Where nothing moves, the default is an orbit.
-            camera=CAMERA_NAME if self.scene.axis in STRESS else None,
-        )
-
-    @property
-    def request(self) -> dict[str, Any]:
-        """Arguments of ``evaluate_methods``."""
-        return {
-            "input": self.kind,
-            "reference": self.reference,
-            "reference_samples": self.reference_samples,
-            "exact_samples": True,
-            "metrics": self.metrics,
-            "cuts": self.cuts,
-            "seeds": self.seeds,
-            "warmup": self.warmup,
-        }
+    def size(self) -> tuple[int, int]:
+        return self.settings.sequence.width, self.settings.sequence.height
 
     def identity(self, scene_sha256: str) -> str:
         """Hash of what is evaluated, 64 hexadecimal digits; labels are no part of it."""
-        labels = ("id", "track", "series", "value")
-        values = {name: value for name, value in msgspec.structs.asdict(self).items() if name not in labels}
-        values["scene"] = scene_sha256
+        values = {"scene": scene_sha256, "first": self.first, "frames": self.frames}
+        default = _values(Settings(), EvaluationRequest())
+        for name, value in _values(self.settings, self.request).items():
+            if name in _HASHED or value != default[name]:
+                values[name] = None if value == AUTO else value
         return hashlib.sha256(json.dumps([SCHEMA, values], sort_keys=True).encode()).hexdigest()
+
+
+def _values(settings: Settings, request: EvaluationRequest) -> dict[str, Any]:
+    """What a suite can set, by name."""
+    values = {name: settings.get(name) for name in _SETTINGS if name != "size"}
+    values["size"] = settings.sequence.width, settings.sequence.height
+    return values | {name: getattr(request, name) for name in _OPTIONS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,73 +149,93 @@ def read_suite(text: str | Path) -> Suite:
         hint = f"choose from {', '.join(BUILTIN)}, or give a .toml file"
         raise SettingsError(f"there is no suite {str(text)!r}", hint=hint)
     values = read_toml(path, fault=SettingsError, hint=HINT)
-    if values.get("schema") != SCHEMA:
-        raise SettingsError(f"schema is {values.get('schema')!r}, expected {SCHEMA!r}", where=str(path), hint=HINT)
-    suite = msgspec.convert(read_toml(path, _Suite, SettingsError, hint=HINT), _Suite)
+    schema = values.pop("schema", None)
+    if schema != SCHEMA:
+        raise SettingsError(f"schema is {schema!r}, expected {SCHEMA!r}", where=str(path), hint=HINT)
+    name, tables = values.pop("name", None), values.pop("cases", None)
+    if not (isinstance(name, str) and name and isinstance(tables, list) and all(isinstance(t, dict) for t in tables)):
+        raise SettingsError("has no name, or no tables [[cases]]", where=str(path), hint=HINT)
     try:
-        cases = tuple(case for table in suite.cases for case in _expanded(suite, table, path.parent))
+        cases = [case for table in tables for case in _expanded(values | table, path.parent)]
     except SettingsError as error:
         raise SettingsError(error.what, where=str(path), hint=error.hint) from None
+    if not cases:
+        raise SettingsError("has no case", where=str(path), hint=HINT)
     ids = [case.id for case in cases]
     if repeated := next((name for name in ids if ids.count(name) > 1), None):
         raise SettingsError(f"two cases are {repeated}", where=str(path), hint="leave one out")
-    return Suite(suite.name, hashed(path, SettingsError).hexdigest(), cases)
+    return Suite(name, hashed(path, SettingsError).hexdigest(), tuple(cases))
 
 
-def _expanded(suite: _Suite, table: _Cases, folder: Path) -> list[Case]:
-    """The cases of one table.  Raises SettingsError."""
+def _expanded(values: Mapping[str, Any], folder: Path) -> list[Case]:
+    """The cases of one table; ``values`` of it and of the whole suite.  Raises SettingsError."""
+    own = declared(_Table)
+    for name in values:
+        if name not in (*own, *_SETTINGS, *_OPTIONS):
+            raise unknown_field(name, (*own, *_SETTINGS, *_OPTIONS))
+    table = from_values(_Table, {name: value for name, value in values.items() if name in own})
+    evaluated = {name: value for name, value in values.items() if name not in own}
     axes = [axis for axis in SERIES if getattr(table, axis) is not None]
     if len(axes) > 1:
         raise SettingsError(f"a series has {' and '.join(axes)}", hint="give one of them")
     if not axes:
-        return [_case(suite, table, folder, None, None)]
-    values = getattr(table, axes[0])
-    if not values or values != sorted(set(values)) or not all(math.isfinite(v) and v >= 0 for v in values):
-        raise SettingsError(f"{axes[0]} is {values}", hint="give different numbers of at least 0, ascending")
-    return [_case(suite, table, folder, axes[0], value) for value in values]
+        return [_case(table, evaluated, folder, None, None)]
+    steps = getattr(table, axes[0])
+    if not steps or list(steps) != sorted(set(steps)) or not all(math.isfinite(v) and v >= 0 for v in steps):
+        raise SettingsError(f"{axes[0]} is {list(steps)}", hint="give different numbers of at least 0, ascending")
+    return [_case(table, evaluated, folder, axes[0], value) for value in steps]
 
 
-def _input_name(table: _Cases) -> str:
-    """The input and, of noisy light, the number of lights that are sampled, if it is not one."""
-    noisy = parse_input(table.input).noisy and table.light_samples > 1
-    return f"{table.input}@{table.light_samples}" if noisy else table.input
-
-
-def _case(suite: _Suite, table: _Cases, folder: Path, axis: str | None, value: float | None) -> Case:
-    frames = table.frames or suite.frames
-    source = known_source(table.scene, folder)
-    stressed = axis in STRESS
-    if stressed and table.first:
-        raise SettingsError(f"first is {table.first}", hint=f"a series of {axis} begins with frame 0: leave it out")
-    if table.still and not stressed:
-        raise SettingsError("still is true without a series", hint=f"give one of {', '.join(STRESS)}, or leave it out")
-    recipe = SceneRecipe(source)
-    if stressed:
-        recipe = SceneRecipe(source, axis, float(value), frames, table.fps, table.still)
-    cuts: tuple[int, ...] = ()
+def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str | None, value: float | None) -> Case:
+    """``evaluated``: settings and options by name; ``axis`` and ``value`` of a series.  Raises SettingsError."""
+    options = {name: option for name, option in evaluated.items() if name in _OPTIONS}
     if axis == CUT and value:
-        cuts = tuple(range(table.first + int(value), table.first + frames, int(value)))
+        options["cuts"] = tuple(range(table.first + int(value), table.first + table.frames, int(value)))
+    request = from_values(EvaluationRequest, options | {"statistics": False, "exact_samples": True})
+    settings = Settings(
+        **{name: setting for name, setting in evaluated.items() if name in _SETTINGS},
+        frames=(table.first, table.first + table.frames),
+        reprojection="motion",
+        light="path-traced" if request.kind().path_samples else "raster",
+        # Where nothing moves, the default is an orbit.
+        camera=CAMERA_NAME if axis in STRESS else None,
+    )
     step = "" if axis is None else f"/{axis}={value:g}"
     case = Case(
-        **{name: getattr(table, name) for name in _Evaluated.__struct_fields__},
-        id=f"{Path(table.scene).stem}{step}/{_input_name(table)}",
+        id=f"{Path(table.scene).stem}{step}/{_input_name(request)}",
+        track=table.track,
         series=axis,
         value=None if value is None else float(value),
-        scene=recipe,
-        size=parse_size(suite.size),
-        frames=frames,
-        cuts=cuts,
-        warmup=suite.warmup,
-        shadow_size=suite.shadow_size,
-        metrics=suite.metrics,
+        scene=_recipe(table, settings.sequence.fps, folder, axis, value),
+        first=table.first,
+        frames=table.frames,
+        settings=settings,
+        request=request,
     )
-    if case.kind.files is not None or is_sequence(case.reference):
+    if case.kind.files is not None or is_sequence(request.reference):
         raise SettingsError(f"{case.id}: files are no part of a suite", hint="give a rendered input and reference")
-    if case.reference == FITTED:
+    if request.reference == FITTED:
         raise SettingsError(f"{case.id}: the reference depends on the machine", hint="give path-traced@M")
-    if frames <= suite.warmup:
-        raise SettingsError(f"{case.id}: warmup is {suite.warmup}, frames {frames}", hint="give more frames")
-    EvaluationRequest(**case.request).check()
+    if case.frames <= request.warmup:
+        raise SettingsError(f"{case.id}: warmup is {request.warmup}, frames {case.frames}", hint="give more frames")
+    request.check(settings.lighting.seed)
     case.kind.input_size(case.size)
-    case.settings  # noqa: B018  checks the values
     return case
+
+
+def _recipe(table: _Table, fps: float, folder: Path, axis: str | None, value: float | None) -> SceneRecipe:
+    """The scene of a case.  Raises SettingsError."""
+    source = known_source(table.scene, folder)
+    if axis in STRESS:
+        if table.first:
+            raise SettingsError(f"first is {table.first}", hint=f"a series of {axis} begins with frame 0: leave it out")
+        return SceneRecipe(source, axis, float(value), table.frames, fps, table.still)
+    if table.still:
+        raise SettingsError("still is true without a series", hint=f"give one of {', '.join(STRESS)}, or leave it out")
+    return SceneRecipe(source)
+
+
+def _input_name(request: EvaluationRequest) -> str:
+    """The input and, of noisy light, the number of lights that are sampled, if it is not one."""
+    several = request.kind().noisy and request.light_samples > 1
+    return f"{request.input}@{request.light_samples}" if several else request.input

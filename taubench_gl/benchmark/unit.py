@@ -10,7 +10,7 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +95,7 @@ class BenchmarkUnit(Unit):
             key=record_key(identity, methods),
             name=f"{len(entries)} methods" if len(entries) > 1 else entries[0].label,
             scene=case.scene.source,
-            weight=case.frames * case.seeds * len(entries),
+            weight=case.frames * case.request.seeds * len(entries),
             limit=limit,
             case=case,
             entries=entries,
@@ -162,7 +162,7 @@ def evaluate_case(
         divergence.add(evaluated)
 
     try:
-        done = evaluate_methods(path, specs, case.settings, on_frame=look, **{**case.request, "statistics": False})
+        done = evaluate_methods(path, specs, case.settings, on_frame=look, **asdict(case.request))
     except MethodError as error:  # none could be loaded
         if len(specs) > 1:
             raise

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
-OVERALL = "overall"
-"""Pixels whose mask is wrong in any column."""
+from taubench_gl.option_groups import OVERALL
 
+Array = np.ndarray
 CONFIDENCE = 1.96
 """Standard deviations beyond which two numbers differ."""
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.cost.analysis import (
-    OVERALL,
     RULE,
     Choice,
     MaskError,
@@ -28,6 +27,7 @@ from taubench_gl.cost.errors import column_differences
 from taubench_gl.cost.pixels import discarded, pack_bits, unpack
 from taubench_gl.cost.records import Record, Records
 from taubench_gl.cost.timing import rounds_of
+from taubench_gl.option_groups import OVERALL
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.preset import save_preset
 

@@ -18,7 +18,6 @@ from typing import Any
 
 from taubench_gl.animation import camera_of_run
 from taubench_gl.cost import pixels
-from taubench_gl.cost.analysis import OVERALL
 from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, make_plan
 from taubench_gl.cost.errors import measure_columns
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext
@@ -41,11 +40,13 @@ from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
 from taubench_gl.features import COLUMNS
+from taubench_gl.fields import declared, from_values
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.plan import effect_costs
 from taubench_gl.frame.spec import AnimatedScene, ranked_with_sun
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
+from taubench_gl.option_groups import OVERALL, CostOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
@@ -55,7 +56,6 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 HIGHEST_QUALITY, PATH_TRACED = "highest-quality", "path-traced"
-REPEATS = 5
 SAMPLES = 256
 """Samples per pixel of the path-traced reference where neither they nor the time are limited."""
 
@@ -122,36 +122,24 @@ def cost(
     settings: Settings | None = None,
     *,
     out: str | Path,
-    parameters: Sequence[str] | None = None,
-    reference: str | None = None,
-    within: float | None = None,
-    budget_ms: float | None = None,
-    choose_for: str = OVERALL,
-    repeats: int = REPEATS,
-    time_limit: float | None = None,
-    fresh: bool = False,
     progress: Progress | None = None,
-    clock: str = "wall",
     now: Clock | None = None,
-    **overrides: Any,
+    **options: Any,
 ) -> CostStudy:
     """Measure mask error and time of every configuration, and recommend one.
 
-    ``settings`` and ``overrides`` (fields of Settings) are the baseline.  ``parameters``: names in ``PARAMETERS``,
-    ``combinations``, ``effects`` (None: all these).  ``reference``: "path-traced", "path-traced@M" with M
-    samples per pixel, "highest-quality", or ``exr:DIR``, renders; None: path-traced where anything is lit.
-    ``within`` percent of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error
-    (``choose_for``).
-    ``repeats``: interleaved rounds of timing.  ``time_limit``: seconds; what is not measured by then is left to a later
-    run (the least that an answer needs is always measured).  ``out``
-    holds the records: called again, the study resumes; ``fresh`` starts from scratch.  Interrupted by the keyboard, it
-    returns what is measured so far.
-    ``clock``: of CLOCKS; ``now`` replaces it.  Raises TaubenchError.
+    ``options``: fields of ``CostOptions``, and those of Settings, which change ``settings``, the baseline.
+    ``parameters`` are names in ``PARAMETERS``, ``combinations`` and ``effects``.  ``out`` holds the records: called
+    again, the study resumes.  What the time limit leaves out is left to a later run; the least that an answer needs is
+    always measured.  Interrupted by the keyboard, it returns what is measured so far.  ``now`` replaces the clock.
+    Raises TaubenchError.
     """
-    baseline = (settings or Settings()).replace(**overrides)
-    _check(baseline, parameters, within, budget_ms, choose_for, repeats, time_limit, clock)
+    study_options = {name: options.pop(name) for name in declared(CostOptions) if name in options}
+    request, baseline = from_values(CostOptions, study_options), (settings or Settings()).replace(**options)
+    _check(baseline, request)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **baseline.sequence.reading)
+    reference = request.reference
     series = find_series(reference) if reference is not None and is_sequence(reference) else None
     if series is not None:
         baseline = series.settings(baseline)
@@ -159,41 +147,32 @@ def cost(
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
     if baseline.metrics.all_pairs:
         baseline = baseline.replace(pairs="all")
-    subject = make_subject(scene, baseline, parameters, reference, series)
-    out, (seconds, clock) = Path(out), CLOCKS[clock]
+    subject = make_subject(scene, baseline, request.parameters, reference, series)
+    out, (seconds, clock) = Path(out), CLOCKS[request.clock]
     about = _about(subject, clock)
     header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
     with FolderLock(out):
-        if fresh:
+        if request.fresh:
             (out / RECORDS_FILE).unlink(missing_ok=True)
         if not (out / RECORDS_FILE).exists():
             (out / SUMS_FILE).unlink(missing_ok=True)  # of another study
         with closing(Records(out, header)) as records:
-            measurements = Measurements(subject, records, out, repeats, time_limit, now or seconds, progress)
+            measurements = Measurements(subject, records, out, request, now or seconds, progress)
             about["interrupted"] = not measurements.run()
-            study = assemble(about, subject.plan, records, repeats)
-    study.choose(within, budget_ms, choose_for)
+            study = assemble(about, subject.plan, records, request.repeats)
+    study.choose(request.within, request.budget_ms, request.choose_for)
     study.requested_lighting, study.out = requested, out
     return study
 
 
-def _check(
-    baseline: Settings, parameters: Sequence[str] | None, within: float | None, budget_ms: float | None,
-    choose_for: str, repeats: int, time_limit: float | None, clock: str,
-) -> None:  # fmt: skip
-    """Raises SettingsError for arguments of ``cost`` that mean nothing."""
+def _check(baseline: Settings, request: CostOptions) -> None:
+    """Raises SettingsError for options of ``cost`` that mean nothing with this baseline."""
     columns = (OVERALL, *baseline.metrics.columns)
-    for fault, what, hint in (
-        (within is not None and not within >= 0, f"within is {within}", "give percent of the pixels, at least 0"),
-        (budget_ms is not None and not budget_ms > 0, f"budget is {budget_ms} ms", "give milliseconds above 0"),
-        (time_limit is not None and not time_limit > 0, f"time limit is {time_limit} s", "give a time above 0"),
-        (repeats < 1, f"repeats is {repeats}", "give 1 or more; 3 for a spread"),
-        (choose_for not in columns, f"no column is named {choose_for!r}", f"choose from {', '.join(columns)}"),
-        (clock not in CLOCKS, f"no clock is named {clock!r}", f"choose from {', '.join(CLOCKS)}"),
-        (parameters is not None and not parameters, "no parameter is given", f"choose from {', '.join(PARAMETERS)}"),
-    ):
-        if fault:
-            raise SettingsError(what, hint=hint)
+    if request.choose_for not in columns:
+        hint = f"choose from {', '.join(columns)}"
+        raise SettingsError(f"column {request.choose_for} is not measured", hint=hint)
+    if request.parameters is not None and not request.parameters:
+        raise SettingsError("no parameter is given", hint=f"choose from {', '.join(PARAMETERS)}")
 
 
 def make_subject(
@@ -293,11 +272,12 @@ class Measurements:
     """The measurements that are not in the records yet.  Each is recorded as soon as it is finished."""
 
     def __init__(
-        self, subject: Subject, records: Records, out: Path, repeats: int, time_limit: float | None, now: Clock,
+        self, subject: Subject, records: Records, out: Path, request: CostOptions, now: Clock,
         progress: Progress | None,
     ):  # fmt: skip
         self._subject, self._records, self._out, self._now = subject, records, out, now
-        self._repeats, self._time_limit, self._deadline = repeats, time_limit, Deadline(time_limit)
+        self._repeats, self._time_limit = request.repeats, request.time_limit
+        self._deadline = Deadline(request.time_limit)
         self._progress = progress or (lambda step: None)
         plan = subject.plan.configurations
         grid = [c for c in plan if not c.comparable]

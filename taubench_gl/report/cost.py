@@ -9,6 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from taubench_gl.option_groups import OVERALL
 from taubench_gl.outputs import csv_text
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.numerics import recorded
@@ -20,7 +21,6 @@ from taubench_gl.report.table import NONE, Column, Row, Table, TablesView, to_ht
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
 
-OVERALL = "overall"
 ERROR_HEADS = ("% wrong", "discarded", "kept")
 """Of three columns: percent of the pixels with a wrong mask, and of these those discarded and kept wrongly."""
 

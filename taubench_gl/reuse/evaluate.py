@@ -7,7 +7,7 @@ them.  The order rotates from frame to frame.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
@@ -22,8 +22,10 @@ from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.features import COLUMNS
+from taubench_gl.fields import from_values
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
 from taubench_gl.reuse.bound import Blended
@@ -35,7 +37,7 @@ from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, Inputs, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.perceptual import open_perceptual
-from taubench_gl.reuse.quality import CHOICES, DEFAULT_METRICS, MEASURES, display, fixed_gain, reusable, warp_error
+from taubench_gl.reuse.quality import MEASURES, display, fixed_gain, reusable, warp_error
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
 from taubench_gl.reuse.references import (
     FITTED,
@@ -96,68 +98,49 @@ class MethodSpec:
         return cls("@".join((name, *parts)), name, settings)
 
 
-@dataclass(frozen=True, slots=True)
-class EvaluationRequest:
-    """What to evaluate methods on.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluationRequest(ReuseOptions):
+    """What methods are evaluated on: the options of ``reuse evaluate``, with the reference that goes with the input.
 
-    ``input``: an InputKind, or text for ``parse_input``; ``reference``: ``max`` (exact light, ``reference_samples`` per
-    pixel), ``path-traced@M`` (M samples per pixel, stored), ``path-traced`` (as many as can be traced in
-    ``reference_time`` seconds, ``References.fit``) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
-    frames declared to have no history; ``mapping``: names of the passes of EXR files; ``seeds``: the sequence is
-    repeated with this many seeds of the random numbers, from that of ``input`` on; ``warmup``: first frames of the
-    sequence that means leave out; ``statistics``: intervals, differences and rankings; ``exact_samples``: a path-traced
-    reference has exactly M samples, also where more are stored.
+    ``statistics``: intervals, differences and rankings; ``exact_samples``: a path-traced reference has exactly M
+    samples, also where more are stored.
     """
 
-    input: str | InputKind = "full"
-    reference: str = "max"
-    reference_samples: int = 16
-    reference_time: float = 120.0
-    metrics: Collection[str] = DEFAULT_METRICS
-    cuts: Collection[int] = ()
-    mapping: str | None = None
-    seeds: int = 1
-    warmup: int = 1
     statistics: bool = True
     exact_samples: bool = False
 
-    @property
-    def kind(self) -> InputKind:
-        return parse_input(self.input) if isinstance(self.input, str) else self.input
+    def __post_init__(self) -> None:
+        ReuseOptions.__post_init__(self)
+        if self.reference is None:
+            object.__setattr__(self, "reference", FITTED if self.kind().path_samples else "max")
 
-    def check(self) -> None:
-        """Raises SettingsError for invalid values and for metrics whose package is missing."""
+    def kind(self, seed: int = 0) -> InputKind:
+        """The input, whose first random numbers are those of ``seed``.  Raises SettingsError."""
+        samples = {"light_samples": self.light_samples, "indirect_samples": self.vpl_samples}
+        return parse_input(self.input, **samples, seed=seed)
+
+    def check(self, seed: int = 0) -> None:
+        """Raises SettingsError for values that do not go together and for metrics whose package is missing."""
         for name in self.metrics:
-            if name not in CHOICES:
-                raise SettingsError(f"there is no metric {name!r}", hint=f"choose from {', '.join(CHOICES)}")
             module, package = REQUIRED.get(name, ("", ""))
             if module and find_spec(module) is None:
                 hint = f"pip install 'taubench-gl[reuse]', or choose metrics other than {name}, such as psnr,relmse"
                 raise SettingsError(f"metric {name} needs {package}", hint=hint)
-        self._check_repetition()
-        if not 0 < self.reference_time < float("inf"):
-            raise SettingsError(f"reference time is {self.reference_time:g} s", hint="give seconds above 0")
-        traced = reference_samples(self.reference) is not None
+        kind, traced = self.kind(seed), reference_samples(self.reference) is not None
+        if self.seeds > 1 and not (kind.noisy or kind.path_samples):
+            message = f"input {kind.text!r} is the same for every seed"
+            raise SettingsError(message, hint="--seeds goes with noisy or path-traced@N input")
+        if seed + self.seeds - 1 > MAX_SEED:
+            raise SettingsError(f"the last seed is above {MAX_SEED}", hint="give a smaller --seed or fewer --seeds")
         if self.reference != "max" and not traced and not is_sequence(self.reference):
             hint = "give max, path-traced, path-traced@M or exr:DIR"
             raise SettingsError(f"reference is {self.reference!r}", hint=hint)
-        if self.kind.files is not None and not is_sequence(self.reference):
+        if kind.files is not None and not is_sequence(self.reference):
             message = f"path-traced files have no {self.reference!r} reference"
             raise SettingsError(message, hint="give --reference exr:DIR")
-        if self.kind.path_samples and not traced:
+        if kind.path_samples and not traced:
             message = f"path-traced input has no {self.reference!r} reference"
             raise SettingsError(message, hint="give --reference path-traced or path-traced@M")
-
-    def _check_repetition(self) -> None:
-        if self.warmup < 1:
-            raise SettingsError(f"warmup is {self.warmup}", hint="give 1 or more: the first frame has no history")
-        if self.seeds < 1:
-            raise SettingsError(f"seeds is {self.seeds}", hint="give 1 or more")
-        if self.seeds > 1 and not (self.kind.noisy or self.kind.path_samples):
-            message = f"input {self.kind.text!r} is the same for every seed"
-            raise SettingsError(message, hint="--seeds goes with noisy or path-traced@N input")
-        if self.kind.seed + self.seeds - 1 > MAX_SEED:
-            raise SettingsError(f"the last seed is above {MAX_SEED}", hint="give a smaller --seed or fewer --seeds")
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,21 +195,22 @@ def evaluate_methods(
     affect the others.  Raises TaubenchError for an invalid request and if every method fails to load or compile.
     """
     settings = settings or Settings(reprojection="motion")
-    options = EvaluationRequest(**request)
+    options = from_values(EvaluationRequest, request)
     specs = [MethodSpec.parse(m) if isinstance(m, str) else m for m in methods]
     _check_labels([spec.label for spec in specs])
-    options.check()
+    options.check(settings.lighting.seed)
+    kind = options.kind(settings.lighting.seed)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **settings.sequence.reading)
     camera = camera or camera_of_run(scene, settings.sequence)
-    if options.kind.files is not None:
+    if kind.files is not None:
         settings, reasons = as_rendered(settings), {}
     else:
         # Images need their exposure whatever the columns.
         resolved = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera)
         settings, reasons = resolved.settings.replace(columns=settings.metrics.columns), resolved.reasons
     with opened_gpu(settings) as owner:
-        inputs = InputRequest(owner.gpu, scene, camera, settings, options.kind, Poser(scene), options.mapping)
+        inputs = InputRequest(owner.gpu, scene, camera, settings, kind, Poser(scene), options.mapping)
         evaluator = _Evaluator(owner, inputs, specs, options, announce)
         evaluator.run(progress, on_frame)
         owner.gpu.check("reuse evaluation")

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.fields import declared, from_values
+from taubench_gl.option_groups import FITTED_METRICS, FitOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Setting, Value
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.quality import CHOICES, MEASURES
+from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import EQUAL
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
@@ -25,11 +27,8 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/reuse-fit/2"
-METRICS = {name.removesuffix("_db"): name for name in MEASURES if name.removesuffix("_db") in CHOICES}
+MEASURE_OF = {name.removesuffix("_db"): name for name in MEASURES if name.removesuffix("_db") in FITTED_METRICS}
 """Names of metrics for users -> keys of MEASURES."""
-
-DEFAULT_METRIC = "flip"
-"""Bounded per pixel: a single firefly cannot dominate a fit, as it can with relMSE."""
 
 DEFAULT_STEPS = 9
 MAX_POINTS = 4096
@@ -167,20 +166,16 @@ def fit_setting(
     ranges: Sequence[str | Range],
     settings: Settings | None = None,
     *,
-    metric: str = DEFAULT_METRIC,
-    refine: int = 1,
     progress: Callable[[Progress], None] | None = None,
-    **evaluation: Any,
+    **options: Any,
 ) -> Fit:
-    """The point of ``ranges`` with the smallest (for PSNR and SSIM: largest) mean ``metric`` of METRICS.
+    """The point of ``ranges`` with the smallest (for PSNR and SSIM: largest) mean ``metric``.
 
-    Evaluates the whole grid, then ``refine`` times a grid between the neighbors of the best point.  ``evaluation``:
-    arguments of ``evaluate_methods``, such as ``input``, ``reference``, ``camera``.  Raises TaubenchError.
+    Evaluates the whole grid, then ``refine`` times a grid between the neighbors of the best point.  ``options``: fields
+    of ``FitOptions`` and arguments of ``evaluate_methods``, such as ``input``, ``reference``, ``camera``.  Raises
+    TaubenchError.
     """
-    if metric not in METRICS:
-        raise SettingsError(f"there is no metric {metric!r}", hint=f"choose from {', '.join(METRICS)}")
-    if refine < 0:
-        raise SettingsError(f"refine is {refine}", hint="give 0 or more")
+    search = from_values(FitOptions, {name: options.pop(name) for name in declared(FitOptions) if name in options})
     spec = MethodSpec.parse(method) if isinstance(method, str) else method
     spec = MethodSpec(spec.name, spec) if isinstance(spec, Method) else spec
     loaded = load_method(spec.method)
@@ -195,20 +190,20 @@ def fit_setting(
     if not isinstance(scene, Scene):
         settings = settings or Settings(reprojection="motion")
         scene = load_scene(scene, **settings.sequence.reading)
-    search = _Search(scene, loaded, fixed, settings, metric, progress, evaluation)
+    points = _Search(scene, loaded, fixed, settings, search.metric, progress, options)
     default = {r.name: fixed[r.name] for r in axes}
-    search.run([default])
+    points.run([default])
     grids = list(axes)
-    for turn in range(refine + 1):
-        search.run(
+    for turn in range(search.refine + 1):
+        points.run(
             [dict(zip((r.name for r in grids), point)) for point in itertools.product(*(r.values for r in grids))]
         )
-        if turn < refine:
-            best = search.best(grids)
+        if turn < search.refine:
+            best = points.best(grids)
             grids = [r.around(best[r.name]) for r in grids]
             if all(len(r.values) <= 2 and r.integer for r in grids):
                 break  # integers: no values between neighbors
-    return Fit(search.summary(spec.label, axes, default, refine))
+    return Fit(points.summary(spec.label, axes, default, search.refine))
 
 
 def _quality(point: dict[str, Any]) -> float | None:
@@ -231,7 +226,7 @@ class _Search:
     ):
         self._scene, self._method, self._fixed, self._settings = scene, method, fixed, settings
         self._metric, self._progress, self._evaluation = metric, progress, evaluation
-        self._sign = -1.0 if MEASURES[METRICS[metric]].better == "higher" else 1.0
+        self._sign = -1.0 if MEASURES[MEASURE_OF[metric]].better == "higher" else 1.0
         self.points: list[dict[str, Any]] = []
         self._last: dict[str, Any] = {}
 
@@ -245,14 +240,14 @@ class _Search:
     def _run_some(self, points: Sequence[dict[str, Value]]) -> None:
         specs = [MethodSpec(f"point {i}", self._method, self._fixed | p) for i, p in enumerate(points)]
         done = evaluate_methods(
-            self._scene, specs, self._settings, metrics=(self._metric,), progress=self._progress, statistics=False,
-            **self._evaluation,
+            self._scene, specs, self._settings, progress=self._progress,
+            **self._evaluation | {"metrics": (self._metric,), "statistics": False},
         )  # fmt: skip
         self._last = done.summary
         for spec, point in zip(specs, points, strict=True):
             method = done.summary["methods"][spec.label]
-            value = None if method["failed"] else method["mean"][METRICS[self._metric]]
-            why = method["failed"] or (None if value is not None else method["reasons"][METRICS[self._metric]])
+            value = None if method["failed"] else method["mean"][MEASURE_OF[self._metric]]
+            why = method["failed"] or (None if value is not None else method["reasons"][MEASURE_OF[self._metric]])
             self.points.append({"settings": dict(point), "value": value, "failed": why})
 
     def best(self, ranges: Sequence[Range] = ()) -> dict[str, Value]:
@@ -268,7 +263,7 @@ class _Search:
     def summary(self, label: str, ranges: Sequence[Range], default: dict[str, Value], refine: int) -> dict[str, Any]:
         best = self.best()
         by = {tuple(p["settings"].items()): p["value"] for p in self.points}
-        measure = MEASURES[METRICS[self._metric]]
+        measure = MEASURES[MEASURE_OF[self._metric]]
         searched = {r.name: {"low": r.low, "high": r.high, "steps": r.steps, "scale": r.scale} for r in ranges}
         last = self._last
         return {

@@ -41,7 +41,7 @@ class Perceptual:
 
 
 def open_perceptual(metrics: Collection[str], fps: float) -> Perceptual:
-    """The functions for ``metrics`` of quality.CHOICES.  Raises SettingsError, one line, for what is missing."""
+    """The functions for ``metrics`` of option_groups.METRICS.  Raises SettingsError, one line, for what is missing."""
     return Perceptual(
         _open("lpips", "lpips", _lpips) if "lpips" in metrics else None,
         _open("cvvdp", "pycvvdp", lambda: _cvvdp(fps)) if "cvvdp" in metrics else None,

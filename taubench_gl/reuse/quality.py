@@ -35,7 +35,7 @@ DISCARDS = int(NOT_COMPARABLE) | sum(int(bit) for bit in FEATURE_BIT.values())
 @dataclass(frozen=True, slots=True)
 class Measure:
     """One number of a frame.  ``better``: higher or lower; ``digits`` after the point in tables; ``metric``: the name
-    of CHOICES that requests it, empty: always computed."""
+    of option_groups.METRICS that requests it, empty: always computed."""
 
     name: str
     unit: str
@@ -82,12 +82,6 @@ MEASURES: dict[str, Measure] = {
         ),
     )
 }  # fmt: skip
-
-DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
-"""Names of metrics for users.  PSNR, relMSE and the linear MSE are always computed."""
-
-CHOICES = (*DEFAULT_METRICS, "hdr_flip", "lpips", "cvvdp")
-"""The default metrics, and those that take more time or another package."""
 
 
 def display(radiance: Array, curve: str = "linear") -> Array:

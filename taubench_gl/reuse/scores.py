@@ -116,9 +116,9 @@ class FrameReference:
 class MethodRecord:
     """Scores of one method, frame by frame, seed by seed.
 
-    ``metrics`` of quality.CHOICES; ``exact_mask``: whether the masks are those of the exact frames; ``warmup``: first
-    frames of every seed that means leave out, at least the first, which has no history; ``perceptual``: measures of
-    other packages.
+    ``metrics`` of option_groups.METRICS; ``exact_mask``: whether the masks are those of the exact frames; ``warmup``:
+    first frames of every seed that means leave out, at least the first, which has no history; ``perceptual``: measures
+    of other packages.
     """
 
     label: str

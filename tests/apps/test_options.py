@@ -2,36 +2,60 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import subprocess
 import sys
+from pathlib import Path
 
 import click
 import pytest
 
 from taubench_gl.apps.cli import SECTIONS, cli
 from taubench_gl.apps.options import MOST_SHORT, Command, Commands, Option, command
+from taubench_gl.cost import cost
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, at_least, declared, one_of, setting, some_of
+from taubench_gl.option_groups import CostOptions, FitOptions, ReuseOptions
 from taubench_gl.paths import PACKAGE
+from taubench_gl.reuse import EvaluationRequest, evaluate_methods, fit_setting
+from taubench_gl.settings import KEYS, Settings
 
-ADD_A_SETTING = f"""
+ADD_A_LINE = """
 import sys, types
 from pathlib import Path
-source = Path({str(PACKAGE / "settings.py")!r}).read_text(encoding="utf-8")
-line = '    haze: float = setting(0.5, "Density of the haze", at_least(0, most=2))\\n'
-place = "    light_error: float"
-assert source.count(place) == 1
-module = types.ModuleType("taubench_gl.settings")
-sys.modules["taubench_gl.settings"] = module
-exec(compile(source.replace(place, line + place), "settings.py", "exec"), module.__dict__)
+source = Path({path!r}).read_text(encoding="utf-8")
+assert source.count({before!r}) == 1, source.count({before!r})
+module = types.ModuleType({module!r})
+sys.modules[{module!r}] = module
+exec(compile(source.replace({before!r}, {line!r} + {before!r}), {path!r}, "exec"), module.__dict__)
 """
 
 
-def with_the_setting(code: str) -> str:
-    """What ``code`` prints in a process whose settings have one field more."""
-    done = subprocess.run([sys.executable, "-c", ADD_A_SETTING + code], capture_output=True, text=True, timeout=120)
+def write_suite(path: Path, of_all: str = "", own: str = "") -> None:
+    """A suite of one case.  ``of_all``: keys of the suite; ``own``: of the case."""
+    case = '[[cases]]\nscene = "demo"\ntrack = "t"\ninput = "full"\n'
+    path.write_text('schema = "suite/1"\nname = "s"\nframes = 2\n' + of_all + case + own)
+
+
+def with_a_line(module: str, before: str, line: str, code: str) -> str:
+    """What ``code`` prints in a process in which a module of the package has one more line."""
+    names = {"path": str(PACKAGE / f"{module}.py"), "module": f"taubench_gl.{module}", "before": before, "line": line}
+    script = ADD_A_LINE.format(**names) + code
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def with_the_setting(code: str) -> str:
+    """What ``code`` prints where Settings have a field ``haze``."""
+    line = '    haze: float = setting(0.5, "Density of the haze", at_least(0, most=2))\n'
+    return with_a_line("settings", "    light_error: float", line, code)
+
+
+def with_the_option(before: str, code: str) -> str:
+    """What ``code`` prints where the options before whose field it is have a field ``zeal``."""
+    return with_a_line("option_groups", before, '    zeal: int = setting(3, "Zeal", at_least(1, most=9))\n', code)
 
 
 def test_a_new_setting_is_an_option_of_every_command_with_light():
@@ -62,12 +86,25 @@ def test_a_new_setting_is_a_key_and_a_keyword(tmp_path):
     (tmp_path / "wrong.toml").write_text('scenes = ["a.glb"]\nhaze = 3\n')
     (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nhaze = 0.75\n')
     (tmp_path / "a.glb").write_bytes(b"")
+    write_suite(tmp_path / "suite.toml", "haze = 0.25\n")
+    write_suite(tmp_path / "own.toml", "haze = 0.25\n", "haze = 1\n")
+    write_suite(tmp_path / "without.toml")
+    write_suite(tmp_path / "default.toml", "haze = 0.5\n")
+    write_suite(tmp_path / "faulty.toml", "haze = 3\n")
     printed = with_the_setting(f"""
 import taubench_gl as tb
 from taubench_gl.batch.spec import read_spec
 folder = Path({str(tmp_path)!r})
 print("batch", [job.settings.lighting.haze for job in read_spec(folder / "batch.toml").jobs])
-for call in (lambda: read_spec(folder / "wrong.toml"), lambda: tb.evaluate(folder / "a.glb", haze=3)):
+from taubench_gl.benchmark.suite import read_suite
+cases = [read_suite(folder / f"{{name}}.toml").cases[0] for name in ("suite", "own", "without", "default")]
+print("suites", [case.settings.lighting.haze for case in cases])
+print("hashes", len({{case.identity("") for case in cases}}), cases[2].identity("") == cases[3].identity(""))
+for call in (
+    lambda: read_spec(folder / "wrong.toml"),
+    lambda: tb.evaluate(folder / "a.glb", haze=3),
+    lambda: read_suite(folder / "faulty.toml"),
+):
     try:
         call()
     except tb.TaubenchError as error:
@@ -78,7 +115,69 @@ from taubench_gl.apps.doc import settings_table
 print([line for line in settings_table() if "haze" in line])
 """)
     assert "batch [0.25, 1.0]" in printed and "preset {'haze': 0.75}" in printed and "keyword 1.5 0.5" in printed
-    assert printed.count("haze is 3") == 2 and "Density of the haze |" in printed
+    assert "suites [0.25, 1.0, 0.5, 0.5]" in printed and "hashes 3 True" in printed
+    assert printed.count("haze is 3") == 3 and "Density of the haze |" in printed
+
+
+def test_a_new_option_of_reuse_is_a_keyword_and_a_key_of_suites(tmp_path):
+    for name, value in (("suite", 4), ("default", 3), ("wrong", 10)):
+        write_suite(tmp_path / f"{name}.toml", f"zeal = {value}\n")
+    printed = with_the_option(
+        "    light_samples: int",
+        f"""
+from taubench_gl.apps.cli import cli
+from taubench_gl.benchmark.suite import read_suite
+from taubench_gl.errors import SettingsError
+from taubench_gl.reuse import evaluate_methods
+reuse = cli.commands["reuse"].commands
+print("options", [any(p.name == "zeal" for p in reuse[name].params) for name in ("evaluate", "fit")])
+folder = Path({str(tmp_path)!r})
+suite, default = (read_suite(folder / f"{{name}}.toml").cases[0] for name in ("suite", "default"))
+print("suite", suite.request.zeal, default.request.zeal, suite.identity("") == default.identity(""))
+for call in (
+    lambda: evaluate_methods("a.glb", ["none"], zeal=0),
+    lambda: evaluate_methods("a.glb", ["none"], zeel=3),
+    lambda: read_suite(folder / "wrong.toml"),
+):
+    try:
+        call()
+    except SettingsError as error:
+        print(error)
+""",
+    )
+    assert "options [True, True]" in printed and "suite 4 3 False" in printed
+    assert "zeal is 0" in printed and "did you mean zeal?" in printed and "zeal is 10" in printed
+
+
+def test_a_new_option_of_cost_is_a_keyword():
+    printed = with_the_option(
+        "    repeats: int",
+        """
+from taubench_gl.apps.cli import cli
+from taubench_gl.cost import cost
+from taubench_gl.errors import SettingsError
+print("option", [p.default for p in cli.commands["cost"].params if p.name == "zeal"])
+for options in ({"zeal": 0}, {"zeel": 2}):
+    try:
+        cost("a.glb", out="nowhere", **options)
+    except SettingsError as error:
+        print(error)
+""",
+    )
+    assert "option [3]" in printed and "zeal is 0" in printed and "no setting is named 'zeel'" in printed
+
+
+def test_functions_do_not_state_defaults_of_options():
+    """A keyword of a function that is also the name of an option has no default of its own."""
+    for function, kinds in (
+        (evaluate_methods, (ReuseOptions,)),
+        (fit_setting, (ReuseOptions, FitOptions)),
+        (cost, (CostOptions, Settings)),
+    ):
+        names = {name for kind in kinds for name in (KEYS if kind is Settings else declared(kind))} - {"scene"}
+        assert names.isdisjoint(inspect.signature(function).parameters), function.__name__
+    own = {field.name for field in dataclasses.fields(EvaluationRequest)} - set(declared(ReuseOptions))
+    assert own == {"statistics", "exact_samples"} and declared(EvaluationRequest) == declared(ReuseOptions)
 
 
 def members(group: click.Group) -> list[click.Command]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from taubench_gl.animation import FileCamera, Poser, camera_of_run
 from taubench_gl.benchmark.estimate import cost_of
@@ -42,8 +42,9 @@ def test_built_in_suites_are_valid(name):
 def test_quick_keeps_its_limits():
     for case in read_suite("quick").cases:
         assert case.size == (160, 90) and case.frames == 8
-        assert case.reference_samples <= 256
-        assert case.reference == "max" or int(case.reference.partition("@")[2]) <= 256
+        reference = case.request.reference
+        assert case.request.reference_samples <= 256
+        assert reference == "max" or int(reference.partition("@")[2]) <= 256
 
 
 @pytest.mark.parametrize(
@@ -61,6 +62,9 @@ def test_quick_keeps_its_limits():
         HEAD + CASE + "cut = [2]\nstill = true\n",
         HEAD + CASE + "exposure = 0.0\n",
         HEAD + CASE + CASE,
+        HEAD + CASE + "bounces = 0\n",
+        HEAD + CASE + 'light = "raster"\n',
+        HEAD + CASE.replace('track = "noisy"\n', ""),
         HEAD + CASE.replace("demo", "missing.glb"),
         HEAD + CASE.replace('"noisy"\n', '"fog"\n'),
         HEAD + CASE + 'reference = "path-traced"\n',
@@ -69,7 +73,8 @@ def test_quick_keeps_its_limits():
         "size = [",
     ],
     ids=["no cases", "schema", "key", "two series", "order", "negative", "empty", "first", "still alone",
-         "still cut", "exposure", "twice", "scene", "input", "reference of a time", "seeds without noise",
+         "still cut", "exposure", "twice", "range", "light", "no track", "scene", "input",
+         "reference of a time", "seeds without noise",
          "one frame", "syntax"],
 )  # fmt: skip
 def test_faults_of_a_suite(tmp_path, text):
@@ -85,7 +90,7 @@ def test_only_the_camera_of_a_still_series_moves(tmp_path, still):
         camera = camera_of_run(scene, case.settings.sequence)
         assert isinstance(camera, FileCamera) and case.settings.sequence.camera == CAMERA_NAME
         assert len(frame_range(scene, camera, case.settings)) == case.frames
-        times = [frame / case.fps for frame in range(case.frames)]
+        times = [frame / case.settings.sequence.fps for frame in range(case.frames)]
         states = [Poser(scene).sample(time) for time in times]
         own = [node for node in (*scene.mesh_nodes, *scene.light_nodes) if node != camera.node]
         moves = max(np.abs(state.world[own] - states[0].world[own]).max() for state in states)
@@ -111,9 +116,20 @@ def test_the_identity_of_a_case_is_what_is_evaluated(tmp_path):
     suite = suite_of(tmp_path, HEAD + CASE + "rotation = [0, 1]\n" + CASE + "translation = [0, 1]\n")
     still, _, still_too, _ = suite.cases
     same = replace(still, id="x", track="y", series=None, value=None)
-    own, longer = still.identity("a" * 64), replace(still, seeds=2)
+    own, longer = still.identity("a" * 64), replace(still, request=replace(still.request, seeds=2))
     assert {case.identity("a" * 64) for case in (still_too, same)} == {own}
     assert len({own, still.identity("b" * 64), longer.identity("a" * 64)}) == 3
+
+
+def test_settings_and_options_are_keys_of_tables_and_suites(tmp_path):
+    """One of a table is before that of the suite; what is not the default is part of the hash."""
+    more = "bounces = 2\nthresholds = { normal = 0.25 }\nwarmup = 2\n"
+    plain, own = (suite_of(tmp_path, HEAD + text).cases for text in (CASE + CASE.replace("noisy", "full"), more + CASE))
+    (twice,) = suite_of(tmp_path, HEAD + more + CASE + 'bounces = 3\nsize = "64x36"\n').cases
+    assert own[0].settings.lighting.bounces == 2 and own[0].request.warmup == 2
+    assert own[0].settings.metrics.thresholds["normal"] == 0.25
+    assert twice.settings.lighting.bounces == 3 and twice.size == (64, 36)
+    assert len({case.identity("a") for case in (*plain, *own, twice)}) == 4
 
 
 def test_equal_cases_of_two_series_count_once(tmp_path):
@@ -124,7 +140,7 @@ def test_equal_cases_of_two_series_count_once(tmp_path):
 
 def test_cuts_of_a_series_lie_within_the_frames(tmp_path):
     suite = suite_of(tmp_path, HEAD.replace("= 4", "= 7") + CASE + "first = 10\ncut = [0, 3, 9]\n")
-    assert [case.cuts for case in suite.cases] == [(), (13, 16), ()]
+    assert [case.request.cuts for case in suite.cases] == [(), (13, 16), ()]
 
 
 # ---------------------------------------------------------------------------------------------------------- speeds
@@ -240,12 +256,12 @@ def test_the_mean_of_errors_without_a_common_scale_is_geometric():
 
 def test_estimated_costs_of_known_times():
     """A unit that takes 3 s to begin, 2 s for each further seed, and 0.5 s for a small frame."""
-    case = next(case for case in read_suite("quick").cases if case.seeds == 5)
-    small = replace(case, frames=3, seeds=2, size=(80, 45))
+    case = next(case for case in read_suite("quick").cases if case.request.seeds == 5)
+    few = replace(case, frames=3, settings=case.settings.replace(size=(80, 45)))
+    small, alone = (replace(few, request=replace(case.request, seeds=seeds)) for seeds in (2, 1))
     frames = [3.5, 0.5, 0.5, 2.5, 0.5, 0.5]
     times = np.cumsum([0.0, *frames])
     cost = cost_of(times, times[-1] + 1.0, small)
     assert cost.of(small).total == pytest.approx(sum(frames) + 1.0)
     assert cost.of(case).total == pytest.approx(3.0 + 1.0 + 4 * 2.0 + 5 * 8 * 0.5 * 4)  # four times the pixels
-    alone = replace(small, seeds=1)
     assert cost_of(times[:4], times[3] + 1.0, alone).of(alone).total == pytest.approx(5.5)

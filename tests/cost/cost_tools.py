@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.cost.analysis import OVERALL, MaskError, Point, Time
+from taubench_gl.cost.analysis import MaskError, Point, Time
+from taubench_gl.option_groups import OVERALL
 
 SMALL: dict[str, Any] = {
     "width": 48,

@@ -9,7 +9,6 @@ import pytest
 from cost_tools import point
 
 from taubench_gl.cost.analysis import (
-    OVERALL,
     SAME_TIME,
     choose,
     compare_errors,
@@ -19,6 +18,7 @@ from taubench_gl.cost.analysis import (
     pareto_front,
     time_of,
 )
+from taubench_gl.option_groups import OVERALL
 
 
 def names(points):

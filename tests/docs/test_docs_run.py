@@ -83,7 +83,7 @@ PYTHON = {
         'size="640x360", frames=range(0, 24)': 'size="64x36", frames=range(3)',
         "pair.explain(320, 180)": "pair.explain(32, 18)",
     },
-    "docs/cost.md": {"width=480, height=270": "width=64, height=36, frames=(0, 3)", "time_limit=300": "time_limit=5"},
+    "docs/cost.md": {"width=480, height=270": "width=64, height=36, frames=(0, 3)", 'time_limit="5m"': "time_limit=5"},
     "docs/demos.md": {"size=(640, 360)": "size=(160, 90)"},
     "docs/export.md": {"num_workers=2": "num_workers=0"},
     "docs/reuse-evaluation.md": {

@@ -44,7 +44,12 @@ ACTS = {
     ),
     "reject": lambda demo, out: evaluate_tests(DEMO, ("plane_distance",), Settings(**SMALL)),
     "reuse": lambda demo, out: evaluate_methods(
-        demo, ("none", "accumulate"), Settings(reprojection="motion", **SMALL), metrics=("psnr",), reference_samples=1
+        demo,
+        ("none", "accumulate"),
+        Settings(reprojection="motion", **SMALL),
+        input="full",
+        metrics=("psnr",),
+        reference_samples=1,
     ),
 }
 

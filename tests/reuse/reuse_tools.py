@@ -58,9 +58,11 @@ def play(gpu: Gpu, method, steps: Iterable[Step], settings=None, exposure: float
 
 
 def evaluate(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
-    """``evaluate_methods`` with cheap metrics and one reference sample by default; ``settings``: changes to
-    ``reuse_scenes.settings``."""
-    more = {"metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
+    """``evaluate_methods`` with noise-free input, cheap metrics and one reference sample by default.
+
+    ``settings``: changes to ``reuse_scenes.settings``.
+    """
+    more = {"input": "full", "metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
     return evaluate_methods(scene, methods, small_settings(frames=frames, **more.pop("settings", {})), **more)
 
 

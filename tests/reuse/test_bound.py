@@ -80,7 +80,7 @@ def test_warmup_frames_are_not_in_the_means():
 def test_method_without_report_has_no_bound(tmp_path):
     folder = write_method(tmp_path / "plain", PLAIN_TOML, a=PLAIN_GLSL)
     done = evaluate_methods(
-        still(), [str(folder)], small_settings(frames=(0, 3)), metrics=("relmse",), reference_samples=1
+        still(), [str(folder)], small_settings(frames=(0, 3)), input="full", metrics=("relmse",), reference_samples=1
     )
     method = done.summary["methods"][str(folder)]
     assert method["bound"] is None and method["reasons"]["bound"] == NO_HISTORY

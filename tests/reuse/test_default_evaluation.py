@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import math
 
-import click
 import pytest
 
 from taubench_gl.apps import cli
 from taubench_gl.paths import PACKAGE
 from taubench_gl.report.reuse import reuse_tables
-from taubench_gl.settings import Settings
+from taubench_gl.reuse.evaluate import EvaluationRequest
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 COMMAND = (
@@ -87,9 +86,5 @@ def test_what_path_traced_input_cannot_use_is_one_line(options, capsys):
 
 
 def test_raster_input_keeps_the_exact_reference():
-    from taubench_gl.apps.reuse_evaluate_command import split_options
-    from taubench_gl.option_groups import ReuseOptions
-
-    with click.Context(click.Command("evaluate")):
-        _, request = split_options(Settings(), ReuseOptions(input="noisy"))
-    assert request["reference"] == "max"
+    assert EvaluationRequest(input="noisy").reference == "max"
+    assert EvaluationRequest().reference == "path-traced"

@@ -11,6 +11,7 @@ import pytest
 from reuse_scenes import passing_box, settings, still
 
 from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.option_groups import FitOptions
 from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import write_fit
 from taubench_gl.reuse.fit import (
@@ -51,7 +52,7 @@ GAIN = MethodSpec("gain", Gain)
 
 
 def fit(ranges, method=GAIN, **more):
-    more = {"reference_samples": 1, "settings": settings(frames=(0, 3), width=16, height=12)} | more
+    more = {"input": "full", "reference_samples": 1, "settings": settings(frames=(0, 3), width=16, height=12)} | more
     return fit_setting(passing_box(), method, ranges, **more)
 
 
@@ -65,12 +66,7 @@ def test_ranges_include_their_ends():
 
 def test_default_metric_is_flip():
     """One pixel can dominate relMSE; FLIP is bounded per pixel."""
-    import inspect
-
-    from taubench_gl.apps.reuse_evaluate_command import fit as command
-
-    assert inspect.signature(fit_setting).parameters["metric"].default == "flip"
-    assert next(p for p in command.params if p.name == "metric").default == "flip"
+    assert FitOptions().metric == "flip"
 
 
 def test_range_around_a_value():

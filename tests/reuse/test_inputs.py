@@ -112,7 +112,7 @@ def test_path_traced_input_kind():
 )
 def test_references_that_do_not_fit_the_input(kind, reference):
     with pytest.raises(SettingsError):
-        EvaluationRequest(kind, reference, metrics=("psnr",)).check()
+        EvaluationRequest(input=kind, reference=reference, metrics=("psnr",)).check()
 
 
 @pytest.mark.parametrize("numbers", [{"light_samples": 0}, {"indirect_samples": 5000}, {"seed": -1}, {"seed": 65536}])

@@ -137,8 +137,8 @@ def measured(stage: Stage) -> list[Point]:
     """The cost study: mean percentage and time of every configuration of PARAMETERS."""
     settings = stage.settings(fps=FPS, columns=("frustum", "position"))
     with tempfile.TemporaryDirectory() as folder:
-        points = cost(scene(), settings, out=folder, parameters=PARAMETERS, repeats=REPEATS).points
-    return [p for p in points if p.columns]
+        done = cost(scene(), settings, out=folder, parameters=PARAMETERS, repeats=REPEATS, time_limit=None)
+    return [p for p in done.points if p.columns]
 
 
 def percent(points: list[Point], name: str) -> float:
