@@ -261,9 +261,9 @@ def load_run(folder: str | Path) -> Run:
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
     rows = read_frames(out / FRAMES_FILE)
-    if (found := contradiction(summary, rows)) is not None:
-        where = out / (FRAMES_FILE if found.in_rows else SUMMARY_FILE)
-        raise OutputError(str(found), where=str(where), hint="the file was changed or damaged: evaluate again")
+    if (fault := contradiction(summary, rows)) is not None:
+        where = out / (FRAMES_FILE if fault.in_rows else SUMMARY_FILE)
+        raise OutputError(str(fault), where=str(where), hint="the file was changed or damaged: evaluate again")
     summary, missing = without_checksums(summary, path, out / FRAMES_FILE)
     return Run(summary, rows, out, missing)
 
@@ -342,5 +342,5 @@ def _no_summary(out: Path) -> OutputError:
     if frames.is_file():
         pairs = len(read_frames(frames))
         return OutputError(f"the run is not finished; {FRAMES_FILE} holds {pairs} pairs", where=str(out))
-    what = "holds no run" if out.is_dir() else "does not exist"
-    return OutputError(what, where=str(out), hint=f"give the folder in which evaluate wrote {SUMMARY_FILE}")
+    message = "holds no run" if out.is_dir() else "does not exist"
+    return OutputError(message, where=str(out), hint=f"give the folder in which evaluate wrote {SUMMARY_FILE}")

@@ -59,11 +59,11 @@ def contradiction(summary: Mapping[str, Any], rows: Sequence[Row]) -> Contradict
 def _contradictions(summary: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[Contradiction]:
     sample = _sample(summary)
     yield from _of_rows(summary, rows, sample)
-    found = summary.get("discard") or {}
-    if not found:
+    discards = summary.get("discard") or {}
+    if not discards:
         return
-    reasons = {c: entry["reason"] or "" for c, entry in found.items() if entry is not None and "reason" in entry}
-    measured = tuple(c for c in COLUMNS if found.get(c) is not None and c not in reasons)
+    reasons = {c: entry["reason"] or "" for c, entry in discards.items() if entry is not None and "reason" in entry}
+    measured = tuple(c for c in COLUMNS if discards.get(c) is not None and c not in reasons)
     stats = SequenceStats(measured, reasons)
     for row in rows:
         stats.add_row(row)
@@ -84,9 +84,9 @@ def _of_rows(summary: Mapping[str, Any], rows: Sequence[Row], sample: PairSample
     frames = [row["frame"] for row in rows]
     if sample is not None and first is not None:
         expected = [first + position + 1 for position in sample.positions]
-        for number, (frame, wanted) in enumerate(zip(frames, expected), start=2):
-            if frame != wanted:
-                yield Contradiction(f"frame in line {number}", frame, wanted, in_rows=True)
+        for number, (frame, expected_values) in enumerate(zip(frames, expected), start=2):
+            if frame != expected_values:
+                yield Contradiction(f"frame in line {number}", frame, expected_values, in_rows=True)
         if len(frames) != len(expected):
             yield Contradiction("the number of rows", len(frames), len(expected), in_rows=True)
     pixels = None if None in size else size[0] * size[1] * (spp or 1)
@@ -94,11 +94,11 @@ def _of_rows(summary: Mapping[str, Any], rows: Sequence[Row], sample: PairSample
         pixels = min(sampling["pixels"], pixels)
     cuts = (summary.get("camera") or {}).get("cuts")
     for number, row in enumerate(rows, start=2):
-        wanted = {"pixels": pixels}
-        wanted |= {} if fps is None else {"time_s": row["frame"] / fps}
-        wanted |= {} if cuts is None else {"camera_cut": int(row["frame"] in cuts)}
-        wanted["frustum"] = row["behind"] + row["outside"]
-        for name, value in wanted.items():
+        expected_values = {"pixels": pixels}
+        expected_values |= {} if fps is None else {"time_s": row["frame"] / fps}
+        expected_values |= {} if cuts is None else {"camera_cut": int(row["frame"] in cuts)}
+        expected_values["frustum"] = row["behind"] + row["outside"]
+        for name, value in expected_values.items():
             if value is not None and (row[name] is None or not _close(row[name], value)):
                 yield Contradiction(f"{name} in line {number}", row[name], value, in_rows=True)
 
@@ -122,12 +122,12 @@ def _rates(
     cuts = np.array([bool(row["camera_cut"]) for row in rows], dtype=bool)
     if _scheme(summary) == ("all", 1):
         sample = None
-    found = stats.rates(mode, cuts, sample)
+    rates = stats.rates(mode, cuts, sample)
     if ((summary.get("sampling") or {}).get("pixels")) is not None:
-        found.pop("sampling", None)  # its intervals are of random pixels too
+        rates.pop("sampling", None)  # its intervals are of random pixels too
     for key in ("reasons_of", "reasons", "color_only"):
-        del found["reusable"][key]
-    return found
+        del rates["reusable"][key]
+    return rates
 
 
 def _of_histogram(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[str, Any]) -> Iterator[Contradiction]:
@@ -158,14 +158,14 @@ def _of_curves(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[st
     settings = summary.get("settings") or {}
     thresholds, scale = settings.get("thresholds") or {}, settings.get("unit_scale") or 1.0
     curves = {name: curve for name, curve in (summary.get("curves") or {}).items() if (curve or {}).get("counts")}
-    found: dict[str, Any] = {}
+    derived_curves: dict[str, Any] = {}
     comparable = sum(row["comparable"] for row in rows)
     for name, curve in curves.items():
         counts, bounds = np.array(curve["counts"]), edges() / (scale if name == "position" else 1.0)
         above = discarded_above(counts)
         counts[0] = comparable - counts[1:].sum()
-        found[name] = {"edges": bounds.tolist(), "counts": counts.tolist(), "comparable": comparable}
-        found[name]["at_or_above"] = above.tolist()
+        derived_curves[name] = {"edges": bounds.tolist(), "counts": counts.tolist(), "comparable": comparable}
+        derived_curves[name]["at_or_above"] = above.tolist()
         if (limit := thresholds.get(name)) is None:
             continue
         tails = np.array([comparable, *above, 0])
@@ -174,7 +174,7 @@ def _of_curves(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[st
         column = sum(row[name] for row in rows)
         if not least <= column <= most:
             yield Contradiction(f"curves.{name}.counts: pixels above the threshold", f"{least} to {most}", column)
-    yield from _differences(summary, {"curves": found}, "")
+    yield from _differences(summary, {"curves": derived_curves}, "")
     if all(name in thresholds for name in curves):
         pixels = sum(row["pixels"] for row in rows)
         for column, shares in sensitivity(curves, thresholds, pixels).items():
@@ -209,8 +209,8 @@ def _differences(recorded: Any, derived: Any, at: str) -> Iterator[Contradiction
     elif isinstance(derived, list):
         if len(recorded) != len(derived):
             yield Contradiction(f"the length of {at}", len(recorded), len(derived))
-        for index, (one, other) in enumerate(zip(recorded, derived)):
-            yield from _differences(one, other, f"{at}[{index}]")
+        for index, (recorded_value, derived_value) in enumerate(zip(recorded, derived)):
+            yield from _differences(recorded_value, derived_value, f"{at}[{index}]")
     elif isinstance(derived, str) or derived is None or recorded is None:
         if recorded != derived:
             yield Contradiction(at, recorded, derived)

@@ -48,7 +48,7 @@ class Poser:
             "rotation": np.array(nodes.rotation, dtype=np.float64),
             "scale": np.array(nodes.scale, dtype=np.float64),
         }
-        own = np.array(nodes.visible, dtype=bool)
+        node_visible = np.array(nodes.visible, dtype=bool)
         weights = dict(self._weights)
         cameras, lights = list(self.scene.cameras), list(self.scene.lights)
         for track, sampled in self.timeline.sample(t):
@@ -57,7 +57,7 @@ class Poser:
             elif track.target == "light":
                 _set_parameters(lights, track.index, track.path, sampled)
             elif track.path == "visible":
-                own[track.index] = sampled[:, 0] > 0.5
+                node_visible[track.index] = sampled[:, 0] > 0.5
             elif track.path == "weights":
                 for node, row in zip(track.index.tolist(), sampled):
                     if node in weights:
@@ -67,7 +67,7 @@ class Poser:
         local = math3d.trs(values["translation"], values["rotation"], values["scale"])
         # glTF forbids animating a node that has a matrix; the matrix has precedence.
         local[self._fixed] = nodes.matrix[self._fixed]
-        world, visible = local, own
+        world, visible = local, node_visible
         with np.errstate(over="ignore", invalid="ignore"):  # checked below, for nodes in use
             for level in self._levels[1:]:
                 parent = nodes.parent[level]
@@ -196,8 +196,8 @@ def _default_weights(scene: Scene) -> dict[int, Array]:
         mesh = int(scene.nodes.mesh[node])
         count = target_count(scene, mesh)
         if count:
-            own = scene.nodes.weights.get(node)
-            out[node] = _fit(scene.meshes[mesh].weights if own is None else own, count)
+            node_weights = scene.nodes.weights.get(node)
+            out[node] = _fit(scene.meshes[mesh].weights if node_weights is None else node_weights, count)
     return out
 
 
@@ -214,8 +214,8 @@ def _used_nodes(scene: Scene) -> Array:
 def _fit(weights: Array, count: int) -> Array:
     """Exactly ``count`` weights, missing ones 0.  Always a new array."""
     out = np.zeros(count)
-    given = np.asarray(weights, dtype=np.float64).ravel()[:count]
-    out[: len(given)] = given
+    file_weights = np.asarray(weights, dtype=np.float64).ravel()[:count]
+    out[: len(file_weights)] = file_weights
     return out
 
 

@@ -17,7 +17,7 @@ def previous_point(scene: Scene, state: FrameState, before: FrameState, point: A
 
     The point of the nearest triangle that is drawn in ``state``; None if nothing is drawn.
     """
-    best, found = np.inf, None
+    best, previous = np.inf, None
     for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
         copies = scene.nodes.instances.get(node)
         for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
@@ -34,8 +34,8 @@ def previous_point(scene: Scene, state: FrameState, before: FrameState, point: A
                     then = pose_vertices(scene, before, node, primitive, instance)[corners]
                     # The difference of the two poses: a triangle that does not move gives exactly ``point``.
                     moved = weights[nearest] @ (then - posed[corners])
-                    best, found = float(distances[nearest]), point + moved
-    return found
+                    best, previous = float(distances[nearest]), point + moved
+    return previous
 
 
 def _box_distance(

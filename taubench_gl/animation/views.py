@@ -122,10 +122,10 @@ class OrbitCamera:
             for t, cloud in zip(self.times, clouds, strict=True):
                 if not len(cloud):
                     continue
-                seen = cloud @ _orbit_axes(rate * t)
-                upper = np.maximum(upper, (seen[:, 2:] + seen[:, :2] / slopes).max(axis=0))
-                lower = np.maximum(lower, (seen[:, 2:] - seen[:, :2] / slopes).max(axis=0))
-                depth = np.array([min(depth[0], seen[:, 2].min()), max(depth[1], seen[:, 2].max())])
+                turned = cloud @ _orbit_axes(rate * t)
+                upper = np.maximum(upper, (turned[:, 2:] + turned[:, :2] / slopes).max(axis=0))
+                lower = np.maximum(lower, (turned[:, 2:] - turned[:, :2] / slopes).max(axis=0))
+                depth = np.array([min(depth[0], turned[:, 2].min()), max(depth[1], turned[:, 2].max())])
             distance = max(float((0.5 * (upper + lower)).max()), depth[1] + 0.02 * self.subject_size)
             shift = 0.5 * slopes * (upper - lower)
             return np.array([*shift, distance]), distance - depth[1], distance - depth[0]

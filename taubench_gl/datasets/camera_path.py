@@ -189,13 +189,13 @@ def _try_walk(
         smaller = i + np.flatnonzero(steps[i:] < steps[i])
         smaller = smaller[np.argsort(-steps[smaller], kind="stable")][:: max(1, len(smaller) // 12)]
         for j in (i, *smaller.tolist()):
-            taken = _choose(position[i], headings[i], fan, float(steps[j]), usual, drift[i], space)
-            if taken is not None:
+            heading_and_position = _choose(position[i], headings[i], fan, float(steps[j]), usual, drift[i], space)
+            if heading_and_position is not None:
                 steps[[i, j]] = steps[[j, i]]
                 break
         else:
             return None
-        headings[i + 1], position[i + 1] = taken
+        headings[i + 1], position[i + 1] = heading_and_position
     return position, headings
 
 

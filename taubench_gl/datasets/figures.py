@@ -126,8 +126,8 @@ def add_figures(w: Writer, rng: np.random.Generator, places: list[tuple[float, f
     for k, (x, z) in enumerate(places):
         yaw, speed = float(rng.uniform(0, 360)), float(rng.uniform(0.9, 1.6))
         t = np.linspace(0.0, seconds, 25)
-        way = np.array([math.sin(math.radians(yaw)), math.cos(math.radians(yaw))])
-        xz = np.array([x, z]) + way * (speed * (t - 0.5 * seconds))[:, None]
+        forward = np.array([math.sin(math.radians(yaw)), math.cos(math.radians(yaw))])
+        xz = np.array([x, z]) + forward * (speed * (t - 0.5 * seconds))[:, None]
         path = np.stack([xz[:, 0], height(xz[:, 0], xz[:, 1]), xz[:, 1]], axis=-1)
         root = w.node(f"figure {k}", translation=path[0].tolist(), rotation=quat_about("y", yaw).tolist())
         joints: list[int] = []

@@ -104,8 +104,8 @@ class VoxelSpace:
         self._fill(filled, points)
         self._grounded = np.logical_or.accumulate(filled, axis=1)  # moving objects are not ground
         for before, after in moving:
-            way = float(np.linalg.norm(after - before, axis=-1).max(initial=0.0))
-            count = min(int(way / self.size) + 1, MAX_BETWEEN)
+            longest = float(np.linalg.norm(after - before, axis=-1).max(initial=0.0))
+            count = min(int(longest / self.size) + 1, MAX_BETWEEN)
             samples = MOVING_DENSITY * float(areas(after).sum()) / self.size**2
             for part in np.arange(1, count + 1) / count:
                 self._fill(filled, surface_points(before + part * (after - before), int(min(samples, MOVING_SAMPLES))))

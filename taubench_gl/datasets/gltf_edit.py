@@ -143,11 +143,11 @@ class GltfEditor:
         """Merge all data into buffer 0; buffers without data (fallbacks of meshopt) stay separate."""
         old = self.root.get("buffers", [])
         moved_to: list[tuple[int, int]] = []  # index of the new buffer, byte offset in it
-        kept: list[Json] = [{"byteLength": 0}]
+        new_buffers: list[Json] = [{"byteLength": 0}]
         for description, data in zip(old, buffers, strict=True):
             if data is None:
-                moved_to.append((len(kept), 0))
-                kept.append(description)
+                moved_to.append((len(new_buffers), 0))
+                new_buffers.append(description)
             else:
                 self._blob += bytes(-len(self._blob) % 8)
                 moved_to.append((0, len(self._blob)))
@@ -159,7 +159,7 @@ class GltfEditor:
                 reference["buffer"] = index
                 if base:
                     reference["byteOffset"] = reference.get("byteOffset", 0) + base
-        self.root["buffers"] = kept
+        self.root["buffers"] = new_buffers
 
 
 def _json_text(path: Path) -> bytes:

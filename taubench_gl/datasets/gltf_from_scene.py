@@ -59,13 +59,13 @@ def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int]
     """Write all nodes, with a parent for each node whose visibility changes.  (node, 'visible' or '') -> index."""
     nodes = scene.nodes
     switched = {c.index for c in scene.channels if c.path == "visible"} | set(np.flatnonzero(~nodes.visible).tolist())
-    written: dict[tuple[int, str], int] = {}
+    indices: dict[tuple[int, str], int] = {}
     for node in _parents_first(nodes.parent):
         parent = int(nodes.parent[node])
-        above = None if parent < 0 else written[parent, ""]
+        above = None if parent < 0 else indices[parent, ""]
         if node in switched:
             shown = [float(nodes.visible[node])] * 3
-            above = written[node, "visible"] = w.node(f"{nodes.names[node]} visible", above, scale=shown)
+            above = indices[node, "visible"] = w.node(f"{nodes.names[node]} visible", above, scale=shown)
         more: dict[str, Any] = {}
         if nodes.mesh[node] >= 0 and meshes[nodes.mesh[node]] is not None:
             more["mesh"] = meshes[nodes.mesh[node]]
@@ -73,7 +73,7 @@ def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int]
             more["camera"] = cameras[nodes.camera[node]]
         if nodes.light[node] >= 0:
             more["extensions"] = lights[nodes.light[node]]
-        written[node, ""] = w.node(
+        indices[node, ""] = w.node(
             nodes.names[node],
             above,
             translation=nodes.translation[node].tolist(),
@@ -81,18 +81,18 @@ def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int]
             scale=nodes.scale[node].tolist(),
             **more,
         )
-    return written
+    return indices
 
 
 def _parents_first(parent: Array) -> list[int]:
     out: list[int] = []
     left = list(range(len(parent)))
-    written = {-1}
+    listed = {-1}
     while left:
-        ready = [node for node in left if int(parent[node]) in written]
+        ready = [node for node in left if int(parent[node]) in listed]
         out += ready
-        written |= set(ready)
-        left = [node for node in left if node not in written]
+        listed |= set(ready)
+        left = [node for node in left if node not in listed]
     return out
 
 
@@ -160,7 +160,7 @@ class _Textures:
     """Images and textures, written when a material first uses them."""
 
     def __init__(self, w: Writer, scene: Scene):
-        self._w, self._scene, self._images, self._written = w, scene, {}, {}
+        self._w, self._scene, self._images, self._texture_of = w, scene, {}, {}
 
     def info(self, texture: Texture) -> dict[str, Any]:
         """``index`` and ``texCoord`` of a textureInfo."""
@@ -168,14 +168,14 @@ class _Textures:
         if image not in self._images:
             self._images[image] = self._w.image(self._scene.images[image].decode())
         key = (image, sampler)
-        if key not in self._written:
+        if key not in self._texture_of:
             settings = gl.Sampler(
                 magFilter=sampler.mag_filter, minFilter=sampler.min_filter, wrapS=sampler.wrap_s, wrapT=sampler.wrap_t
             )
             self._w.gltf.samplers.append(settings)
             self._w.gltf.textures.append(gl.Texture(source=self._images[image], sampler=len(self._w.gltf.samplers) - 1))
-            self._written[key] = len(self._w.gltf.textures) - 1
-        return {"index": self._written[key], "texCoord": texture.texcoord}
+            self._texture_of[key] = len(self._w.gltf.textures) - 1
+        return {"index": self._texture_of[key], "texCoord": texture.texcoord}
 
 
 def _material(w: Writer, m: Material, textures: _Textures) -> int:

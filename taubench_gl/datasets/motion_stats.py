@@ -71,8 +71,8 @@ def sorted_steps(stats: MotionStats, count: int, cap: float = math.inf) -> Array
     if stats.maximum > cap:
         raise SettingsError(f"max {stats.maximum:g} is above the limit of {cap:g} per frame")
     high = stats.maximum if stats.usual_maximum is None else min(stats.usual_maximum, stats.maximum)
-    rest = _solve(total - stats.maximum, squares - stats.maximum**2, count - 1, high, stats)
-    return np.append(rest, stats.maximum)
+    other_steps = _solve(total - stats.maximum, squares - stats.maximum**2, count - 1, high, stats)
+    return np.append(other_steps, stats.maximum)
 
 
 def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap: float = math.inf) -> Array:

@@ -96,8 +96,8 @@ def _options(settings: dict[str, Any]) -> str:
 
 def load_registry(extra: Sequence[Path] = ()) -> dict[str, Entry]:
     """All scenes by name, those of the package first.  Raises DatasetError with the file and the table."""
-    own = files("taubench_gl.datasets") / "registry.toml"
-    out = parse_registry(own.read_text(encoding="utf-8"), "registry.toml")
+    package_file = files("taubench_gl.datasets") / "registry.toml"
+    out = parse_registry(package_file.read_text(encoding="utf-8"), "registry.toml")
     for path in extra:
         out |= parse_registry(read_text(path, DatasetError), path.name)
     return out
@@ -125,7 +125,7 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
 
 def known_name(entries: dict[str, Entry], name: str) -> str:
     """The registry's spelling of ``name``, which may be the paper's (BistroInterior).  Raises DatasetError."""
-    alike = [name] if name in entries else [known for known in entries if _letters(known) == _letters(name)]
+    alike = [name] if name in entries else [entry for entry in entries if _letters(entry) == _letters(name)]
     if len(alike) != 1:
         raise DatasetError(f"no scene is named {name!r}", hint=f"known: {', '.join(sorted(entries))}")
     return alike[0]
@@ -133,8 +133,8 @@ def known_name(entries: dict[str, Entry], name: str) -> str:
 
 def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
     """The registry's name and entry of a scene.  Raises DatasetError."""
-    known = known_name(entries, name)
-    return known, entries[known]
+    entry_name = known_name(entries, name)
+    return entry_name, entries[entry_name]
 
 
 def _check(entry: Entry, at: str) -> None:

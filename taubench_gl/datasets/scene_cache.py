@@ -102,10 +102,10 @@ class CachedScene:
                 f"{self.name}: the registry has no URL for this scene",
                 hint=f"download it from {self.entry.homepage or 'its homepage'}, then: get {self.name} --from FILE",
             )
-        known = self.record()
-        expected = self.entry.sha256 or (known.sha256 if known and known.url == url else None)
+        record = self.record()
+        expected = self.entry.sha256 or (record.sha256 if record and record.url == url else None)
         target = self.folder / (PurePosixPath(unquote(urlsplit(url).path)).name or "download")
-        if not (known and known.file == target.name and target.is_file() and sha256_of(target) == known.sha256):
+        if not (record and record.file == target.name and target.is_file() and sha256_of(target) == record.sha256):
             self._download(url, target, expected, progress)
         return self._keep(target, url, scene)
 
@@ -119,13 +119,13 @@ class CachedScene:
         if self.entry.sha256 not in (None, checksum):
             raise DatasetError(f"has checksum {checksum}, the registry has {self.entry.sha256}", where=str(source))
         try:
-            made = make_folders(self.folder)
+            new_folders = make_folders(self.folder)
         except OSError as e:
             raise DatasetError(f"cannot be made: {e.strerror}", where=str(self.folder)) from None
         try:
             return self._keep(source, None, scene)
         finally:
-            remove_folders(made)  # as far as they are empty: where the file was refused
+            remove_folders(new_folders)  # as far as they are empty: where the file was refused
 
     def verify(self) -> tuple[Record, Path]:
         """Compare the cached file with its record.  -> record, scene.  Raises DatasetError."""
@@ -231,9 +231,9 @@ class CachedScene:
     def _require_scene(self, source: Path, folder: Path) -> None:
         """Raises DatasetError where nothing in ``folder`` can be the scene, whichever file is chosen."""
         suffixes = SUFFIXES[self.entry.format.removesuffix(" sequence")]
-        there = {p.name for p in folder.rglob("*") if p.is_file()}
-        named = self.entry.scene is not None and Path(self.entry.scene).name in there
-        if not named and not any(name.lower().endswith(suffixes) for name in there):
+        names_in_folder = {p.name for p in folder.rglob("*") if p.is_file()}
+        named = self.entry.scene is not None and Path(self.entry.scene).name in names_in_folder
+        if not named and not any(name.lower().endswith(suffixes) for name in names_in_folder):
             raise DatasetError(
                 f"holds no {' or '.join(suffixes)} file", where=str(source), hint=f"is it {self.entry.title}?"
             )

@@ -114,8 +114,8 @@ def _begin(recipe: StandIn) -> tuple[Writer, np.random.Generator, CameraPath]:
     """The static part of the scene, and the camera path."""
     w = Writer(LICENSE, "taubench-gl scenes make", share=True)
     name = f"{recipe.name} (stand-in)"
-    own = {"stand_in": recipe.note, "name": name, "exposure": f"{recipe.exposure:g}"}
-    w.gltf.asset.extras = {"taubench_gl": own}
+    file_notes = {"stand_in": recipe.note, "name": name, "exposure": f"{recipe.exposure:g}"}
+    w.gltf.asset.extras = {"taubench_gl": file_notes}
     w.gltf.scenes[0].name = name
     rng = np.random.default_rng(recipe.seed)
     x = -100.0 if recipe.reach > 100 else 10.0

@@ -133,9 +133,9 @@ def _opened(source: str, strict: bool) -> tuple[Scene, GltfEditor, str]:
         file = Path(folder) / f"{scene.name or 'scene'}.glb".replace("/", "_")
         write_scene(scene, file)
         editor = GltfEditor(file)
-        written = load_scene(file)
+        converted = load_scene(file)
     lost = len(scene.replacements)
-    return written, editor, f"; {lost} cuts of single objects are lost: glTF cannot store them" if lost else ""
+    return converted, editor, f"; {lost} cuts of single objects are lost: glTF cannot store them" if lost else ""
 
 
 def _lens(scene: Scene) -> tuple[float, float, float | None]:
@@ -173,11 +173,11 @@ def _moved(
     lights = [n for n in _pick(scene.light_nodes.tolist(), moves.lights, rng) if n not in joints]
     objects = [n for n in _pick(_movable(scene, state), moves.objects, rng) if n not in joints]
     times = np.arange(frames) / fps
-    tracks, done = [], set()
+    tracks, moved_nodes = [], set()
     for node in (*lights, *objects):
-        if node in done:  # a light on an object moves with it
+        if node in moved_nodes:  # a light on an object moves with it
             continue
-        done.add(node)
+        moved_nodes.add(node)
         above = editor.insert_above(node, f"stress move {scene.nodes.names[node] or node}")
         parent = int(scene.nodes.parent[node])
         linear = np.eye(3) if parent < 0 else state.world[parent][:3, :3]
@@ -189,11 +189,11 @@ def _drift(motion: MotionStats, frames: int, parent: Array, rng: np.random.Gener
     """Displacements (frames, 3), in the space of ``parent`` (3, 3), whose world steps have exactly ``motion``."""
     steps = ordered_steps(motion, frames - 1, rng)
     reach = 12.0 * motion.mean
-    out, way = np.zeros((frames, 3)), rng.normal(size=3)
+    out, direction = np.zeros((frames, 3)), rng.normal(size=3)
     for i, step in enumerate(steps.tolist()):
         # The direction turns back towards the start with increasing distance.
-        way = way / np.linalg.norm(way) + 0.35 * rng.normal(size=3) - out[i] / reach
-        out[i + 1] = out[i] + step * way / np.linalg.norm(way)
+        direction = direction / np.linalg.norm(direction) + 0.35 * rng.normal(size=3) - out[i] / reach
+        out[i + 1] = out[i] + step * direction / np.linalg.norm(direction)
     return out @ np.linalg.pinv(parent).T
 
 

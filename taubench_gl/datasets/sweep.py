@@ -167,9 +167,9 @@ def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
 
     tracks = add_rig(generate(spec, space), node, 0, CAMERA_NAME, keep_still=True)
     ours = {names[name] for name in rig}
-    kept = [c for c in scene.channels if not (c.target == "node" and c.index in ours)]
+    channels = [c for c in scene.channels if not (c.target == "node" and c.index in ours)]
     new = [Channel("node", index, path, how, np.asarray(times), values) for index, path, times, values, how in tracks]
-    return dataclasses.replace(scene, channels=(*kept, *new))
+    return dataclasses.replace(scene, channels=(*channels, *new))
 
 
 def _row(sweep: Sweep, value: float, summary: dict[str, Any]) -> dict[str, Any]:

@@ -215,15 +215,15 @@ def post() -> Shape:
     return colored(join([box((-0.07, -0.4, -0.07), (0.07, 2.6, 0.07)), arm]), (0.10, 0.09, 0.08))
 
 
-def scatter(rng: np.random.Generator, count: int, taken: list[tuple[float, float, float]], radius: float,
+def scatter(rng: np.random.Generator, count: int, occupied: list[tuple[float, float, float]], radius: float,
             where: Callable[[Array, Array], Array]) -> list[tuple[float, float]]:  # fmt: skip
-    """Random positions (x, z) with ``where(x, z)`` and away from ``taken``, to which they are added."""
+    """Random positions (x, z) with ``where(x, z)`` and away from ``occupied``, to which they are added."""
     out: list[tuple[float, float]] = []
     while len(out) < count:
         x, z = rng.uniform([-HALF_LENGTH + 6, -HALF_WIDTH + 6], [HALF_LENGTH - 6, HALF_WIDTH - 6])
-        if bool(where(x, z)) and all(math.hypot(x - a, z - b) > radius + r for a, b, r in taken):
+        if bool(where(x, z)) and all(math.hypot(x - a, z - b) > radius + r for a, b, r in occupied):
             out.append((float(x), float(z)))
-            taken.append((float(x), float(z), radius))
+            occupied.append((float(x), float(z), radius))
     return out
 
 
@@ -241,7 +241,7 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
     plain = w.material("plain", (albedo,) * 3, roughness=0.9)
     blades = w.material("grass", (albedo,) * 3, roughness=0.9, doubleSided=True)
     w.node("valley", mesh=w.mesh("valley", w.primitive(terrain(), ground)))
-    taken = [(*keep_free, 9.0)]
+    occupied = [(*keep_free, 9.0)]
     kinds = (
         ("hut", [hut()], 9, 3.4, 9.0, on_floor, (1.0, 1.2), plain),
         ("tree", [tree()], 70, 1.0, 6.0, on_floor, (0.7, 1.3), plain),
@@ -252,7 +252,7 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
     obstacles = []
     for name, shapes, count, solid, spread, where, sizes, material in kinds:
         meshes = [w.mesh(name, w.primitive(shape, material)) for shape in shapes]
-        for i, (x, z) in enumerate(scatter(rng, count, taken if spread > 0 else [], spread, where)):
+        for i, (x, z) in enumerate(scatter(rng, count, occupied if spread > 0 else [], spread, where)):
             size = float(rng.uniform(*sizes))
             w.node(
                 f"{name} {i}",
@@ -287,8 +287,8 @@ def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Arr
     stand = w.mesh("post", w.primitive(post(), metal))
     flame = w.mesh("lantern", w.primitive(moved(sphere(0.11, 6, 10), (0, 2.36, 0.62)), glow))
     light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=27.0, range=14.0)
-    taken = [tuple(o) for o in obstacles.tolist()]
-    for i, (x, z) in enumerate(scatter(rng, count, taken, 3.0, on_floor)):
+    occupied = [tuple(o) for o in obstacles.tolist()]
+    for i, (x, z) in enumerate(scatter(rng, count, occupied, 3.0, on_floor)):
         turn = quat_about("y", float(rng.uniform(0, 360))).tolist()
         at = w.node(f"post {i}", mesh=stand, translation=[x, float(height(x, z)), z], rotation=turn)
         w.node("flame", at, mesh=flame)

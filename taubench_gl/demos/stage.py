@@ -83,15 +83,15 @@ class Stage:
         ``extra``: further channels beyond those that the columns need.
         """
         pairs: list[LitPair] = []
-        wanted = self.settings(**settings)
+        stage_settings = self.settings(**settings)
 
         def keep(pair: Pair) -> None:
             names = [n for n in pair.source.channels if n in pair.source.current]
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
             pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
 
-        camera = camera or choose_camera(scene, wanted.sequence.camera)
-        run = evaluate_scene(scene, wanted, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
+        camera = camera or choose_camera(scene, stage_settings.sequence.camera)
+        run = evaluate_scene(scene, stage_settings, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
         return run, pairs
 
     def pair(self, scene: Scene, **settings: Any) -> LitPair:
@@ -102,9 +102,9 @@ class Stage:
         self, scene: Scene, frames: Sequence[int], shading: Shading | None = None, **settings: Any
     ) -> Array:
         """Direct radiance of ``frames``, (frames, h, w, 3) float64.  ``settings``: fields of Settings."""
-        wanted = self.settings(columns=("direct",), **settings)
+        stage_settings = self.settings(columns=("direct",), **settings)
         with GpuOwner(self.gpu) as owner:
-            source = owner.open_source(AnimatedScene(scene), wanted, shading=shading or Shading())
+            source = owner.open_source(AnimatedScene(scene), stage_settings, shading=shading or Shading())
             images = []
             for frame in frames:
                 source.advance(frame)
@@ -126,12 +126,12 @@ class Stage:
         ``kind``: of the input; ``reads``: inputs beyond those of the methods and radiance; ``exact``: with the masks
         of the exact frames.
         """
-        wanted = self.settings(reprojection="motion", environment="none", **settings)
+        stage_settings = self.settings(reprojection="motion", environment="none", **settings)
         specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
         methods = {name: load_method(spec.method) for name, spec in specs.items()}
         every = {read for method in methods.values() for read in method.reads} | {"radiance", *reads}
-        request = InputRequest(self.gpu, scene, choose_camera(scene), wanted, parse_input(kind))
-        size = wanted.sequence.width, wanted.sequence.height
+        request = InputRequest(self.gpu, scene, choose_camera(scene), stage_settings, parse_input(kind))
+        size = stage_settings.sequence.width, stage_settings.sequence.height
         with contextlib.ExitStack() as opened:
             inputs = RasterInputs(request, every, exact=exact)
             opened.callback(inputs.release)

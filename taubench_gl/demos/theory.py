@@ -150,8 +150,8 @@ def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
         across = aside * far / focal
         row = nearest_center(eye * focal / then, height)
         column = nearest_center(focal * across / then, width)
-        seen = eye * focal / row
-        away = np.hypot(seen - then, column * seen / focal - across)
+        distance = eye * focal / row
+        away = np.hypot(distance - then, column * distance / focal - across)
     return np.nan_to_num(away)
 
 

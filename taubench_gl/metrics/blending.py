@@ -19,9 +19,9 @@ ON_SEGMENT = 1e-5
 def nearest_weight(reference: Array, now: Array, history: Array) -> Array:
     """w* = clamp(<R - I, H - I> / <H - I, H - I>, 0, 1); 0 where H equals I.  (..., 3) each -> (...) float64."""
     reference, now, history = (np.asarray(x, dtype=np.float64) for x in (reference, now, history))
-    way = history - now
-    square = (way**2).sum(axis=-1)
-    along = ((reference - now) * way).sum(axis=-1)
+    direction = history - now
+    square = (direction**2).sum(axis=-1)
+    along = ((reference - now) * direction).sum(axis=-1)
     return np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
 
 

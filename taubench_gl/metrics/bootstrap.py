@@ -76,12 +76,12 @@ def resampled_means(series: Array, length: int, resamples: int = RESAMPLES, seed
     x = np.asarray(series, dtype=np.float64)
     n = len(x)
     sums = np.concatenate([np.zeros((1, x.shape[1])), x.cumsum(axis=0)])
-    whole, rest = divmod(n, length)
-    starts = np.random.default_rng(seed).integers(0, n - length + 1, size=(resamples, whole + (rest > 0)))
+    whole, remainder = divmod(n, length)
+    starts = np.random.default_rng(seed).integers(0, n - length + 1, size=(resamples, whole + (remainder > 0)))
     total = np.zeros((resamples, x.shape[1]))
     for block in range(starts.shape[1]):
         first = starts[:, block]
-        total += sums[first + (length if block < whole else rest)] - sums[first]
+        total += sums[first + (length if block < whole else remainder)] - sums[first]
     return total / n
 
 

@@ -85,8 +85,8 @@ class Curve:
     def threshold_for(self, recall: float) -> float | None:
         """The largest bin edge at which at least ``recall`` of the positive pixels are rejected; None if none is."""
         thresholds, reached, _ = self.rates()
-        found = np.flatnonzero(reached >= recall)
-        return float(thresholds[found[-1]]) if len(found) and self.positive.sum() else None
+        reaching = np.flatnonzero(reached >= recall)
+        return float(thresholds[reaching[-1]]) if len(reaching) and self.positive.sum() else None
 
     def block(self, every: int = 4) -> dict[str, Any]:
         """JSON values: ``threshold``, ``recall``, ``false_positive_rate``, ``precision`` at every ``every``-th edge."""

@@ -38,9 +38,9 @@ def exact_summary(
         return {"mean_percent": float(np.mean(shares)), "max_percent": float(np.max(shares))}
 
     def share(part: str, of: str) -> dict[str, float | None]:
-        known = [row for row in rows if row[part] is not None]
-        whole = sum(row[of] for row in known)
-        return {"share_percent": 100.0 * sum(row[part] for row in known) / whole if whole else None}
+        measured_rows = [row for row in rows if row[part] is not None]
+        whole = sum(row[of] for row in measured_rows)
+        return {"share_percent": 100.0 * sum(row[part] for row in measured_rows) / whole if whole else None}
 
     wrong = {}
     for column in FEATURES:

@@ -162,6 +162,6 @@ def albedo_table(samples: int = 24) -> Array:
     schlick = (1.0 - v_h) ** 5
     cosine = np.sqrt(1.0 - u1)
     v_l = np.clip(sine * r * np.cos(phi) + n_v * cosine, -1.0, 1.0)
-    taken = (1.0 - np.sqrt(0.5 * (1.0 + v_l))) ** 5  # v.h is the cosine of half the angle between v and l
-    columns = [weight * (1.0 - schlick), weight * schlick, np.broadcast_to(taken, weight.shape), 0.0 * weight]
+    fresnel = (1.0 - np.sqrt(0.5 * (1.0 + v_l))) ** 5  # v.h is the cosine of half the angle between v and l
+    columns = [weight * (1.0 - schlick), weight * schlick, np.broadcast_to(fresnel, weight.shape), 0.0 * weight]
     return np.stack([np.mean(c, axis=-1) for c in columns], axis=-1).astype(np.float32)

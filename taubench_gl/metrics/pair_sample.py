@@ -36,8 +36,8 @@ class PairSample:
     @property
     def weights(self) -> Array:
         """Weight of each of ``positions`` in an estimated mean.  (n,) float64, with the sum 1."""
-        found = {p: size / self.total / len(sampled) for size, sampled in self.strata for p in sampled}
-        return np.array([found[p] for p in self.positions], dtype=np.float64)
+        pair_weights = {p: size / self.total / len(sampled) for size, sampled in self.strata for p in sampled}
+        return np.array([pair_weights[p] for p in self.positions], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

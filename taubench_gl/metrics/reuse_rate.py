@@ -97,8 +97,8 @@ class ReuseStats:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
         if self._with_color:
-            kept = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
-            self._color_only.append(int(pixels[kept & ((words & int(Reason.COLOR)) != 0)].sum()))
+            reusable = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
+            self._color_only.append(int(pixels[reusable & ((words & int(Reason.COLOR)) != 0)].sum()))
 
     def add_counts(self, counts: Mapping[str, Any]) -> None:
         """Add a pair by its row of frames.csv, which has the rates and not the reasons."""
@@ -134,11 +134,11 @@ class ReuseStats:
         out: dict[str, Any] = {rate: self._rate(rate, cuts, weights) for rate in RATES}
         sky = [pixels - surface for pixels, surface in zip(self._pixels, self._surface, strict=True)]
         out["sky_percent"] = _percent(sky, self._pixels, weights) if self._with_sky else None
-        found = self.rate is not None and self.has_surface and self._with_reasons
-        out |= {"reprojection": reprojection, "reasons_of": self.rate if found else None, "reasons": {}}
-        if found:
+        measured = self.rate is not None and self.has_surface and self._with_reasons
+        out |= {"reprojection": reprojection, "reasons_of": self.rate if measured else None, "reasons": {}}
+        if measured:
             out["reasons"] = {name: self._share(values, weights) for name, values in self._reasons.items()}
-        out["color_only"] = self._share(self._color_only, weights) if found and self._with_color else None
+        out["color_only"] = self._share(self._color_only, weights) if measured and self._with_color else None
         return out
 
     @property
@@ -163,10 +163,10 @@ class ReuseStats:
             return {**dict.fromkeys(keys), "pixels": None, "reason": reason}
         counts, surface = np.array(self._counts[rate], np.float64), np.array(self._surface, np.float64)
         shares = 100.0 * counts[surface > 0] / surface[surface > 0]
-        kept = weights * ~np.asarray(cuts, dtype=bool)
+        weights_without_cuts = weights * ~np.asarray(cuts, dtype=bool)
         values = (
             _percent(counts, surface, weights), _percent(counts, self._pixels, weights),
-            float(shares.min()), float(shares.max()), _percent(counts, surface, kept),
+            float(shares.min()), float(shares.max()), _percent(counts, surface, weights_without_cuts),
         )  # fmt: skip
         return dict(zip(keys, values, strict=True)) | {"pixels": sum(self._counts[rate])}
 

@@ -90,13 +90,13 @@ class SequenceStats:
                 out[column] = {"mean_percent": None, "comparable_mean_percent": None, "max_percent": None}
                 out[column] |= {"without_cuts_mean_percent": None, "reason": reason}
                 continue
-            kept = np.array(self._per_pair[column])[~cuts]
+            shares_without_cuts = np.array(self._per_pair[column])[~cuts]
             shares = self._comparable[column]
             out[column] = {
                 "mean_percent": self._all[column].mean,
                 "comparable_mean_percent": shares.mean if shares.count else None,
                 "max_percent": self._all[column].max,
-                "without_cuts_mean_percent": float(kept.mean()) if len(kept) else None,
+                "without_cuts_mean_percent": float(shares_without_cuts.mean()) if len(shares_without_cuts) else None,
             }
         return out
 
@@ -114,14 +114,18 @@ class SequenceStats:
         """The block ``sampling``: confidence intervals of the means.  Writes the weighted means into ``discard``."""
         columns = {}
         for column in self.measured if sample.positions else ():
-            found = estimate(sample, self.per_pair(column))
-            discard[column]["mean_percent"] = found.mean
-            columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
+            interval = estimate(sample, self.per_pair(column))
+            discard[column]["mean_percent"] = interval.mean
+            columns[column] = {
+                "mean_percent": interval.mean,
+                "half_width_points": interval.half_width,
+                "level": interval.level,
+            }
         reusable = {}
         for rate in RATES if sample.positions else ():
             if rate not in self.reuse.missing and self.reuse.has_surface:
-                found = estimate(sample, self.reuse.residuals(rate, sample.weights))
-                reusable[rate] = {"half_width_points": found.half_width, "level": found.level}
+                interval = estimate(sample, self.reuse.residuals(rate, sample.weights))
+                reusable[rate] = {"half_width_points": interval.half_width, "level": interval.level}
         return {"drawn": len(sample.positions), "total": sample.total, "reusable": reusable, "columns": columns}
 
     def per_pair(self, column: str) -> np.ndarray:
@@ -160,6 +164,6 @@ def sensitivity(
     out: dict[str, dict[str, float | None]] = {column: dict.fromkeys(EXPOSURE_FACTORS) for column in RADIANCE_FEATURES}
     for column in (c for c in RADIANCE_FEATURES if c in curves):
         for key, factor in EXPOSURE_FACTORS.items():
-            found = discarded_at(curves[column]["counts"], thresholds[column] / factor)
-            out[column][key] = None if found is None else 100.0 * found / pixels
+            discarded = discarded_at(curves[column]["counts"], thresholds[column] / factor)
+            out[column][key] = None if discarded is None else 100.0 * discarded / pixels
     return out

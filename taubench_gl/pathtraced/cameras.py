@@ -58,8 +58,8 @@ def read_camera_file(path: str | Path) -> CameraFile:
     path = Path(path)
     values = read_json(path, fault=PathTracedError, hint="give a camera file, as 'reference render' writes it")
     if not isinstance(values, dict) or values.get("schema") != CAMERA_SCHEMA:
-        got = values.get("schema") if isinstance(values, dict) else type(values).__name__
-        raise PathTracedError(f"schema is {got!r}, expected {CAMERA_SCHEMA!r}", where=str(path))
+        schema = values.get("schema") if isinstance(values, dict) else type(values).__name__
+        raise PathTracedError(f"schema is {schema!r}, expected {CAMERA_SCHEMA!r}", where=str(path))
     frames, shared = values.get("frames"), values.get("camera", {})
     if not isinstance(frames, dict) or not frames or not isinstance(shared, dict):
         raise PathTracedError("has no frames", where=f"{path}#/frames", hint="one entry per frame number")
@@ -167,8 +167,8 @@ class SidecarCamera:
             low, high = min(self.file.views), max(self.file.views)
             raise PathTracedError(f"has no frame {number}", where=str(self.path), hint=f"it has {low} to {high}")
         if self.file.size is not None and self.file.size != frame.size:
-            got, expected = ("x".join(map(str, size)) for size in (self.file.size, frame.size))
-            raise PathTracedError(f"is for {got} pixels, the files have {expected}", where=str(self.path))
+            camera_size, file_size = ("x".join(map(str, size)) for size in (self.file.size, frame.size))
+            raise PathTracedError(f"is for {camera_size} pixels, the files have {file_size}", where=str(self.path))
         return self.file.views[number]
 
 

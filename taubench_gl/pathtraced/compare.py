@@ -107,11 +107,11 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
     ``result``: from ``compare_runs``, of two runs on disk.  Returns the files written.  Raises OutputError.
     """
     out = output_folder(out)
-    written = []
+    files = []
     image = None
     if "frame" in result["worst"]:
-        written.append(save_worst_image(out / "worst.png", result, *_worst_arrays(result)))
-        image = read_bytes(written[0])
+        files.append(save_worst_image(out / "worst.png", result, *_worst_arrays(result)))
+        image = read_bytes(files[0])
     texts = {
         "comparison.txt": "\n".join(comparison_text(result)) + "\n",
         "comparison.json": json.dumps(result, indent=2, allow_nan=False) + "\n",
@@ -119,8 +119,8 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
     }
     for name, text in texts.items():
         write_atomically(out / name, text)
-        written.append(out / name)
-    return written
+        files.append(out / name)
+    return files
 
 
 def mask_agreement(first: Array, second: Array) -> tuple[int, int, int, int]:

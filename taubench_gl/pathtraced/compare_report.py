@@ -39,11 +39,11 @@ def comparison_html(result: Result, image: bytes | None) -> str:
     if image is not None:
         worst = _worst_line(result["worst"])
         page.add("worst", worst, tag("img", src=data_uri(image), alt=worst))
-    made = [
+    origins = [
         (name, "; ".join(f"{k}: {v}" for k, v in (entries or {}).items() if v is not None) or "no provenance")
         for name, entries in zip(result["runs"], result["provenance"], strict=True)
     ]
-    texts = [tag("p", f"{name}: {text}", class_="muted") for name, text in made]
+    texts = [tag("p", f"{name}: {text}", class_="muted") for name, text in origins]
     page.add("provenance", "", *texts, label="Provenance")
     return page.html()
 
@@ -112,8 +112,8 @@ def _columns(result: Result) -> Table:
             rows.append(Row.of(column, [None] * len(columns), entry["reason"]))
             continue
         mask, floors = masks.get(column) or {}, entry["noise_floor_percent"]
-        known = any(floor is not None for floor in floors)
-        floor = " / ".join(NONE if f is None else f"{f:.2f}" for f in floors) if known else None
+        has_floor = any(floor is not None for floor in floors)
+        floor = " / ".join(NONE if f is None else f"{f:.2f}" for f in floors) if has_floor else None
         difference = f"{entry['difference_pp']:+.3f}"
         agreement = mask.get("iou"), mask.get("equal_outside_band_percent")
         rows.append(Row(column, (*entry["percent"], difference, floor, *agreement)))

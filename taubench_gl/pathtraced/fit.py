@@ -62,12 +62,12 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
             guess = _from_depth(points, screen, depth[rows, columns].astype(np.float64))
         else:
             guess = _from_points(points, screen)
-        kept = np.ones(len(points), dtype=bool)
+        inliers = np.ones(len(points), dtype=bool)
         for _ in range(_ROUNDS):
-            guess = _refine(guess, points[kept], screen[kept])
+            guess = _refine(guess, points[inliers], screen[inliers])
             error = np.linalg.norm(_project(guess, points) - screen, axis=-1) * (0.5 * h)
             # Leave out filtered positions at edges, and pixels with motion blur.
-            kept = error <= max(0.01, 4.0 * float(np.median(error)))
+            inliers = error <= max(0.01, 4.0 * float(np.median(error)))
     except np.linalg.LinAlgError:
         raise _no_camera("the points it shows are too flat", where) from None
     rotation, origin, tangent = guess
@@ -76,7 +76,7 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
         raise _no_camera(f"the best pinhole is {median:.3g} px off in the median", where)
     near = float(((points - origin) @ -rotation[:, 2]).min())
     camera = Camera(yfov=2.0 * math.atan(tangent), znear=max(1e-4, min(0.1, 0.1 * near)))
-    return CameraFit(View(origin + center, rotation, camera), median, p95, int(kept.sum()))
+    return CameraFit(View(origin + center, rotation, camera), median, p95, int(inliers.sum()))
 
 
 def screen_of(columns: Array, rows: Array, width: int, height: int) -> Array:
@@ -106,13 +106,13 @@ def _from_plane(points: Array, rays: Array) -> Guess:
     best: tuple[float, Guess] | None = None
     center = points.mean(axis=0)
     for tangent in np.geomspace(0.02, 10.0, 160):
-        seen = rays * [tangent, tangent, 1.0]
-        seen_center = seen.mean(axis=0)
-        u, _, vt = np.linalg.svd((points - center).T @ (seen - seen_center))
+        unprojected = rays * [tangent, tangent, 1.0]
+        unprojected_center = unprojected.mean(axis=0)
+        u, _, vt = np.linalg.svd((points - center).T @ (unprojected - unprojected_center))
         rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        error = float(np.sum((points - center - (seen - seen_center) @ rotation.T) ** 2))
+        error = float(np.sum((points - center - (unprojected - unprojected_center) @ rotation.T) ** 2))
         if best is None or error < best[0]:
-            best = error, (rotation, center - rotation @ seen_center, float(tangent))
+            best = error, (rotation, center - rotation @ unprojected_center, float(tangent))
     return best[1]
 
 

@@ -57,8 +57,8 @@ def position_from_scene(
     offset = view.position - previous.position
     displacement = rasterized_previous[..., :3].astype(np.float64) - (rasterized[..., :3].astype(np.float64) + offset)
     with np.errstate(invalid="ignore"):
-        apart = np.linalg.norm(position[..., :3].astype(np.float64) - rasterized[..., :3], axis=-1)
-        same = (rasterized[..., 3] > 0) & (apart <= tolerance)
+        distances = np.linalg.norm(position[..., :3].astype(np.float64) - rasterized[..., :3], axis=-1)
+        same = (rasterized[..., 3] > 0) & (distances <= tolerance)
     return still_position(position, view, previous) + np.where(same[..., None], displacement, 0.0)
 
 

@@ -143,7 +143,9 @@ class ChannelIndex:
     def __init__(self, names: Iterable[str], mapping: PassMap, layer: str | None = None):
         self.names, self.mapping = tuple(names), mapping
         self._channels: dict[str, tuple[str, ...]] = {}
-        known = {n.casefold() for alternatives in mapping.passes.values() for n in alternatives if isinstance(n, str)}
+        pass_names = {
+            n.casefold() for alternatives in mapping.passes.values() for n in alternatives if isinstance(n, str)
+        }
         tables: dict[str, dict[str, dict[str, str]]] = {}  # layer -> pass -> component -> channel
         for channel in self.names:
             parts = channel.split(".")
@@ -151,7 +153,7 @@ class ChannelIndex:
             # Pass names may contain dots ("dd.y"): try every split, longest pass name first.
             for first in range(len(parts)):
                 name = ".".join(parts[first:-1]).casefold()
-                if name in known:
+                if name in pass_names:
                     tables.setdefault(".".join(parts[:first]), {}).setdefault(name, {})[component] = channel
                     break
         if layer is not None and layer not in tables:

@@ -104,8 +104,8 @@ class Accumulated:
 
     def missing(self, samples: int) -> list[tuple[int, int, int]]:
         """(half, first sample, count) to trace until there are ``samples`` in all; the first half has the odd one."""
-        wanted = (samples - samples // HALVES, samples // HALVES)
-        return [(h, int(n), w - int(n)) for h, (n, w) in enumerate(zip(self.counts, wanted, strict=True)) if n < w]
+        targets = (samples - samples // HALVES, samples // HALVES)
+        return [(h, int(n), w - int(n)) for h, (n, w) in enumerate(zip(self.counts, targets, strict=True)) if n < w]
 
     def lobes(self) -> dict[str, Array]:
         """Mean radiance by lobe, (h, w, 3) float32."""
@@ -481,8 +481,8 @@ class References:
         return time.perf_counter() - started
 
     def _load(self, frame: int) -> Accumulated:
-        held, sums = self._held
-        return sums if held == frame else self._store.load(frame, self._tracer.view(frame), self.size)
+        held_frame, sums = self._held
+        return sums if held_frame == frame else self._store.load(frame, self._tracer.view(frame), self.size)
 
     def _save(self, frame: int, sums: Accumulated) -> None:
         self._held = frame, sums

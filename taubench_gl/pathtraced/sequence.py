@@ -127,8 +127,8 @@ class PathTracedSequence:
         """Raise PathTracedError unless the sequence has this size and all ``frames``.  ``of``: who needs them."""
         where = str(self.path)
         if self.size != size:
-            got, expected = ("x".join(map(str, s)) for s in (self.size, size))
-            raise PathTracedError(f"is {got} pixels, {of} {expected}", where=where, hint="give one --size to both")
+            pixels, expected = ("x".join(map(str, s)) for s in (self.size, size))
+            raise PathTracedError(f"is {pixels} pixels, {of} {expected}", where=where, hint="give one --size to both")
         lost = sorted(set(frames) - set(self.frames))
         if lost:
             raise PathTracedError(f"lacks frame {lost[0]} of {of}", where=where, hint="give --frames that it has")
@@ -156,8 +156,8 @@ class PathTracedSequence:
         images = [read_exr(path) for path in paths]
         for image in images:
             if image.size != self.size:
-                got, expected = ("x".join(map(str, s)) for s in (image.size, self.size))
-                raise PathTracedError(f"is {got} pixels, the first frame is {expected}", where=str(image.path))
+                image_size, expected = ("x".join(map(str, s)) for s in (image.size, self.size))
+                raise PathTracedError(f"is {image_size} pixels, the first frame is {expected}", where=str(image.path))
         image = images[0] if len(images) == 1 else merge([(_prefix(paths, i.path), i) for i in images])
         self._check_passes(image)
         return image

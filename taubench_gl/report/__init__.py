@@ -44,7 +44,7 @@ def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]
     -> the files written.  Raises OutputError.
     """
     folder = output_folder(folder)
-    written = write_tables(folder, run_tables([summary]))
-    written += plot_thresholds(summary, folder / "thresholds")
-    written += plot_frames(summary, frames, folder / "frames")
-    return written
+    files = write_tables(folder, run_tables([summary]))
+    files += plot_thresholds(summary, folder / "thresholds")
+    files += plot_frames(summary, frames, folder / "frames")
+    return files

@@ -89,17 +89,19 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
 
 def _contents(summary: Summary, track: str) -> str:
     """``12 cases, input noisy@64``."""
-    own = {name: case for name, case in summary["cases"].items() if case["track"] == track}
-    cases = {case["sha256"]: name.rpartition("/")[2] for name, case in own.items()}
+    track_cases = {name: case for name, case in summary["cases"].items() if case["track"] == track}
+    cases = {case["sha256"]: name.rpartition("/")[2] for name, case in track_cases.items()}
     return f"{len(cases)} case{'s' * (len(cases) != 1)}, input {' or '.join(dict.fromkeys(cases.values()))}"
 
 
 def _levels(summary: Summary, track: str) -> Table:
     """FLIP by difficulty level."""
-    done = _done(summary, track)
-    names = [n for n in summary["levels"] if any(n in state["levels"] for state in done.values())]
+    states = _finished_methods(summary, track)
+    names = [n for n in summary["levels"] if any(n in state["levels"] for state in states.values())]
     columns = tuple(Column(n, "", 4, f"at most {summary['levels'][n]:g} % of the pixels discarded") for n in names)
-    rows = [Row(label, tuple(s["levels"][n].get("flip") for n in names)) for label, s in done.items()] if names else []
+    rows = (
+        [Row(label, tuple(s["levels"][n].get("flip") for n in names)) for label, s in states.items()] if names else []
+    )
     cases = [case for case in summary["cases"].values() if case["track"] == track]
     count = {n: len({case["sha256"] for case in cases if case["level"] == n}) for n in names}
     note = "; ".join(f"{n}: {count[n]} case{'s' * (count[n] != 1)}" for n in names)
@@ -109,15 +111,15 @@ def _levels(summary: Summary, track: str) -> Table:
 
 def _classes(summary: Summary, track: str) -> Table:
     """FLIP by pixel class."""
-    done = _done(summary, track)
-    names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in done.values())]
+    states = _finished_methods(summary, track)
+    names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in states.values())]
     columns = tuple(Column(n, "", 4, summary["classes"][n]) for n in names)
-    rows = [Row(label, tuple(s["classes"][n] for n in names)) for label, s in done.items()] if names else []
+    rows = [Row(label, tuple(s["classes"][n] for n in names)) for label, s in states.items()] if names else []
     note = "Masks of the exact frames; all cases of the track."
     return Table(0, f"{track}: FLIP by pixel class", columns, tuple(rows), (note,))
 
 
-def _done(summary: Summary, track: str) -> dict[str, Summary]:
+def _finished_methods(summary: Summary, track: str) -> dict[str, Summary]:
     """The results on a track of the methods that did not fail."""
     states = {label: method["tracks"][track] for label, method in summary["methods"].items()}
     return {label: state for label, state in states.items() if state["state"] == "done"}
@@ -208,7 +210,7 @@ def plot_speeds(summary: Summary, folder: Path) -> list[Path]:
 
 def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
     """The page: one file.  ``image``: the plot as PNG."""
-    suite, made, rankings = summary["suite"], summary["provenance"], summary["rankings"]
+    suite, provenance, rankings = summary["suite"], summary["provenance"], summary["rankings"]
     intro = [
         tag("p", "Every method renders the same frames, which are compared with a reference. A track is a group of "
             "cases, each a scene with one input. Methods are ranked within a track, by the mean error over its cases; ",
@@ -234,7 +236,7 @@ def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
     about = (
         f"Suite {suite['name']} ({suite['version']}, {suite['sha256'][:12]}): {suite['cases']} cases, "
         f"{len(summary['methods'])} methods.",
-        f"taubench-gl {made.get('version')}, {made.get('renderer')} ({made.get('driver')}).",
+        f"taubench-gl {provenance.get('version')}, {provenance.get('renderer')} ({provenance.get('driver')}).",
     )
     page.add("cases", "Cases", *[tables[n] for n in ("cases",) if n in tables], text_lines(about))
     return page.html()

@@ -33,15 +33,15 @@ WIDTH = 150
 
 def answer(study: Study) -> list[str]:
     """Three lines: what to use, against what it was compared, how far the numbers can be trusted."""
-    return [_chosen(study), _compared(study), _trust(study)]
+    return [_recommendation(study), _compared(study), _trust(study)]
 
 
-def _chosen(study: Study) -> str:
+def _recommendation(study: Study) -> str:
     """``Use balanced: 1.2 % of the masks are wrong, 41 ms/frame; the fastest with at most 1.8 %; 2.1x the time
     (accurate) leaves 0.9 %; ...``."""
-    chosen, points = study["chosen"] or {}, {p["name"]: p for p in study["points"]}
-    best, faster, finer = (points.get(chosen.get(role)) for role in ("configuration", "faster", "finer"))
-    column = chosen.get("column", OVERALL)
+    recommended, points = study["chosen"] or {}, {p["name"]: p for p in study["points"]}
+    best, faster, finer = (points.get(recommended.get(role)) for role in ("configuration", "faster", "finer"))
+    column = recommended.get("column", OVERALL)
 
     def wrong(p: Point, of: str = column) -> str:
         return f"{three(p['masks'][of]['percent'])} %"
@@ -57,7 +57,7 @@ def _chosen(study: Study) -> str:
         changes = f"{best['masks'][worst]['points']:+.2f} points"
         words += f" (most in {worst}: {wrong(best, worst)}, which changes that column by {changes})"
     words += f", {ms_text(best)} ms/frame"
-    enough = chosen.get("good_enough")
+    enough = recommended.get("good_enough")
     if enough and best["masks"][column]["percent"] <= enough:
         words += f"; the fastest with at most {three(enough)} %"
     for p in filter(None, (finer, faster)):
@@ -181,9 +181,9 @@ def _effects(study: Study) -> Table:
     if not measured or not baseline["ms"] or not baseline["masks"]:
         return _table("What each effect costs", (), ())
     whole, wrong = baseline["ms"]["median"], baseline["masks"][OVERALL]["percent"]
-    taken = [(abs(p["ms"]["median"] - whole), p) for p in measured]
-    longest, rows = max(ms for ms, _ in taken) or 1.0, []
-    for ms, p in sorted(taken, key=lambda item: -item[0]):
+    differences = [(abs(p["ms"]["median"] - whole), p) for p in measured]
+    longest, rows = max(ms for ms, _ in differences) or 1.0, []
+    for ms, p in sorted(differences, key=lambda item: -item[0]):
         noise = "" if p["against_baseline"]["different"] else "~"
         change = p["masks"][OVERALL]["percent"] - wrong
         cells = ("█" * round(BAR * ms / longest), f"{noise}{three(p['ms']['median'] - whole)}")
@@ -379,11 +379,11 @@ def plot_study(study: Study, folder: Path) -> list[Path]:
                 mec="black", mew=0.6, color=OVERALL_COLOR, alpha=0.85, ecolor="#888888", elinewidth=0.9,
                 label=name, zorder=3 if role in NAMED else 2,
             )  # fmt: skip
-    chosen, front = (study["chosen"] or {}).get("configuration"), study["fronts"][OVERALL]
+    recommended, front = (study["chosen"] or {}).get("configuration"), study["fronts"][OVERALL]
     if steps := [places[name] for name in front if name in places]:  # only measured configurations are available
         axes.step(*zip(*steps), where="post", color="black", linewidth=1.4, label="Pareto front", zorder=0)
-    if chosen in places:
-        axes.plot(*places[chosen], "o", ms=16, mfc="none", mec="black", label="recommended")
+    if recommended in places:
+        axes.plot(*places[recommended], "o", ms=16, mfc="none", mec="black", label="recommended")
     if floor:
         axes.axhline(floor, color="#555555", linewidth=0.9, linestyle="--", label="noise floor of the reference")
     axes.set(xscale="log", yscale="log", xlabel="ms per frame", ylabel="wrong masks, % of the pixels")
@@ -393,7 +393,7 @@ def plot_study(study: Study, folder: Path) -> list[Path]:
         axis.set_minor_formatter(lambda value, _, digits=digits: f"{value:g}" if f"{value:e}"[0] in digits else "")
     plot.legend(axes)
     named = [p for p in shown if p["role"] in NAMED or p["name"] in front]
-    named.sort(key=lambda p: (p["name"] != chosen, p["role"] not in NAMED))
+    named.sort(key=lambda p: (p["name"] != recommended, p["role"] not in NAMED))
     _write_names(axes, {p["name"]: p["label"] for p in named}, places)
     return plot.save(folder / "front")
 
@@ -403,11 +403,11 @@ def _write_names(axes: Any, labels: Mapping[str, str], places: Mapping[str, tupl
     style = {"textcoords": "offset points", "xytext": (6, 6), "fontsize": 7}
     texts = [axes.annotate("\n".join(wrap(label, 36)[:2]), places[name], **style) for name, label in labels.items()]
     axes.figure.canvas.draw()  # texts have their places from now on
-    kept: list[Any] = []
+    shown_boxes: list[Any] = []
     for text in texts:
         box = text.get_window_extent()
-        text.set_visible(not any(box.overlaps(other) for other in kept))
-        kept += [box] * text.get_visible()
+        text.set_visible(not any(box.overlaps(other) for other in shown_boxes))
+        shown_boxes += [box] * text.get_visible()
 
 
 def _title(study: Study) -> str:

@@ -75,8 +75,8 @@ class Levels:
 
     def reduced(self, codes: Array, step: int, first: int = 0) -> Array:
         """Codes among the levels kept at DETAIL[step], from code ``first`` on.  (...) uint8 -> (...) uint8."""
-        kept = self.kept_from(step, first)
-        return np.searchsorted(kept, np.arange(CODES), side="right").astype(np.uint8)[codes]
+        codes_kept = self.kept_from(step, first)
+        return np.searchsorted(codes_kept, np.arange(CODES), side="right").astype(np.uint8)[codes]
 
     def kept_from(self, step: int, first: int = 0) -> Array:
         """Codes of the levels kept at DETAIL[step] that are at least ``first``."""
@@ -95,18 +95,18 @@ def levels_of(threshold: float) -> Levels:
     octave = np.log2(edges(_FINE_BITS) / np.float64(limit))
     index = np.arange(len(octave))
     fine, curve = 1 << _FINE_BITS, 1 << _CURVE_BITS
-    wanted = (index % (fine // curve) == 0) | (np.abs(octave) <= DETAIL[0].octaves)
-    nearest = np.argsort(np.abs(octave[wanted]), kind="stable")[: CODES - 2]
-    chosen = np.sort(index[wanted][nearest])
-    grid = edges(_FINE_BITS)[chosen].astype(np.float32)
+    candidates = (index % (fine // curve) == 0) | (np.abs(octave) <= DETAIL[0].octaves)
+    nearest = np.argsort(np.abs(octave[candidates]), kind="stable")[: CODES - 2]
+    selected = np.sort(index[candidates][nearest])
+    grid = edges(_FINE_BITS)[selected].astype(np.float32)
     values = np.union1d(grid, [home]).astype(np.float32)
     at = int(np.searchsorted(values, home)) + 1
-    kept = []
+    level_sets = []
     for octaves, near, far in DETAIL:
-        per_octave = np.where(np.abs(octave[chosen]) <= octaves, near, far)
-        keep = (per_octave > 0) & (chosen % (fine // np.maximum(per_octave, 1)) == 0)
-        kept.append(np.union1d(np.searchsorted(values, grid[keep]) + 1, [at]))
-    return Levels(values, at, tuple(kept))
+        per_octave = np.where(np.abs(octave[selected]) <= octaves, near, far)
+        keep = (per_octave > 0) & (selected % (fine // np.maximum(per_octave, 1)) == 0)
+        level_sets.append(np.union1d(np.searchsorted(values, grid[keep]) + 1, [at]))
+    return Levels(values, at, tuple(level_sets))
 
 
 class EncodedDistances(NamedTuple):
@@ -178,10 +178,10 @@ def levels_data(levels: Mapping[str, Levels], units: Mapping[str, float]) -> dic
     """
     return {
         name: {
-            "values": [float(value) / units.get(name, 1.0) for value in found.values.tolist()],
-            "home": found.home,
-            "kept": [kept.tolist() for kept in found.kept],
-            "near": [found.lowest_near(step) for step in range(len(DETAIL))],
+            "values": [float(value) / units.get(name, 1.0) for value in level.values.tolist()],
+            "home": level.home,
+            "kept": [kept.tolist() for kept in level.kept],
+            "near": [level.lowest_near(step) for step in range(len(DETAIL))],
         }
-        for name, found in levels.items()
+        for name, level in levels.items()
     }

@@ -54,13 +54,13 @@ class KeptFrames:
     def __init__(self, folder: Path, patterns: Sequence[str]):
         """``patterns``: files of one frame, with ``*`` for its number, as ``frame_*.webp``; older ones are removed."""
         self.folder, self._patterns = folder, tuple(patterns)
-        self._seen, self._every = 0, 1
-        self._kept: dict[int, int] = {}  # frame -> index
+        self._offered, self._every = 0, 1
+        self._index_of: dict[int, int] = {}  # frame -> index
         self._worst: tuple[float, int] | None = None  # badness, frame
 
     def offer(self, frame: int, badness: float, write: Callable[[int], None]) -> None:
         """Call ``write(frame)`` if it is a frame to keep, and remove those that no longer are.  Raises OutputError."""
-        index, self._seen = self._seen, self._seen + 1
+        index, self._offered = self._offered, self._offered + 1
         worst = self._worst is None or badness > self._worst[0]
         if index % self._every and not worst:
             return
@@ -68,15 +68,15 @@ class KeptFrames:
         if worst:
             self._worst = (badness, frame)
         try:
-            if not self._kept:
+            if not self._index_of:
                 self._clear()
             write(frame)
-            self._kept[frame] = index
-            if worst and former is not None and self._kept[former] % self._every:
+            self._index_of[frame] = index
+            if worst and former is not None and self._index_of[former] % self._every:
                 self._drop(former)
-            while sum(i % self._every == 0 for i in self._kept.values()) > MAX_KEPT:
+            while sum(i % self._every == 0 for i in self._index_of.values()) > MAX_KEPT:
                 self._every *= 2
-                for old in [f for f, i in self._kept.items() if i % self._every and f != self.worst]:
+                for old in [f for f, i in self._index_of.items() if i % self._every and f != self.worst]:
                     self._drop(old)
         except OSError as error:
             raise cannot_write(self.folder, error) from None
@@ -84,7 +84,7 @@ class KeptFrames:
     @property
     def frames(self) -> list[int]:
         """Frame numbers, ascending."""
-        return sorted(self._kept)
+        return sorted(self._index_of)
 
     @property
     def worst(self) -> int | None:
@@ -98,7 +98,7 @@ class KeptFrames:
                 old.unlink()
 
     def _drop(self, frame: int) -> None:
-        del self._kept[frame]
+        del self._index_of[frame]
         for pattern in self._patterns:
             for path in self.folder.glob(pattern.replace("_*", f"_{frame:05d}")):
                 path.unlink(missing_ok=True)
@@ -112,7 +112,7 @@ class ImageRecorder:
     def __init__(self, out: Path, patterns: Sequence[str]):
         """``patterns``: as of ``KeptFrames``."""
         self.folder = out / FOLDER
-        self.kept = KeptFrames(self.folder, patterns)
+        self.kept_frames = KeptFrames(self.folder, patterns)
         self.size, self.step = (0, 0), 1
 
     def shrunk(self, values: Array, most: int | None = None) -> Array:
@@ -141,7 +141,8 @@ class ImageRecorder:
         entries.  Raises OutputError."""
         index = {
             "schema": self.schema, "rows_sha256": file_sha256(frames_file), "width": self.size[0],
-            "height": self.size[1], "step": self.step, "frames": self.kept.frames, "worst": self.kept.worst, **more,
+            "height": self.size[1], "step": self.step, "frames": self.kept_frames.frames,
+            "worst": self.kept_frames.worst, **more,
         }  # fmt: skip
         write_atomically(self.folder / INDEX, json.dumps(index) + "\n")
 

@@ -26,7 +26,7 @@ def run_labels(summaries: Sequence[Summary]) -> list[str]:
         for i, settings in zip(indices, differing([_settings_of(summaries[i]) for i in indices]), strict=True):
             labels[i] = labelled(name, (phrase(*item) for item in settings.items()))
     count = labels.count
-    return [f"{one} #{labels[: i + 1].count(one)}" if count(one) > 1 else one for i, one in enumerate(labels)]
+    return [f"{label} #{labels[: i + 1].count(label)}" if count(label) > 1 else label for i, label in enumerate(labels)]
 
 
 def labelled(name: str, phrases: Iterable[str]) -> str:
@@ -104,7 +104,7 @@ def _light_value(value: Any) -> str:
     if isinstance(value, float | int):
         return f"{value:.4g}"
     if isinstance(value, list | tuple):
-        return ",".join(f"{one:.4g}" for one in value)
+        return ",".join(f"{number:.4g}" for number in value)
     return "as rendered" if value is None else str(value)
 
 
@@ -125,4 +125,4 @@ def _text(value: Any) -> str:
         return NOT_GIVEN
     if isinstance(value, float):
         return f"{value:.6g}"
-    return ",".join(_text(one) for one in value) if isinstance(value, (list, tuple)) else str(value)
+    return ",".join(_text(item) for item in value) if isinstance(value, (list, tuple)) else str(value)

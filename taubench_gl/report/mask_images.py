@@ -40,9 +40,9 @@ def mask_overlay(mask: Array, base: Array | None = None, reasons: Sequence[Reaso
     turn = ((rows + columns) // STRIPE_PX) % np.maximum(count, 1)
     order = np.cumsum(hits, axis=0) - 1  # index of each reason among those of the pixel
     for reason, hit, place in zip(reasons, hits, order, strict=True):
-        chosen = hit & (place == turn)
+        pixels = hit & (place == turn)
         color = np.array(color_of(reason)) / 255.0
-        image[chosen] = (1.0 - _TINT) * image[chosen] + _TINT * color
+        image[pixels] = (1.0 - _TINT) * image[pixels] + _TINT * color
     return np.round(255.0 * image).astype(np.uint8)
 
 

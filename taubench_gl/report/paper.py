@@ -99,14 +99,14 @@ SEEN = ("visible", "occluded")
 
 
 def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> Table:
-    seen = SEEN if any(summary.get("exact") for summary in summaries) else ()
+    exact_columns = SEEN if any(summary.get("exact") for summary in summaries) else ()
     rows, notes, of_runs = [], [], list(zip(labels, summaries, strict=True))
     for label, summary in of_runs:
-        rows += _discard_rows(label, summary, seen)
+        rows += _discard_rows(label, summary, exact_columns)
     if paper:
         fps = float(paper_numbers()["settings"]["render_fps"])
-        rows += _paper_rows("discard", (*COLUMNS, *seen), fps, percent_of=STATISTICS["mean_percent"].label)
-    terms = [*((name, COLUMN_TERMS[name]) for name in COLUMNS), *((name, EXACT[name]) for name in seen)]
+        rows += _paper_rows("discard", (*COLUMNS, *exact_columns), fps, percent_of=STATISTICS["mean_percent"].label)
+    terms = [*((name, COLUMN_TERMS[name]) for name in COLUMNS), *((name, EXACT[name]) for name in exact_columns)]
     columns = (*(Column(name, "%", 2, term.tooltip) for name, term in terms), *SAMPLING_COLUMNS)
     floor = "the noise floor is unknown; it requires a second render with another seed."
     for texts in (
@@ -120,13 +120,13 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     return Table(4, "Discarded pixels, mean over the animation", columns, tuple(rows), tuple(notes))
 
 
-def _discard_rows(label: str, summary: Summary, seen: Sequence[str]) -> list[Row]:
+def _discard_rows(label: str, summary: Summary, exact_columns: Sequence[str]) -> list[Row]:
     """Means of all pixels, of pairs without cuts, of comparable pixels; the noise floor and misregistration, if any."""
     entries = [(summary.get("discard") or {}).get(name) or {} for name in COLUMNS]
     cuts = (summary.get("camera") or {}).get("cuts") or ()
     all_pixels, of_comparable = (STATISTICS[key].label for key in ("mean_percent", "comparable_mean_percent"))
     exact = summary.get("exact") or {}
-    unseen = ["of all pixels only" if exact else "run with --exact"] * len(seen)
+    unseen = ["of all pixels only" if exact else "run with --exact"] * len(exact_columns)
     why = [entry.get("reason") for entry in entries]
 
     def row(text: str, key: str, seen_values: list[float | None], percent_of: str, left_out: int = 0) -> Row:
@@ -136,14 +136,16 @@ def _discard_rows(label: str, summary: Summary, seen: Sequence[str]) -> list[Row
         cells = table_row(f"{label}, {text}", values, summary, *reasons, *unseen, left_out=left_out)
         return replace(cells, percent_of=percent_of)
 
-    nothing: list[float | None] = [None] * len(seen)
-    rows = [row(all_pixels, "mean_percent", [_mean_of(exact, name) for name in seen], all_pixels)]
+    nothing: list[float | None] = [None] * len(exact_columns)
+    rows = [row(all_pixels, "mean_percent", [_mean_of(exact, name) for name in exact_columns], all_pixels)]
     if floor := summary.get("noise_floor"):
         # Two renders of the same frames: one pair per frame, hence N + 1 pairs.
         noise = [floor.get(name) or {} for name in COLUMNS]
         reasons = [entry.get("reason") or "geometry is assumed to be free of noise" for entry in noise]
         values = [*(entry.get("mean_percent") for entry in noise), *nothing]
-        cells = table_row(f"{label}, noise floor", values, summary, *reasons, *["no noise"] * len(seen), left_out=-1)
+        cells = table_row(
+            f"{label}, noise floor", values, summary, *reasons, *["no noise"] * len(exact_columns), left_out=-1
+        )
         rows.append(replace(cells, percent_of=all_pixels))
     if cuts:
         text = f"{all_pixels}, {WITHOUT_CUTS}"
@@ -240,8 +242,10 @@ def sensitivity(summary: Summary) -> str | None:
     entries = {name: (summary.get("discard") or {}).get(name) or {} for name in ("direct", "indirect")}
     keys = ("at_half_exposure_percent", "at_twice_exposure_percent")
     pairs = {name: [entry.get(key) for key in keys] for name, entry in entries.items()}
-    known = {name: values for name, values in pairs.items() if any(value is not None for value in values)}
-    shares = ", ".join(f"{name} {two_decimals(low)} and {two_decimals(high)} %" for name, (low, high) in known.items())
+    measured = {name: values for name, values in pairs.items() if any(value is not None for value in values)}
+    shares = ", ".join(
+        f"{name} {two_decimals(low)} and {two_decimals(high)} %" for name, (low, high) in measured.items()
+    )
     return f"at half and twice the exposure: {shares}." if shares else None
 
 

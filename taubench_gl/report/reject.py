@@ -103,7 +103,7 @@ def plot_reject(summary: Summary, folder: Path) -> list[Path]:
         "roc": ("false_positive_rate", "recall", "ROC: recall against false positive rate"),
         "precision_recall": ("recall", "precision", "Precision against recall"),
     }
-    written = []
+    files = []
     for file, (x, y, title) in figures.items():
         plot = Plot(f"{summary['scene']['name']}. {title}", 8.0, 5.0)
         for i, (name, test) in enumerate(summary["tests"].items()):
@@ -119,8 +119,8 @@ def plot_reject(summary: Summary, folder: Path) -> list[Path]:
             plot.axes.set_xscale("symlog", linthresh=1e-3)
             plot.axes.set_xlim(0, 1)
         plot.legend(plot.axes)
-        written += plot.save(folder / f"{file}.png")
-    return written
+        files += plot.save(folder / f"{file}.png")
+    return files
 
 
 def reject_html(summary: Summary, images: Mapping[str, bytes]) -> str:

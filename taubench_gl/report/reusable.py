@@ -76,8 +76,8 @@ def percent_text(percent: float) -> str:
     return f"{percent:.0f} %" if percent in (0.0, 100.0) else f"{percent:.1f} %"
 
 
-def _largest(shares: Mapping[str, float], rest: float, most: int = 2) -> tuple[list[tuple[str, float]], float]:
-    """The largest reasons in words with their shares, and the part of ``rest`` that they explain."""
+def _largest(shares: Mapping[str, float], other_share: float, most: int = 2) -> tuple[list[tuple[str, float]], float]:
+    """The largest reasons in words with their shares, and the part of ``other_share`` that they explain."""
     groups: dict[tuple[str, ...], float] = {}
     for name in TERMS:
         share = shares.get(name) or 0.0
@@ -86,7 +86,7 @@ def _largest(shares: Mapping[str, float], rest: float, most: int = 2) -> tuple[l
     ranked = sorted(((g, s) for g, s in groups.items() if s > 0), key=lambda item: -item[1])
     shown = ranked[:most] if len(ranked) != most + 1 else ranked  # not three quarters of a list of three
     words = [(" or ".join(TERMS[n].label for n in group if shares.get(n)), share) for group, share in shown]
-    covered = 1.0 if len(shown) == len(ranked) else sum(share for _, share in shown) / max(rest, 1e-30)
+    covered = 1.0 if len(shown) == len(ranked) else sum(share for _, share in shown) / max(other_share, 1e-30)
     return words, covered
 
 
@@ -140,16 +140,16 @@ def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
         rate = block.get("reasons_of")
         values = [None if rate is None else block[rate]["mean_percent"], *(share[name] for name in named)]
         if len(named) < len(present):
-            rest = [share[name] for name in present if name not in named]
-            values.append(None if rate is None else sum(value or 0.0 for value in rest))
+            others = [share[name] for name in present if name not in named]
+            values.append(None if rate is None else sum(value or 0.0 for value in others))
         why = [_why(block, "shading" if rate else "surface")] * len(values)
         row = table_row(label if rate != "surface" else f"{label}, surface", values, summary, *why)
         rows.append(replace(row, percent_of=OF_SURFACE))
     columns = [Column("reusable", "%", 2, CONCEPTS["reuse_rate"].tooltip)]
     columns += [Column(TERMS[name].label, "%", 2, TERMS[name].tooltip) for name in named]
     if len(named) < len(present):
-        rest = ", ".join(TERMS[name].label for name in present if name not in named)
-        columns.append(Column("other", "%", 2, f"All other reasons: {rest}"))
+        others = ", ".join(TERMS[name].label for name in present if name not in named)
+        columns.append(Column("other", "%", 2, f"All other reasons: {others}"))
     notes = ("A pixel counts once, under its first reason; reasons and reusable pixels add up to 100 %.",)
     title = f"Why surface pixels are not reusable, {OF_SURFACE}"
     return Table("reasons", title, (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)

@@ -131,8 +131,8 @@ def ranking_texts(summary: Summary) -> list[str]:
     """
     measures = summary["statistics"]["measures"]
     rankings = {column.name: measures[name]["ranking"] for name, column in _QUALITY.items() if name in measures}
-    known = any(entry["rank"] is not None for ranking in rankings.values() for entry in ranking)
-    meaning = "Ranks that remain possible after Holm's correction" if known else "Methods"
+    has_ranks = any(entry["rank"] is not None for ranking in rankings.values() for entry in ranking)
+    meaning = "Ranks that remain possible after Holm's correction" if has_ranks else "Methods"
     texts = [f"{meaning}, from the best mean on; measures differ in what they count:"]
     for title, ranking in rankings.items():
         entries = (f"{'' if e['rank'] is None else ranks(e) + ' '}{e['method']}" for e in ranking)
@@ -174,11 +174,11 @@ def merged_summaries(named: Sequence[tuple[str, Summary]]) -> list[Summary]:
 
 def _identity(summary: Summary) -> tuple[Any, ...]:
     """What two evaluations must share so that their numbers are comparable."""
-    given, reference, settings = summary["input"], summary["reference"], summary["settings"]
+    input_block, reference, settings = summary["input"], summary["reference"], summary["settings"]
     return (
         [summary["scene"].get(key) for key in _SAME],
         [settings.get(key) for key in _SAME_SETTINGS],
-        [given.get(key) for key in ("kind", "light_samples", "indirect_samples", "seed")],
+        [input_block.get(key) for key in ("kind", "light_samples", "indirect_samples", "seed")],
         [reference.get(key) for key in ("kind", "samples", "path")],
         [summary.get(key) for key in ("seeds", "warmup", "clock")],
     )

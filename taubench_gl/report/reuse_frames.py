@@ -74,7 +74,7 @@ class ReuseRecorder(ImageRecorder):
         mean = float(np.mean([e.mean() for e in errors.values()])) if errors else 0.0
         # Without history all methods are equal: the first frame is never the worst one.
         badness = mean if len(self._every) > 1 else -1.0
-        self.kept.offer(frame, badness, lambda n: self._write(n, images, errors, classes))
+        self.kept_frames.offer(frame, badness, lambda n: self._write(n, images, errors, classes))
 
     def _add_classes(self, frame: int, errors: Mapping[str, Array], classes: Array) -> None:
         flat = classes.ravel().astype(np.int64)
@@ -100,7 +100,7 @@ class ReuseRecorder(ImageRecorder):
 
     def finish(self, frames_file: Path) -> None:
         """Write the index.  ``frames_file``: frames.csv of the evaluation."""
-        if self.kept.frames:
+        if self.kept_frames.frames:
             self.write_index(
                 frames_file, names=self._names, every_frame=self._every, class_pixels=self._pixels,
                 class_errors=self._errors,

@@ -185,11 +185,11 @@ class FrameRecorder(ImageRecorder):
                 stored = EncodedDistances(features, encoded.depth[every, every], encoded.signs[every, every])
                 self._planes.write(self.folder / file_name(_PLANES, number), number, stored)
 
-        self.kept.offer(frame, discarded, write)
+        self.kept_frames.offer(frame, discarded, write)
 
     def finish(self, frames_file: Path) -> list[Path]:
         """Write the index.  ``frames_file``: frames.csv of the run.  -> all files.  Raises OutputError."""
-        frames = self.kept.frames
+        frames = self.kept_frames.frames
         if not frames:
             return []
         planes = {} if self._planes is None else {"planes": self._planes.finish(self.folder, frames)}

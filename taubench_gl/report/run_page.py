@@ -345,12 +345,12 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
          "color": hex_of(REASON_COLORS[bit]), "definition": glossary.REASONS[bit].tooltip}
         for bit, group, on in [*columns, *((reason, "Reason classes", False) for reason in details)]
     ]  # fmt: skip
-    known = [rate for rate in RATES if set(RATE_COLUMNS[rate]) <= set(measured)]
+    measured_rates = [rate for rate in RATES if set(RATE_COLUMNS[rate]) <= set(measured)]
     return reasons + [
         {"name": f"reusable_{rate}", "label": rate, "bits": int(RATE_BITS[rate]), "of": rate,
          "group": "Not reusable, for any reason", "on": False, "color": hex_of(REUSE_COLORS[rate]),
          "definition": f"Surface pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}
-        for rate in known
+        for rate in measured_rates
     ]  # fmt: skip
 
 

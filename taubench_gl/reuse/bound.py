@@ -29,13 +29,13 @@ def decibels(error: float, bound: float) -> float | None:
 class Blended:
     """What one method blended in one frame, linear radiance (h, w, 3).
 
-    ``known`` (h, w) bool: the method fetched history there; ``fetched`` is the input elsewhere.  ``used``: history
-    after rectification, None where the method does not report it.
+    ``has_history`` (h, w) bool: the method fetched history there; ``fetched`` is the input elsewhere.  ``used``:
+    history after rectification, None where the method does not report it.
     """
 
     now: Array
     fetched: Array
-    known: Array
+    has_history: Array
     used: Array | None
 
     @classmethod
@@ -47,10 +47,10 @@ class Blended:
         now = reported.get("blend_input", radiance)[..., :3].astype(np.float64)
         if now.shape[:2] != history.shape[:2]:  # an upscaler
             return None
-        known = history[..., 3] > 0.5
+        has_history = history[..., 3] > 0.5
         used = reported.get("rectified_history")
-        used = None if used is None else np.where(known[..., None], used[..., :3], now)
-        return cls(now, np.where(known[..., None], history[..., :3], now), known, used)
+        used = None if used is None else np.where(has_history[..., None], used[..., :3], now)
+        return cls(now, np.where(has_history[..., None], history[..., :3], now), has_history, used)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,14 +90,14 @@ def bound_of_frame(blended: Blended, result: Array, reference: Array, valid: Arr
     )  # fmt: skip
     best = nearest_weight(reference, now, fetched)
     error = np.mean((blend(now, fetched, best) - reference) ** 2)
-    own = np.mean((shown - reference) ** 2)
+    method_mse = np.mean((shown - reference) ** 2)
     effective = None
     if not (result[..., 3] < 0).any():
-        weight = np.where(keep[..., 0] & blended.known, result[..., 3], 0.0).astype(np.float64)
+        weight = np.where(keep[..., 0] & blended.has_history, result[..., 3], 0.0).astype(np.float64)
         used = used_history(shown, now, fetched, weight) if blended.used is None else np.where(keep, blended.used, 0.0)
         effective = float(effective_weight(weight, now, fetched, used).mean())
     share = 100.0 * float(np.mean(on_segment(shown, now, fetched)))
-    return BoundFrame(float(error), float(own), float(best.mean()), share, effective)
+    return BoundFrame(float(error), float(method_mse), float(best.mean()), share, effective)
 
 
 @dataclass(slots=True)
@@ -113,13 +113,13 @@ class BoundRecord:
         """
         if not self.frames:
             return None
-        bound, own = (float(np.mean([getattr(f, name) for f in self.frames])) for name in ("mse", "method_mse"))
+        bound, method_mse = (float(np.mean([getattr(f, name) for f in self.frames])) for name in ("mse", "method_mse"))
         share = float(np.mean([f.blended_percent for f in self.frames]))
         return {
             "linear_mse": bound,
-            "method_linear_mse": own,
-            "headroom_linear_mse": own - bound,
-            "headroom_db": decibels(own, bound),
+            "method_linear_mse": method_mse,
+            "headroom_linear_mse": method_mse - bound,
+            "headroom_db": decibels(method_mse, bound),
             "weight": float(np.mean([f.weight for f in self.frames])),
             "blended_percent": share,
             "blends": all(f.blended_percent == 100.0 for f in self.frames),

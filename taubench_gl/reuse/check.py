@@ -71,18 +71,18 @@ def write_example(path: Path, python: bool = False) -> list[Path]:
     if path.exists():
         raise OutputError("exists", where=str(path), hint="choose another name")
     templates = {"method.py": path} if python else {name: path / name for name in ("method.toml", "reuse.glsl")}
-    made: list[Path] = []
+    new_files: list[Path] = []
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not python:
             path.mkdir()
         for name, target in templates.items():
             write_atomically(target, read_bytes(_TEMPLATE / name))
-            made.append(target)
+            new_files.append(target)
     except (OSError, OutputError) as error:
-        for target in made:
+        for target in new_files:
             target.unlink(missing_ok=True)
         if not python and path.is_dir() and not any(path.iterdir()):
             path.rmdir()
         raise (cannot_write(path, error) if isinstance(error, OSError) else error) from None
-    return made
+    return new_files

@@ -150,8 +150,8 @@ def _differences(series: Series) -> list[dict[str, Any]]:
         for a, b in combinations(series.values, 2)
     ]
     p_values = [entry["p_value"] for entry in out]
-    known = None not in p_values
-    adjusted = holm_adjusted(np.array(p_values)).tolist() if known else [None] * len(out)
+    has_p_values = None not in p_values
+    adjusted = holm_adjusted(np.array(p_values)).tolist() if has_p_values else [None] * len(out)
     for entry, p_holm in zip(out, adjusted, strict=True):
         entry["p_holm"] = p_holm
         entry["verdict"] = verdict(series.measure, entry)
@@ -185,8 +185,8 @@ def ranking(
     better: dict[str, int] = dict.fromkeys(means, 0)
     worse: dict[str, int] = dict.fromkeys(means, 0)
     alike: dict[str, list[str]] = {label: [] for label in means}
-    known = all(entry["p_holm"] is not None for entry in differences)
-    for entry in differences if known else ():
+    has_p_values = all(entry["p_holm"] is not None for entry in differences)
+    for entry in differences if has_p_values else ():
         a, b = entry["a"], entry["b"]
         if entry["p_holm"] < 1.0 - CONFIDENCE:
             loser, winner = (a, b) if sign * entry["difference"] > 0 else (b, a)
@@ -199,9 +199,9 @@ def ranking(
         {
             "method": label,
             "mean": means[label]["mean"],
-            "rank": 1 + better[label] if known else None,
-            "last_rank": len(means) - worse[label] if known else None,
-            "indistinguishable": alike[label] if known else None,
+            "rank": 1 + better[label] if has_p_values else None,
+            "last_rank": len(means) - worse[label] if has_p_values else None,
+            "indistinguishable": alike[label] if has_p_values else None,
         }
         for label in sorted(means, key=lambda m: sign * means[m]["mean"])
     ]
@@ -228,5 +228,5 @@ def convergence(rows: Sequence[Row], cuts: Collection[int] = ()) -> dict[str, An
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
-    return float(np.mean(known)) if known else None
+    measured = [v for v in values if v is not None]
+    return float(np.mean(measured)) if measured else None

@@ -258,11 +258,11 @@ def _typed(setting: Setting, value: Value) -> Value:
     return {"float": float, "int": int}.get(setting.kind, lambda v: v)(value)
 
 
-def suggestion(name: str, known: Iterable[str], none: str = "") -> str:
+def suggestion(name: str, names: Iterable[str], none: str = "") -> str:
     """`` (did you mean X? available: A, B)`` for an unknown ``name``."""
-    known = sorted(known)
-    if not known:
+    names = sorted(names)
+    if not names:
         return f" ({none})" if none else ""
-    close = difflib.get_close_matches(name, known, n=1)
-    listed = ", ".join(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    listed = ", ".join(names)
     return f" (did you mean {close[0]!r}? available: {listed})" if close else f" (available: {listed})"

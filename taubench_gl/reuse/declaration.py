@@ -135,11 +135,11 @@ class Declaration:
         self.errors.append(f"{key}: {message}")
 
     # ------------------------------------------------------------------------------------------------ simple values
-    def known_keys(self, at: str, table: Mapping[str, Any], known: Collection[str]) -> None:
-        """A fault for each key of ``table`` that is not among ``known``; ``at``: its place, "" or ending in a dot."""
+    def known_keys(self, at: str, table: Mapping[str, Any], allowed: Collection[str]) -> None:
+        """A fault for each key of ``table`` that is not among ``allowed``; ``at``: its place, "" or ending in a dot."""
         for key in table:
-            if key not in known:
-                self.fault(f"{at}{key}", f"unknown key{suggestion(str(key), known)}")
+            if key not in allowed:
+                self.fault(f"{at}{key}", f"unknown key{suggestion(str(key), allowed)}")
 
     def text(self, key: str, default: str) -> str:
         value = self.raw.get(key, default)
@@ -163,24 +163,24 @@ class Declaration:
         self.fault(key, f"must be a table such as {example}")
         return {}
 
-    def names(self, key: str, value: Any, known: list[str], later: Collection[str] = ()) -> tuple[str, ...]:
-        """Those of ``known`` in ``value``, without duplicates.  ``later``: names that are known, but not yet."""
+    def names(self, key: str, value: Any, allowed: list[str], later: Collection[str] = ()) -> tuple[str, ...]:
+        """Those of ``allowed`` in ``value``, without duplicates.  ``later``: names that are known, but not yet."""
         if not isinstance(value, (list, tuple)) or not all(isinstance(v, str) for v in value):
-            self.fault(key, f"must be a list of names (available: {', '.join(known)})")
+            self.fault(key, f"must be a list of names (available: {', '.join(allowed)})")
             return ()
         for name in value:
-            if name in known:
+            if name in allowed:
                 continue
             if name in later:
                 self.fault(key, f"{name!r} is read before a pass writes it")
             else:
                 input_name = name in INPUTS and key.endswith("reads")
-                hint = ": add it to the method's reads" if input_name else suggestion(name, known)
+                hint = ": add it to the method's reads" if input_name else suggestion(name, allowed)
                 self.fault(key, f"unknown name {name!r}{hint}")
-        return tuple(dict.fromkeys(name for name in value if name in known))
+        return tuple(dict.fromkeys(name for name in value if name in allowed))
 
     # ------------------------------------------------------------------------------------------- settings and stages
-    def name_error(self, name: object, kind: str, taken: Collection[str] = ()) -> str | None:
+    def name_error(self, name: object, kind: str, used_names: Collection[str] = ()) -> str | None:
         """Why ``name`` is not a valid name for a history, buffer or setting, or None.  It becomes part of the shader.
 
         A later input is no reserved name where the method does not read it.
@@ -197,12 +197,12 @@ class Declaration:
         inputs = RESERVED_INPUTS | set(self.reads)
         if name in inputs or f"prev_{name}" in inputs:
             return f"{no_name}: it is the name of an input"
-        return f"{name!r} is declared twice" if name in taken else None
+        return f"{name!r} is declared twice" if name in used_names else None
 
-    def declare_settings(self, taken: Collection[str]) -> None:
-        """Fill ``settings``.  ``taken``: names that they cannot have."""
+    def declare_settings(self, used_names: Collection[str]) -> None:
+        """Fill ``settings``.  ``used_names``: names that they cannot have."""
         for name, raw in self.table("settings", "alpha = { default = 0.1, min = 0, max = 1 }").items():
-            if error := self.name_error(name, "setting", taken):
+            if error := self.name_error(name, "setting", used_names):
                 self.fault("settings", error)
             elif setting := self.setting(name, raw):
                 self.settings[name] = setting
@@ -282,7 +282,7 @@ class _Folder(Declaration):
         self.buffers: dict[str, Format] = {}
         self.declare_formats("history", "history", self.history)
         self.declare_formats("buffers", "buffer", self.buffers)
-        self.kept = {**self.history, **self.buffers, RESULT: RESULT_FORMAT}
+        self.image_formats = {**self.history, **self.buffers, RESULT: RESULT_FORMAT}
         self.declare_settings({**self.history, **self.buffers})
         self.keyframe = self.count("keyframe", raw.get("keyframe"), 1 << 20)
         self.passes = self.declare_passes()
@@ -290,10 +290,10 @@ class _Folder(Declaration):
     def base_folder(self) -> Path | None:
         """Folder of the built-in method whose shaders this method uses where it has none of its own."""
         value = self.raw.get("base")
-        known = sorted(path.parent.name for path in BUILTIN.glob(f"*/{FILE}"))
-        if value is None or value in known:
+        methods = sorted(path.parent.name for path in BUILTIN.glob(f"*/{FILE}"))
+        if value is None or value in methods:
             return None if value is None else BUILTIN / value
-        return self.fault("base", f"there is no built-in method in GLSL {value!r}{suggestion(str(value), known)}")
+        return self.fault("base", f"there is no built-in method in GLSL {value!r}{suggestion(str(value), methods)}")
 
     def declare_formats(self, key: str, kind: str, formats: dict[str, Format]) -> None:
         """Fill ``formats``.  One error for a wrong format, not one for each use of the name."""
@@ -338,15 +338,15 @@ class _Folder(Declaration):
         if not isinstance(raw, list) or not raw or not all(isinstance(p, dict) for p in raw):
             self.fault("pass", "at least one [[pass]] with shader and writes is required")
             return ()
-        written: list[str] = []
+        written_images: list[str] = []
         passes = []
         for number, entry in enumerate(raw):
             at = f"pass[{number}]"
             self.known_keys(f"{at}.", entry, PASS_KEYS)
-            writes = self.names(f"{at}.writes", entry.get("writes"), [*self.kept, *REPORTS])
-            readable = [*self.reads, *(f"prev_{name}" for name in self.history), *written]
+            writes = self.names(f"{at}.writes", entry.get("writes"), [*self.image_formats, *REPORTS])
+            readable = [*self.reads, *(f"prev_{name}" for name in self.history), *written_images]
             if "reads" in entry:
-                reads = self.names(f"{at}.reads", entry["reads"], readable, self.kept)
+                reads = self.names(f"{at}.reads", entry["reads"], readable, self.image_formats)
                 if len(reads) > MAX_READS:
                     self.fault(f"{at}.reads", f"{len(reads)} textures; the limit per pass is {MAX_READS}")
             else:
@@ -357,14 +357,14 @@ class _Folder(Declaration):
             block = self.block(f"{at}.block", entry.get("block"))
             info = PassInfo(str(entry.get("shader")), reads, writes, repeat or 1, block, self.size(at, entry))
             self.check_shader(at, entry.get("shader"), info)
-            written += [name for name in writes if name not in written and name not in REPORTS]
+            written_images += [name for name in writes if name not in written_images and name not in REPORTS]
             for name in writes:
-                own = "input" if name in self.input_sized else "output"
-                if own != info.size:
-                    self.fault(f"{at}.writes", f"{name!r} has the {own} size, the pass the {info.size} size")
+                image_size = "input" if name in self.input_sized else "output"
+                if image_size != info.size:
+                    self.fault(f"{at}.writes", f"{name!r} has the {image_size} size, the pass the {info.size} size")
             passes.append(info)
-        for name in self.kept:
-            if name not in written:
+        for name in self.image_formats:
+            if name not in written_images:
                 kind = "history" if name in self.history else "buffer" if name in self.buffers else "the image"
                 self.fault("pass", f"no pass writes {name!r} ({kind})")
         return tuple(passes)
@@ -392,14 +392,14 @@ class _Folder(Declaration):
             entry, signature = (_BLOCK_ENTRY, "reuse_block(ivec2 block, int thread)")
         if not any(entry.search(text) for _, text in texts):
             self.fault(f"{at}.shader", f"{value} has no function 'void {signature}'")
-        known = (*self.reads, *self.kept, *REPORTS, *(f"prev_{name}" for name in self.history))
+        readable = (*self.reads, *self.image_formats, *REPORTS, *(f"prev_{name}" for name in self.history))
         for file, text in texts:
             for match in _USE.finditer(text):
                 verb, name = match.groups()
-                if name in (info.writes if verb == "write" else info.reads) or name not in (*known, *INPUTS):
+                if name in (info.writes if verb == "write" else info.reads) or name not in (*readable, *INPUTS):
                     continue
                 function = match.group(0)[:-1]
-                if name not in (*known, *RESERVED_INPUTS) and _defines(texts, function.strip()):
+                if name not in (*readable, *RESERVED_INPUTS) and _defines(texts, function.strip()):
                     continue  # a function of the method itself, written before there was such an input
                 line = text.count("\n", 0, match.start()) + 1
                 self.fault(f"{file}:{line}", f"{function}: {_missing(verb, name, at)}")

@@ -46,16 +46,16 @@ _FORMATS = {1: "r32f", 2: "rg32f", 4: "rgba32f"}
 
 def with_needs(reads: Collection[str]) -> tuple[str, ...]:
     """Those of DERIVED that ``reads`` contains or needs."""
-    wanted = {*reads, *(need for name in reads for need in NEEDS.get(name, ()))}
-    return tuple(name for name in DERIVED if name in wanted)
+    needed = {*reads, *(need for name in reads for need in NEEDS.get(name, ()))}
+    return tuple(name for name in DERIVED if name in needed)
 
 
 def channels_for(reads: Collection[str]) -> tuple[str, ...]:
     """Channels of a frame that the derived inputs among ``reads`` are computed from."""
-    wanted = with_needs(reads)
-    out = {channel for name in wanted for channel in LOBES.get(name, ())}
-    out |= set(_SURFACE_CHANNELS) if set(wanted) & set(SURFACE) else set()
-    out |= {"ids"} if "reactive" in wanted else set()
+    needed = with_needs(reads)
+    out = {channel for name in needed for channel in LOBES.get(name, ())}
+    out |= set(_SURFACE_CHANNELS) if set(needed) & set(SURFACE) else set()
+    out |= {"ids"} if "reactive" in needed else set()
     return tuple(sorted(out))
 
 
@@ -130,9 +130,9 @@ class DerivedInputs:
     def __init__(self, owner: GpuOwner, size: tuple[int, int], reads: Collection[str], scene: Scene):
         """``owner``: frees them."""
         gpu, self._hazards, self._size = owner.gpu, owner.gpu.hazards, size
-        wanted = with_needs(reads)
-        surface = tuple(name for name in SURFACE if name in wanted)
-        demodulated = tuple(name for name in NEEDS if name in wanted)
+        needed = with_needs(reads)
+        surface = tuple(name for name in SURFACE if name in needed)
+        demodulated = tuple(name for name in NEEDS if name in needed)
         self.textures = {name: owner.own(input_texture(gpu, name, size)) for name in (*surface, *demodulated)}
         self._tables: dict[str, moderngl.Texture | moderngl.Buffer] = {}
         self._surface = self._demodulate = None

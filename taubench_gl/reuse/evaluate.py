@@ -352,8 +352,8 @@ class _Evaluator:
 
     def _open_inputs(self, seed: int) -> None:
         request = replace(self._input_request, kind=replace(self._input_request.kind, seed=seed))
-        wanted = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
-        reads, cuts = (wanted | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
+        method_reads = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
+        reads, cuts = (method_reads | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
         if request.kind.files is not None:
             inputs = FileInputs(request, reads, cuts=cuts, exact=self._request.reference)
         else:
@@ -362,7 +362,7 @@ class _Evaluator:
         self._inputs = self._sequence.own(inputs)
         self.frames = inputs.frames
         same = inputs.size == inputs.output_size  # else methods that read the reference fail with its name
-        if REFERENCE_INPUT in wanted and self._reference_texture is None and same:
+        if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
             self._reference_texture = self._owner.own(inputs.gpu.texture(inputs.size))
 
     def _open_runners(self, seed: int) -> None:
@@ -393,8 +393,8 @@ class _Evaluator:
                 if on_frame is not None:
                     on_frame(evaluated)
                 if progress is not None and turn:
-                    done, seconds = repetition * pairs + turn, time.perf_counter() - started
-                    progress(Progress(self._input_request.scene.name, done, len(self.seeds) * pairs, seconds))
+                    finished_pairs, seconds = repetition * pairs + turn, time.perf_counter() - started
+                    progress(Progress(self._input_request.scene.name, finished_pairs, len(self.seeds) * pairs, seconds))
             for run in self.running:
                 run.record.end()
 
@@ -505,7 +505,7 @@ class _Evaluator:
 
 def _nearest(image: Array, size: tuple[int, int]) -> Array:
     """An image at another size, each pixel that of the nearest center."""
-    rows, columns = ((2 * np.arange(n) + 1) * own // (2 * n) for n, own in zip(size[::-1], image.shape, strict=False))
+    rows, columns = ((2 * np.arange(n) + 1) * side // (2 * n) for n, side in zip(size[::-1], image.shape, strict=False))
     return image[rows[:, None], columns]
 
 

@@ -188,26 +188,26 @@ class ReuseFolder:
     def finish(self, evaluation: Evaluation) -> list[Path]:
         """Write all files, numbers before images in case the disk fills up.  -> the files.  Raises OutputError."""
         out = self.out
-        written = [out / "frames.csv", out / "reuse.json"]
-        write_atomically(written[0], rows_csv(evaluation.rows, ROW_COLUMNS))
-        summary = with_checksums(json.loads(as_json(evaluation.summary)), written[0])
-        write_atomically(written[1], as_json(summary))
+        files = [out / "frames.csv", out / "reuse.json"]
+        write_atomically(files[0], rows_csv(evaluation.rows, ROW_COLUMNS))
+        summary = with_checksums(json.loads(as_json(evaluation.summary)), files[0])
+        write_atomically(files[1], as_json(summary))
         self.written_frames = len({row["frame"] for row in evaluation.rows})
         self._rows.clear()  # all on disk: an interrupt from here on loses nothing
-        written += write_tables(out, reuse_tables(evaluation.summary))
+        files += write_tables(out, reuse_tables(evaluation.summary))
         if self._video is not None:
-            written += [path for path in (self._video.close(),) if path is not None]
+            files += [path for path in (self._video.close(),) if path is not None]
         image = None
         if self._worst_image is not None:
-            written.append(out / "side_by_side.png")
-            write_png(written[-1], self._worst_image)
-            image = read_bytes(written[-1])
-        written += plot_reuse(evaluation.summary, evaluation.rows, out)
+            files.append(out / "side_by_side.png")
+            write_png(files[-1], self._worst_image)
+            image = read_bytes(files[-1])
+        files += plot_reuse(evaluation.summary, evaluation.rows, out)
         if self._recorder is not None:
-            self._recorder.finish(written[0])
+            self._recorder.finish(files[0])
         page = reuse_html(evaluation.summary, evaluation.rows, image, reuse_images(out) if self._recorder else None)
         write_atomically(out / REPORT_FILE, page)
-        return [*written, out / REPORT_FILE]
+        return [*files, out / REPORT_FILE]
 
     def __enter__(self) -> ReuseFolder:
         self._lock.__enter__()
@@ -227,12 +227,12 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
     """Write fit.json, curve.csv, tables and a plot to ``out``.  -> the files.  Raises OutputError."""
     out = Path(out)
     output_folder(out)
-    written = [out / "curve.csv", out / "fit.json"]
+    files = [out / "curve.csv", out / "fit.json"]
     names = list(fit["settings"])
     rows = [p["settings"] | {fit["metric"]: p["value"], "failed": p["failed"]} for p in fit["points"]]
-    write_atomically(written[0], rows_csv(rows, (*names, fit["metric"], "failed")))
-    write_atomically(written[1], as_json(fit))
-    return [*written, *write_tables(out, [fit_table(fit)]), *plot_fit(fit, out / "curve.png")]
+    write_atomically(files[0], rows_csv(rows, (*names, fit["metric"], "failed")))
+    write_atomically(files[1], as_json(fit))
+    return [*files, *write_tables(out, [fit_table(fit)]), *plot_fit(fit, out / "curve.png")]
 
 
 def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:

@@ -93,13 +93,13 @@ def parse_range(text: str, method: Method) -> Range:
 
     Raises MethodError for an unknown setting, SettingsError for an invalid range.
     """
-    name, _, rest = text.partition("=")
+    name, _, numbers = text.partition("=")
     name = name.strip()
     method.values({name: method.settings[name].default} if name in method.settings else {name: 0})
     setting = method.settings[name]
     if setting.kind not in ("float", "int"):
         raise SettingsError(f"setting {name} is not a number", hint="a fit searches numbers")
-    parts = rest.split(":") if rest else []
+    parts = numbers.split(":") if numbers else []
     try:
         ends = [float(p) for p in parts[:2]] or [setting.minimum, setting.maximum]
         steps = int(parts[2]) if len(parts) > 2 else DEFAULT_STEPS
@@ -232,20 +232,20 @@ class _Search:
 
     def run(self, points: Sequence[dict[str, Value]]) -> None:
         """Evaluate new points, BATCH at a time."""
-        known = [p["settings"] for p in self.points]
-        new = [p for i, p in enumerate(points) if p not in known and p not in points[:i]]
+        evaluated = [p["settings"] for p in self.points]
+        new = [p for i, p in enumerate(points) if p not in evaluated and p not in points[:i]]
         for first in range(0, len(new), BATCH):
             self._run_some(new[first : first + BATCH])
 
     def _run_some(self, points: Sequence[dict[str, Value]]) -> None:
         specs = [MethodSpec(f"point {i}", self._method, self._fixed | p) for i, p in enumerate(points)]
-        done = evaluate_methods(
+        evaluation = evaluate_methods(
             self._scene, specs, self._settings, progress=self._progress,
             **self._evaluation | {"metrics": (self._metric,), "statistics": False},
         )  # fmt: skip
-        self._last = done.summary
+        self._last = evaluation.summary
         for spec, point in zip(specs, points, strict=True):
-            method = done.summary["methods"][spec.label]
+            method = evaluation.summary["methods"][spec.label]
             value = None if method["failed"] else method["mean"][MEASURE_OF[self._metric]]
             why = method["failed"] or (None if value is not None else method["reasons"][MEASURE_OF[self._metric]])
             self.points.append({"settings": dict(point), "value": value, "failed": why})

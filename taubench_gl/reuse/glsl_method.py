@@ -81,8 +81,8 @@ def format_of(method: Method, name: str) -> Format:
         return _INPUT_FORMAT[INPUTS[name].components, INPUTS[name].dtype]
     if name in REPORTS:
         return REPORT_FORMAT
-    kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
-    return kept[name if name in kept else name.removeprefix("prev_")]
+    formats = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
+    return formats[name if name in formats else name.removeprefix("prev_")]
 
 
 def has_input_size(method: Method, name: str) -> bool:
@@ -118,8 +118,8 @@ def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
         lines.append(f"uniform {glsl} {s.name}; // {' '.join(s.doc.split())}")
         lines += [f"const int {s.name.upper()}_{c.upper()} = {i};" for i, c in enumerate(s.choices)]
     for name in info.reads:
-        own = _SIZE["input" if method.upscales and has_input_size(method, name) else "output"]
-        lines += _reader(name, format_of(method, name), f"frame.size.{own}")
+        image_size = _SIZE["input" if method.upscales and has_input_size(method, name) else "output"]
+        lines += _reader(name, format_of(method, name), f"frame.size.{image_size}")
     for binding, name in enumerate(_stored(info, report)):
         lines += _writer(name, format_of(method, name), binding)
     if not report:
@@ -224,10 +224,10 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int], report:
     generated = preamble(method, info, report)
     append(generated, tuple(f"generated for {info.shader}, line {i}" for i in range(1, generated.count("\n") + 2)))
     try:
-        own = resolve(info.shader, roots=method.shader_folders)
+        shader = resolve(info.shader, roots=method.shader_folders)
     except GraphicsError as error:
         raise MethodError(error.what, where=method.label) from None
-    append("\n".join(own.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in own.origin[1:]))
+    append("\n".join(shader.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in shader.origin[1:]))
     append(_BLOCK_MAIN if info.block else _PIXEL_MAIN.replace("SIZE", f"frame.size.{_SIZE[info.size]}"), ("main",))
     return Source("\n".join(lines) + "\n", tuple(origin))
 
@@ -254,12 +254,12 @@ class GlslPasses(GpuOwner):
             self._programs = [self._compile(info) for info in method.passes]
             self._parameters = self.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
             for name, form in {**method.history, **method.buffers, RESULT: RESULT_FORMAT}.items():
-                own = self._sizes["input" if name in method.input_sized else "output"]
-                self._now[name] = self._texture(form, own)
+                image_size = self._sizes["input" if name in method.input_sized else "output"]
+                self._now[name] = self._texture(form, image_size)
                 if name in method.history:
-                    self._before[name] = self._texture(form, own)
+                    self._before[name] = self._texture(form, image_size)
                 if name in method.spares:
-                    self._spare[name] = self._texture(form, own)
+                    self._spare[name] = self._texture(form, image_size)
         except BaseException:
             self.release()
             raise

@@ -53,11 +53,11 @@ class Helpers:
 
     def reusable(self) -> Image:
         """(height, width) bool: there is history, and no geometry mask discards it (reads mask)."""
-        return self._kept("mask", _REJECT)
+        return self._without_reasons("mask", _REJECT)
 
     def reusable_exact(self) -> Image:
         """As ``reusable``, by the masks of the exact frames (reads exact_mask)."""
-        return self._kept("exact_mask", _REJECT | _CHANGED)
+        return self._without_reasons("exact_mask", _REJECT | _CHANGED)
 
     def inside(self, at: Image) -> Image:
         """Whether points are inside the image of the result."""
@@ -70,8 +70,8 @@ class Helpers:
         """Of each input pixel: the pixel of its 3x3 neighborhood nearest to the camera, (height, width, 2) int64."""
         depth = self._frame["position"][..., 3:]
         at = self._own(_pixels(self.input_size).copy())
-        best, own = self._int(at), depth
-        nearest = self._xp.where(own > 0, own, own * 0 + 1e30)
+        best, nearest_depth = self._int(at), depth
+        nearest = self._xp.where(nearest_depth > 0, nearest_depth, nearest_depth * 0 + 1e30)
         for dy in (1, 0, -1):  # rows count from the bottom in GLSL, where the first of equals is kept
             for dx in (-1, 0, 1):
                 moved = self._int(at) + self._own(np.array([dx, dy]))
@@ -159,7 +159,8 @@ class Helpers:
         image = self._frame[name]
         return image if self.input_size == self.output_size else self.fetch(image, self.input_pixels())
 
-    def _kept(self, name: str, bits: int) -> Image:
+    def _without_reasons(self, name: str, bits: int) -> Image:
+        """Pixels whose mask has none of ``bits``, where there is a history at all."""
         mask = self._of_result(name)[..., 0]
         return ((mask & bits) == 0) & bool(self._frame["has_history"])
 

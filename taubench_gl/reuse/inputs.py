@@ -283,9 +283,9 @@ class RasterInputs(Inputs):
     @property
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
-        own = texture_bytes(*self._compose.textures.values(), *self._derived.textures.values())
-        own += sum(part.bytes for part in (self._masks, self.reshade) if part is not None)
-        return own + self.source.describe()["memory"]["gpu_bytes"]
+        total = texture_bytes(*self._compose.textures.values(), *self._derived.textures.values())
+        total += sum(part.bytes for part in (self._masks, self.reshade) if part is not None)
+        return total + self.source.describe()["memory"]["gpu_bytes"]
 
     def describe(self) -> dict[str, Any]:
         source = self.source.describe()

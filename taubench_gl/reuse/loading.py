@@ -56,8 +56,8 @@ def load_method(source: str | Path | type | Method) -> Method:
         return _from_file(path if path.suffix == ".py" else Path(file), name if path.suffix != ".py" else None)
     if colon and file and name.isidentifier():
         return method_from_class(_class_in(_import(file, text), name, text), text)
-    known = [*builtin_methods(), *installed_methods()]
-    raise MethodError(f"there is no method, folder or file {text!r}{suggestion(text, known)}",
+    names = [*builtin_methods(), *installed_methods()]
+    raise MethodError(f"there is no method, folder or file {text!r}{suggestion(text, names)}",
                       hint="a folder needs a method.toml; see 'taubench-gl reuse list'")  # fmt: skip
 
 
@@ -114,13 +114,13 @@ def _class_in(module: ModuleType, name: str | None, where: str) -> type:
             return loaded
         names = [n for n, v in vars(module).items() if isinstance(v, type)]
         raise MethodError(f"has no class {name!r}{suggestion(name, names, 'it has no classes')}", where=where)
-    own = [v for v in vars(module).values() if inspect.isclass(v) and v.__module__ == module.__name__]
-    own = [v for v in own if callable(getattr(v, "step", None))]
-    if len(own) == 1:
-        return own[0]
-    names = ", ".join(c.__name__ for c in own)
+    classes = [v for v in vars(module).values() if inspect.isclass(v) and v.__module__ == module.__name__]
+    classes = [v for v in classes if callable(getattr(v, "step", None))]
+    if len(classes) == 1:
+        return classes[0]
+    names = ", ".join(c.__name__ for c in classes)
     raise MethodError(
-        "has no class with a step(self, frame)" if not own else f"has several methods ({names})",
+        "has no class with a step(self, frame)" if not classes else f"has several methods ({names})",
         where=where,
-        hint=None if not own else f"select one: {where}:{own[0].__name__}",
+        hint=None if not classes else f"select one: {where}:{classes[0].__name__}",
     )

@@ -192,19 +192,19 @@ class ResultWriter:
 
     def _name(self, label: str) -> str:
         base = re.sub(r"[^\w.=@+-]+", "_", label).strip("._") or "method"
-        taken = set(self._folders.values()) | (set(RESERVED) - {label})
-        names = (base, *(f"{base}_{k}" for k in range(2, len(taken) + 3)))
-        return next(name for name in names if name not in taken)
+        used_names = set(self._folders.values()) | (set(RESERVED) - {label})
+        names = (base, *(f"{base}_{k}" for k in range(2, len(used_names) + 3)))
+        return next(name for name in names if name not in used_names)
 
     def _remove_former(self) -> None:
         if not (self.folder / INDEX).is_file():
             return
         try:
-            former: Sequence[str] = list(read_json(self.folder / INDEX).get("folders", {}).values())
+            stored_folders: Sequence[str] = list(read_json(self.folder / INDEX).get("folders", {}).values())
         except (OutputError, AttributeError):
             return  # not ours
         try:
-            for name in former:
+            for name in stored_folders:
                 for path in (self.folder / Path(name).name).glob("seed*/frame_*.exr"):
                     path.unlink()
         except OSError as error:

@@ -66,12 +66,12 @@ class MethodRunner(GpuOwner):
         self.method = method if isinstance(method, Method) else load_method(method)
         self.values = self.method.values(settings)
         self.timer = timer or PassTimer(gpu, enabled=False)
-        own, self._steps = self.own_size, 0
+        method_size, self._steps = self.own_size, 0
         require_memory(gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
         make = GlslPasses if self.method.factory is None else partial(PythonSteps, timer=self.timer)
-        self._backend = self.own(make(gpu, self.method, own, self.input_size))
-        self._check = _FiniteCheck(self, own) if check else None
-        self._resample = _Resample(self, own, self.size) if own != self.size else None
+        self._backend = self.own(make(gpu, self.method, method_size, self.input_size))
+        self._check = _FiniteCheck(self, method_size) if check else None
+        self._resample = _Resample(self, method_size, self.size) if method_size != self.size else None
 
     @property
     def own_size(self) -> tuple[int, int]:
@@ -144,8 +144,8 @@ class MethodRunner(GpuOwner):
 class _Resample:
     """A result at another size: bilinear between pixel centers, the weight of history from the nearest pixel."""
 
-    def __init__(self, owner: GpuOwner, own: tuple[int, int], size: tuple[int, int]):
-        self._hazards, self._sizes = owner.gpu.hazards, {"own_size": own, "size": size}
+    def __init__(self, owner: GpuOwner, method_size: tuple[int, int], size: tuple[int, int]):
+        self._hazards, self._sizes = owner.gpu.hazards, {"own_size": method_size, "size": size}
         declaration = ComputePass("reuse resample", ("reuse/resample.comp.glsl",))
         declaration.texture("result").image("resampled_out", resource="resampled", access=WRITE)
         declaration.dispatch(size, Tuning(owner.gpu.software).shading_group)

@@ -276,11 +276,11 @@ class MethodRecord:
                 metric = quality.MEASURES[name].metric
                 small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
                 nowhere = "no pixel is reusable by the exact mask"
-                known = {"ssim": small, "flicker": nowhere, "warp_error": nowhere}
-                known["lpips"] = f"the image is smaller than {LPIPS_SIDE} pixels, the least for LPIPS"
-                known["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
+                reasons = {"ssim": small, "flicker": nowhere, "warp_error": nowhere}
+                reasons["lpips"] = f"the image is smaller than {LPIPS_SIDE} pixels, the least for LPIPS"
+                reasons["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
                 black = all(row["relmse"] is None for row in self.counted)
-                measured = BLACK if black else known.get(name, EQUAL)
+                measured = BLACK if black else reasons.get(name, EQUAL)
                 out[name] = NOT_REQUESTED if metric and metric not in self.metrics else measured
         for name, value in reuse.items():
             if value is None:

@@ -154,8 +154,8 @@ def _check_means(summary: dict[str, Any], rows: list[dict[str, Any]], path: Path
                 values = [row[name] for row in counted if row[name] is not None]
                 mean, recorded = (fmean(values) if values else None), method[block][name]
                 if (mean is None) != (recorded is None) or not isclose(mean or 0.0, recorded or 0.0, rel_tol=1e-9):
-                    what = f"methods.{label}.{block}.{name} is {recorded}, the rows give {mean}"
-                    raise OutputError(what, where=str(path), hint="evaluate the methods again")
+                    message = f"methods.{label}.{block}.{name} is {recorded}, the rows give {mean}"
+                    raise OutputError(message, where=str(path), hint="evaluate the methods again")
 
 
 def _read_rows(path: Path, summary: dict[str, Any]) -> list[dict[str, Any]]:

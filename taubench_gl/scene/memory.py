@@ -30,7 +30,7 @@ TEXEL_BYTES = 16
 
 def parts(scene: Scene) -> Iterator[tuple[str, str, int]]:
     """(kind, name, bytes) of every object that takes memory when ``scene`` is drawn."""
-    seen: set[int] = set()
+    counted: set[int] = set()
     shared = 0
     times = np.zeros(len(scene.meshes), dtype=np.int64)  # draws of each mesh
     for node in map(int, scene.mesh_nodes):
@@ -39,8 +39,8 @@ def parts(scene: Scene) -> Iterator[tuple[str, str, int]]:
         for index, primitive in enumerate(mesh.primitives):
             for array in _arrays(primitive):
                 base = _owner(array)
-                shared += 0 if id(base) in seen else base.nbytes
-                seen.add(id(base))
+                shared += 0 if id(base) in counted else base.nbytes
+                counted.add(id(base))
             if not times[mesh_index]:
                 continue
             name = f"primitive {index} of mesh {mesh_index} {mesh.name!r:.40}"
@@ -57,8 +57,8 @@ def parts(scene: Scene) -> Iterator[tuple[str, str, int]]:
                 int(times[mesh_index]) * drawn * DRAW_BYTES,
             )
     for node, matrices in scene.nodes.instances.items():
-        if id(matrices) not in seen:
-            seen.add(id(matrices))
+        if id(matrices) not in counted:
+            counted.add(id(matrices))
             yield "instances", f"instances of node {node} {scene.nodes.names[node]!r:.40}", matrices.nbytes
     yield "arrays", "arrays of the file", shared
     for number, image in enumerate(scene.images):

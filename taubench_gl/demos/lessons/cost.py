@@ -105,7 +105,7 @@ def run(stage: Stage) -> Result:
     sheet.legend(reason_entries(Reason.POSITION))
     findings = []
     small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
-    for name, what, bound in (
+    for name, meaning, bound in (
         ("scale=0.25", "at a quarter of the width and height", slack(small)),
         ("baseline", "at full size, one sample per pixel", slack(size)),
         ("samples_per_pixel=16", "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
@@ -115,7 +115,7 @@ def run(stage: Stage) -> Result:
         )
         error = abs(percent(points, name) - exact)
         expected = Expected.between(-np.inf, bound, source, 3)
-        findings.append(Finding(error, "pp", f"is the error {what}", expected, 4))
+        findings.append(Finding(error, "pp", f"is the error {meaning}", expected, 4))
     caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
     parameter = Parameter(
         "resolution", "%", tuple(100.0 * scale for scale in SCALES), "is the error of the share", "pp",
@@ -155,19 +155,19 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
         xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
         title="Error against time: each dot is a configuration",
     )  # fmt: skip
-    found = [(p, p.time.median, max(abs(p.columns["position"].percent - exact), 1e-4)) for p in points if p.time]
-    line = pareto_steps((time, error) for _, time, error in found)
+    timed_points = [(p, p.time.median, max(abs(p.columns["position"].percent - exact), 1e-4)) for p in points if p.time]
+    line = pareto_steps((time, error) for _, time, error in timed_points)
     axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="Pareto front")
     top = sheet.grid_bottom + 48
-    found.sort(key=lambda f: f[1])
-    for i, (point, time, error) in enumerate(found, start=1):
+    timed_points.sort(key=lambda f: f[1])
+    for i, (point, time, error) in enumerate(timed_points, start=1):
         color = ORANGE if (time, error) in line else BLUE
         axes.plot([time], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
         text = f"{i}   {_name(point)}: {error:.3f} pp, {time:.1f} ms"
         sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
     axes.margins(x=0.08, y=0.25)
     sheet.key(axes, "upper right")
-    _number(axes, [(time, error) for _, time, error in found])
+    _number(axes, [(time, error) for _, time, error in timed_points])
 
 
 def _number(axes: Any, dots: list[tuple[float, float]]) -> None:

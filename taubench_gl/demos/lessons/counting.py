@@ -59,10 +59,10 @@ def rounded_sum(term: int, times: int) -> int:
     for _ in range(times):
         total += term
         shift = max(total.bit_length() - 24, 0)
-        kept, rest = total >> shift, total & ((1 << shift) - 1)
+        quotient, remainder = total >> shift, total & ((1 << shift) - 1)
         half = (1 << shift) >> 1
-        kept += rest > half or (shift > 0 and rest == half and kept & 1)
-        total = kept << shift
+        quotient += remainder > half or (shift > 0 and remainder == half and quotient & 1)
+        total = quotient << shift
     return total
 
 
@@ -174,8 +174,8 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
     error = np.abs(plain_sums(np.full(PAIRS, term)) / exact - 1.0)
     axes.plot(pairs, np.maximum(error, 1e-10), color=ORANGE, linewidth=2, label="plain float32")
     at = np.unique(np.geomspace(1, PAIRS, 12).astype(int))
-    found = [abs(compensated_sum(np.full(n, term)) / (term * n) - 1.0) for n in at]
-    axes.plot(at, np.maximum(found, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
+    errors = [abs(compensated_sum(np.full(n, term)) / (term * n) - 1.0) for n in at]
+    axes.plot(at, np.maximum(errors, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
     axes.axhline(1e-10, color=GREEN, linewidth=3, label="integers: exact")
     axes.axhline(2.0**-24, color="#777777", linewidth=1, linestyle="--", label="2^-24")
     sheet.key(axes, "upper left", fontsize=11, ncols=2)

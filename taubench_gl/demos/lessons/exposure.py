@@ -89,7 +89,7 @@ def run(stage: Stage) -> Result:
     bright = stage.pair(scene(), columns=columns)
     gray = stage.pair(scene(), columns=columns, exposure=metered)
     watt = stage.pair(scene(), columns=columns, light_unit="watt")
-    found, radiance = bright.now["direct"][..., 0].astype(np.float64), wall_radiance(stage.size, PLACES[1])
+    luminance, radiance = bright.now["direct"][..., 0].astype(np.float64), wall_radiance(stage.size, PLACES[1])
     parameter = _exposure(stage, bright.before["direct"], bright.now["direct"], metered)
     sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=330)
     for place, (pair, factor, name) in enumerate(((bright, 1.0, "exposure 1"), (gray, metered, "metered exposure"))):
@@ -98,9 +98,9 @@ def run(stage: Stage) -> Result:
         sheet.panel(place, 0, overlay(pair.mask, image, *SHOWN), f"{name}: mask over the image", text)
     _plot(sheet, parameter, metered, stage.size)
     sheet.legend(reason_entries(*SHOWN))
-    ratio = float(np.median(found / watt.now["direct"][..., 0]))
+    ratio = float(np.median(luminance / watt.now["direct"][..., 0]))
     findings = (
-        Finding(float(found.max()), "cd/m2", "is the luminance of the brightest pixel",
+        Finding(float(luminance.max()), "cd/m2", "is the luminance of the brightest pixel",
                 Expected.near(float(radiance.max()), 0.005 * float(radiance.max()),
                               "Lambert's law: albedo intensity / (pi distance^2); ± 0.5 %")),
         Finding(ratio, "", "is the ratio of radiance in candela to that in watt",

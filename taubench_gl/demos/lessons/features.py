@@ -150,8 +150,8 @@ def sun_change(size: Size) -> tuple[Array, Array]:
     point = rays * np.where(on_ball, ball, behind)[..., None]
     normal = np.where(on_ball[..., None], (point - SUN_AT) / SUN_BALL, normal)
     bare, lit = [], []
-    for way in SUN:
-        to_light = -math3d.normalize(way)
+    for direction in SUN:
+        to_light = -math3d.normalize(direction)
         cosine = np.maximum(normal @ to_light, 0.0)
         free = np.isinf(theory.hit_sphere(point, np.broadcast_to(to_light, point.shape), SUN_AT, SUN_BALL * (1 - 1e-6)))
         radiance = SUN_LUX / np.pi * np.linalg.norm(CHALK) * cosine

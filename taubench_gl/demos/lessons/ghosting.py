@@ -110,8 +110,8 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
 def run(stage: Stage) -> Result:
     texts = {name: text for name, (text, _, _) in METHODS.items()}
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
-    found = run_methods(stage, texts | blended)
-    trails = {name: found[name] for name in texts}
+    images = run_methods(stage, texts | blended)
+    trails = {name: images[name] for name in texts}
     sheet = Sheet(4, 1, stage.size[0] / stage.size[1], below=400, legend=False)
     for place, (name, trail) in enumerate(trails.items()):
         text = f"{100 * trail.weights.get(AGE, np.nan):.1f} % after {AGE} frames"
@@ -130,7 +130,7 @@ def run(stage: Stage) -> Result:
                 Expected.near(0.0, 0.1, "every pixel that the ball left is discarded by position")),
     )  # fmt: skip
     caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."
-    parameter = _weight({alpha: found[name] for alpha, name in zip(ALPHAS, blended)})
+    parameter = _weight({alpha: images[name] for alpha, name in zip(ALPHAS, blended)})
     colors = {name: rgb(color) for name, (_, color, _) in METHODS.items()}
     return Result(findings, sheet, caption, parameter, colors)
 

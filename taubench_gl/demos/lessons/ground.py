@@ -75,14 +75,14 @@ def run(stage: Stage) -> Result:
     focal = 0.5 * height / np.tan(0.5 * YFOV)
     expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
     hidden = 100.0 * float((ground & ((bits & Visibility.OCCLUDED) != 0)).mean())
-    kept = 100.0 * rejected["footprint_position"]
+    by_width = 100.0 * rejected["footprint_position"]
     findings = (
         Finding(100.0 * float(position.mean()), "% of all pixels", "are discarded by the distance of positions",
                 Expected.near(expected, 250.0 / height,
                               "rows whose nearest row before is more than 32/255 m off; ± 2.5 rows")),
         Finding(hidden, "% of all pixels", "were hidden from the previous camera",
                 Expected.between(0.0, 0.0, "nothing stands on the ground")),
-        Finding(kept, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
+        Finding(by_width, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
                 Expected.between(0.0, 500.0 / height, "half a pixel is less than one; 2.5 rows at the horizon")),
     )  # fmt: skip
     return Result(findings, sheet, "Level ground: discarded pixels, and hidden ones.", _threshold(stage, focal))

@@ -140,7 +140,7 @@ def run(stage: Stage) -> Result:
     weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
     images = accumulated(stage, cases | weights)
-    found = {name: measured(profile_image(image)) for name, image in images.items()}
+    spreads = {name: measured(profile_image(image)) for name, image in images.items()}
     theory = {name: predicted(*settings) for name, settings in (cases | weights).items()}
     width, height = stage.size
     side = (32, 18)
@@ -148,21 +148,21 @@ def run(stage: Stage) -> Result:
     details = {name: as_bytes(enlarged(shown(image), *part)) for name, image in images.items()}
     sheet = Sheet(4, 1, width / height, below=400, legend=False)
     for place, name in enumerate(CASES):
-        text = f"spread {found[name].sigma:.2f} px, shift {found[name].shift:+.2f} px"
+        text = f"spread {spreads[name].sigma:.2f} px, shift {spreads[name].shift:+.2f} px"
         sheet.panel(place, 0, details[name], name, text)
-    _plot(sheet, {name: images[name] for name in CASES}, found)
+    _plot(sheet, {name: images[name] for name in CASES}, spreads)
     right, left_in, sign, forgotten = CASES
     source = "moments of bilinear weights and Halton offsets"
     findings = (
-        Finding(found[left_in].sigma, "px", "is the spread of the edge with jitter in the motion vectors",
+        Finding(spreads[left_in].sigma, "px", "is the spread of the edge with jitter in the motion vectors",
                 _near(theory[left_in].sigma, f"{source}; ± 3 %")),
-        Finding(found[right].sigma, "px", "is the spread with jitter removed",
+        Finding(spreads[right].sigma, "px", "is the spread with jitter removed",
                 _near(theory[right].sigma, "offsets and pixel rounding, 1/6 px^2; ± 3 %")),
-        Finding(found[sign].sigma, "px", "is the spread with jitter removed with the wrong sign",
+        Finding(spreads[sign].sigma, "px", "is the spread with jitter removed with the wrong sign",
                 _near(theory[sign].sigma, f"{source}; ± 3 %")),
-        Finding(found[forgotten].shift, "px", "is the shift with jitter removed from one frame only",
+        Finding(spreads[forgotten].shift, "px", "is the shift with jitter removed from one frame only",
                 Expected.near(theory[forgotten].shift, 0.03, f"{source}; ± 0.03 px")),
-        Finding(found[right].shift, "px", "is the shift with jitter removed",
+        Finding(spreads[right].shift, "px", "is the shift with jitter removed",
                 Expected.near(theory[right].shift, 0.03, "mean of the offsets, the last ones with the largest weight; "
                               "± 0.03 px")),
     )  # fmt: skip
@@ -172,7 +172,7 @@ def run(stage: Stage) -> Result:
     colors = {name: rgb(color) for name, (_, color) in CASES.items()}
     parameter = Parameter(
         "weight of the new frame", "", ALPHAS, "is the spread of the edge with jitter in the motion vectors", "px",
-        tuple(found[name].sigma for name in weights), tuple(theory[name].sigma for name in weights),
+        tuple(spreads[name].sigma for name in weights), tuple(theory[name].sigma for name in weights),
         tuple(0.03 * theory[name].sigma for name in weights), f"{source}; ± 3 %", start=ALPHAS.index(ALPHA),
         images=tuple(details[name] for name in weights), note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
     )  # fmt: skip
@@ -192,7 +192,7 @@ def shown(image: Array) -> Array:
     return display_color(image, 1.0, "linear")
 
 
-def _plot(sheet: Sheet, images: Mapping[str, Array], found: Mapping[str, Spread]) -> None:
+def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Spread]) -> None:
     """The profile across the edge: all rows, by their distance from the true edge."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 44, 1150, 292, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",

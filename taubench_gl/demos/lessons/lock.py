@@ -62,7 +62,7 @@ def band(images: Array) -> Array:
     return images[:, height // 6 : -(height // 6), width // 2 - SIDE : width // 2 + SIDE]
 
 
-def kept(images: Array, width: float) -> float:
+def light_left(images: Array, width: float) -> float:
     """Percent of the light of the line that is left in the mean of the images: its sum per row over its width."""
     return 100.0 * float(band(images).sum(axis=2).mean()) / width
 
@@ -106,7 +106,7 @@ def raw_flicker(width: float) -> float:
 )
 def run(stage: Stage) -> Result:
     images = {width: upscaled(stage, width) for width in WIDTHS}
-    light = {name: [kept(images[width][name], width) for width in WIDTHS] for name in METHODS}
+    light = {name: [light_left(images[width][name], width) for width in WIDTHS] for name in METHODS}
     locked, bare = METHODS
     sheet = Sheet(2, 1, OUTPUT[0] / OUTPUT[1], below=330, legend=False)
     for place, name in enumerate(METHODS):

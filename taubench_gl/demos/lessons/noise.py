@@ -105,11 +105,11 @@ def run(stage: Stage) -> Result:
     gaussian = _gaussian(stage)
     _plot(sheet, shares, per_lamp)
     sheet.legend(reason_entries(Reason.DIRECT))
-    one = expected_one_sample(per_lamp)
+    one_sample = expected_one_sample(per_lamp)
     tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
     findings = (
         Finding(shares[1], "%", "of a static image is discarded at one light sample per pixel",
-                Expected.near(one, _chance(one, stage), "all 16 pairs of lamps, 1/16 each; ± 5 sigma")),
+                Expected.near(one_sample, _chance(one_sample, stage), "all 16 pairs of lamps, 1/16 each; ± 5 sigma")),
         Finding(gaussian, "%", "of a gray image is discarded for normal noise with sigma of half the threshold",
                 Expected.near(tail, _chance(tail, stage), "tail of the Maxwell distribution; ± 5 sigma")),
         Finding(none, "%", "is discarded with light from all lamps",

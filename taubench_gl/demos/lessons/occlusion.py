@@ -75,11 +75,11 @@ def run(stage: Stage) -> Result:
         (camera, "the board moves to the right", 1, "camera reprojection"),
         (motion, "the board moves to the right", 1, "motion reprojection"),
     )
-    for place, (pair, what, way, how) in enumerate(shown):
-        axes = sheet.panel(place, 0, pair.now["color"][..., :3], what)
-        middle = (0.5 * stage.size[0] + (0.5 * focal(height) * STEP / NEAR) * way, 0.5 * height)
+    for place, (pair, title, direction, how) in enumerate(shown):
+        axes = sheet.panel(place, 0, pair.now["color"][..., :3], title)
+        middle = (0.5 * stage.size[0] + (0.5 * focal(height) * STEP / NEAR) * direction, 0.5 * height)
         half = 0.5 * focal(height) * STEP / NEAR
-        arrow(axes, (middle[0] - way * half, middle[1]), (middle[0] + way * half, middle[1]))
+        arrow(axes, (middle[0] - direction * half, middle[1]), (middle[0] + direction * half, middle[1]))
         text = f"{width_of(pair, SHOWN[0]):.0f} px disoccluded, {width_of(pair, SHOWN[1]):.0f} px occluding"
         sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"mask: {how}", text)
     sheet.legend(reason_entries(*SHOWN))

@@ -109,26 +109,26 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
 )
 def run(stage: Stage) -> Result:
-    here, there = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
+    at_origin, far_away = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
     image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
-    moved = in_world_floats(there, there.view.position)
-    position = there.current["position"].astype(np.float64)
+    moved = in_world_floats(far_away, far_away.view.position)
+    position = far_away.current["position"].astype(np.float64)
     shift = (moved - position)[..., :3]
-    seen = there.surface & ~there.has(FRUSTUM)
-    false = motion_error(there, moved)
-    ours = np.linalg.norm(there.motion - here.motion, axis=-1)
-    parameter = _distance(there)
-    sheet = _figure(stage, image, there, shift, parameter)
+    in_history = far_away.surface & ~far_away.has(FRUSTUM)
+    false = motion_error(far_away, moved)
+    ours = np.linalg.norm(far_away.motion - at_origin.motion, axis=-1)
+    parameter = _distance(far_away)
+    sheet = _figure(stage, image, far_away, shift, parameter)
     step = step_at(FAR)
-    predicted = rms(expected_motion_error(there, step)[seen])
+    predicted = rms(expected_motion_error(far_away, step)[in_history])
     findings = (
-        Finding(1000.0 * rms(shift[extends(there)]), "mm", "is the error (RMS) of a float32 world position per axis",
+        Finding(1000.0 * rms(shift[extends(far_away)]), "mm", "is the error (RMS) of a float32 world position per axis",
                 Expected.near(1000.0 * step / np.sqrt(12), 50.0 * step / np.sqrt(12),
                               "uniform rounding to a spacing of 62.5 mm: spacing / sqrt(12); ± 5 %", 1), 1),
-        Finding(float(np.count_nonzero(ours) + np.count_nonzero(there.mask != here.mask)), "pixels",
+        Finding(float(np.count_nonzero(ours) + np.count_nonzero(far_away.mask != at_origin.mask)), "pixels",
                 "differ in camera-relative motion or masks from the hall at the origin",
                 Expected.near(0.0, 0.0, "all keys are dyadic: every float64 difference is exact", 0), 0),
-        Finding(rms(false[seen]), "px", "is the error (RMS) of motion from such positions",
+        Finding(rms(false[in_history]), "px", "is the error (RMS) of motion from such positions",
                 Expected.near(predicted, 0.05 * predicted, "derivative of Eq. (3) times spacing / sqrt(12); ± 5 %")),
     )  # fmt: skip
     caption = (
@@ -140,8 +140,8 @@ def run(stage: Stage) -> Result:
 def motion_error(pair: PairImages, position: Array) -> Array:
     """Error of motion from ``position`` (h, w, 4), pixels; 0 where there is no history.  (h, w)."""
     exact = pair.current["position"].astype(np.float64)
-    seen = pair.surface & ~pair.has(FRUSTUM)
-    away = np.where(seen[..., None], previous_px(pair, position) - previous_px(pair, exact), 0.0)
+    in_history = pair.surface & ~pair.has(FRUSTUM)
+    away = np.where(in_history[..., None], previous_px(pair, position) - previous_px(pair, exact), 0.0)
     return np.linalg.norm(away, axis=-1)
 
 
@@ -191,14 +191,14 @@ def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int
 
 def _distance(pair: PairImages) -> Parameter:
     """The distance from the origin: error of motion from float32 world positions."""
-    eye, seen = pair.view.position - FAR, pair.surface & ~pair.has(FRUSTUM)
+    eye, in_history = pair.view.position - FAR, pair.surface & ~pair.has(FRUSTUM)
     meters = (1e2, 1e3, 1e4, 1e5, 1e6, 3e6)
     errors = [motion_error(pair, in_world_floats(pair, eye + m)) for m in meters]
-    predicted = tuple(rms(expected_motion_error(pair, step_at(m))[seen]) for m in meters)
+    predicted = tuple(rms(expected_motion_error(pair, step_at(m))[in_history]) for m in meters)
     images = tuple(as_bytes(heat(np.log10(np.maximum(error, 1e-4)) + 4.0, 6.0)) for error in errors)
     return Parameter(
         "distance from the origin", "m", meters, "is the error (RMS) of motion from stored positions", "px",
-        tuple(rms(error[seen]) for error in errors), predicted, tuple(0.1 * value for value in predicted),
+        tuple(rms(error[in_history]) for error in errors), predicted, tuple(0.1 * value for value in predicted),
         "derivative of Eq. (3) times spacing / sqrt(12); ± 10 %", start=4, images=images, digits=4,
         bar=ColorBar("Error of motion, px", tuple((i / 6, f"{10.0 ** (i - 4):g}") for i in range(0, 7, 2))),
     )  # fmt: skip

@@ -57,7 +57,7 @@ def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
 def run(stage: Stage) -> Result:
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings, before = [], None
-    for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
+    for place, (axis, (direction, vector)) in enumerate(TURNS.items(), start=1):
         pair = stage.pair(scene(axis), columns=("frustum", "color"))
         if place == 1:
             before = pair.before["color"][..., :3]
@@ -66,7 +66,7 @@ def run(stage: Stage) -> Result:
         prev_from_now = math3d.mat3_from_quat(turn(vector, DEGREES))
         share, slack = theory.frustum_share(prev_from_now, YFOV, stage.size)
         image = checkerboard(pair.now["color"], pair.has(FRUSTUM), max(stage.size[0] // 60, 1))
-        sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {way}", f"{lost:.1f} % without history")
+        sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {direction}", f"{lost:.1f} % without history")
         source = "area of the polygon that both cameras see, float64; ± half of the pixels on its edge"
         findings.append(
             Finding(lost, "%", f"of the pixels have no history after {axis}", Expected.near(share, slack, source))

@@ -143,15 +143,15 @@ def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
 
 def _jitter(stage: Stage, color: Array, part: tuple[int, int, int, int]) -> Parameter:
     """How far the sample moves, with nearest sampling."""
-    images, found = [], []
+    images, discarded = [], []
     for jitter in JITTERS:
         pair = stage.bench.pair(scene(), camera=camera(jitter), sampling="nearest")
         marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
         images.append(as_bytes(enlarged(marked, *part)))
-        found.append(per_row(pair))
+        discarded.append(per_row(pair))
     height = stage.size[1]
     return Parameter(
-        "offset of the sample", "px", JITTERS, "are discarded per edge with nearest sampling", "px", tuple(found),
+        "offset of the sample", "px", JITTERS, "are discarded per edge with nearest sampling", "px", tuple(discarded),
         JITTERS, tuple(_chance(jitter, height) for jitter in JITTERS),
         "the share of rows in which the edge is between point and nearest pixel; ± 4 sigma",
         start=JITTERS.index(JITTER), images=tuple(images), note="An edge of the board. Blue: discarded by position.",

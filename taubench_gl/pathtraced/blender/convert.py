@@ -57,18 +57,18 @@ def convert(
     require_blender(python)
     with tempfile.TemporaryDirectory(prefix="taubench-") as name:
         folder = Path(name)
-        made, image = folder / "scene.glb", folder / "environment.exr"
-        job = {"source": str(source.resolve()), "target": str(made), "environment": str(image),
+        glb_file, image = folder / "scene.glb", folder / "environment.exr"
+        job = {"source": str(source.resolve()), "target": str(glb_file), "environment": str(image),
                "lights": LIGHTING_MODE, "take": take}  # fmt: skip
-        done = _run(python, job, folder, source)
-        environment = _environment(done, image, target)
-        data = _finished(read_bytes(made, max_bytes=MAX_BYTES), done, source, environment)
+        event = _run(python, job, folder, source)
+        environment = _environment(event, image, target)
+        data = _finished(read_bytes(glb_file, max_bytes=MAX_BYTES), event, source, environment)
         if isinstance(environment, Path):
             write_atomically(environment, read_bytes(image, max_bytes=MAX_BYTES), parents=True)
         write_atomically(target, data, parents=True)
-    counts = {name: done["counts"][kind] for name, kind in _KINDS} | {"actions": done["actions"]}
-    first, last = done["frames"]
-    return Conversion(done["blender"], counts, tuple(done["lost"]), done["fps"], (first, last), environment)
+    counts = {name: event["counts"][kind] for name, kind in _KINDS} | {"actions": event["actions"]}
+    first, last = event["frames"]
+    return Conversion(event["blender"], counts, tuple(event["lost"]), event["fps"], (first, last), environment)
 
 
 def _check(source: Path, target: Path, take: str | None) -> None:
@@ -108,9 +108,9 @@ def _run(python: str, job: dict[str, Any], folder: Path, source: Path) -> dict[s
     return events["done"]
 
 
-def _environment(done: dict[str, Any], image: Path, target: Path) -> Path | tuple[float, float, float] | None:
+def _environment(event: dict[str, Any], image: Path, target: Path) -> Path | tuple[float, float, float] | None:
     """The environment of the written file: an image beside it, a radiance or None."""
-    world = done["environment"]
+    world = event["environment"]
     if world is None:
         return None
     if isinstance(world, str):
@@ -120,24 +120,24 @@ def _environment(done: dict[str, Any], image: Path, target: Path) -> Path | tupl
 
 
 def _finished(
-    data: bytes, done: dict[str, Any], source: Path, environment: Path | tuple[float, float, float] | None
+    data: bytes, event: dict[str, Any], source: Path, environment: Path | tuple[float, float, float] | None
 ) -> bytes:
     """The file with exact times and visibility, and what the scene reader shows of its origin."""
     glb = Glb(data)
-    if done["time_scale"] != 1.0:
-        glb.scale_times(done["time_scale"])
+    if event["time_scale"] != 1.0:
+        glb.scale_times(event["time_scale"])
     glb.match_intensities()
     glb.drop_still_channels()
-    glb.hide(done["visible"], done["fps"])
-    first, last = done["frames"]
-    note = f"converted from {source.name} by Blender {done['blender']}"
+    glb.hide(event["visible"], event["fps"])
+    first, last = event["frames"]
+    note = f"converted from {source.name} by Blender {event['blender']}"
     if last > first:
-        note += f": frame {first} is at 0 s, {done['fps']:.8g} frames per second (--fps {done['fps']:.8g})"
-    if done["camera"]:
-        note += "; rendered at {}x{}".format(*done["size"])
-    facts: dict[str, Any] = {"name": source.stem, "note": note, "lost": done["lost"][:_MAX_LOST]}
-    if done["camera"]:
-        facts["camera"] = done["camera"]
+        note += f": frame {first} is at 0 s, {event['fps']:.8g} frames per second (--fps {event['fps']:.8g})"
+    if event["camera"]:
+        note += "; rendered at {}x{}".format(*event["size"])
+    facts: dict[str, Any] = {"name": source.stem, "note": note, "lost": event["lost"][:_MAX_LOST]}
+    if event["camera"]:
+        facts["camera"] = event["camera"]
     if isinstance(environment, Path):
         facts["environment"] = environment.name
     elif environment is not None:

@@ -123,12 +123,12 @@ class Losses:
 def _upstream(socket):
     """Types of all nodes that a socket depends on, groups replaced by what is inside them."""
     types, open_ = set(), [link.from_node for link in socket.links]
-    seen = set()
+    visited = set()
     while open_:
         node = open_.pop()
-        if node in seen:
+        if node in visited:
             continue
-        seen.add(node)
+        visited.add(node)
         if node.type == "GROUP" and node.node_tree is not None:
             open_ += [n for n in node.node_tree.nodes if n.type not in ("GROUP_INPUT", "GROUP_OUTPUT")]
         elif node.type not in ("GROUP_INPUT", "GROUP_OUTPUT"):

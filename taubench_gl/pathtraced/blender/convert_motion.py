@@ -79,14 +79,14 @@ def bake_motion(scene, losses):
     armatures = detach_armatures(scene)
     deformed = [Deformed(item) for item in scene.objects if is_deformed(item)]
     switched = {o: [] for o in scene.objects if is_animated(o, "hide_render")}
-    instances, shown, kept = Instances(), set(), 0
+    instances, shown, recorded_bytes = Instances(), set(), 0
     bpy.context.view_layer.update()
     for frame in frames:
         scene.frame_set(frame)
         depsgraph = bpy.context.evaluated_depsgraph_get()
         for item in list(deformed):
-            kept += item.record(depsgraph)
-            if kept > MAX_BYTES:
+            recorded_bytes += item.record(depsgraph)
+            if recorded_bytes > MAX_BYTES:
                 losses.add("deforming meshes beyond 2 GiB keep their shape of one frame", [item.item.name])
                 item.at = item.at[:1] * len(frames)
         for item, states in switched.items():
@@ -178,15 +178,15 @@ def rebuild(deformed, frames, losses):
         losses.add("meshes whose faces change over time keep their first shape", [item.name])
         deformed.at = deformed.at[:1] * len(frames)
     used = sorted(set(deformed.at))
-    own = own_keys(deformed, used) if len(used) > 1 and deformed.keys is not None else None
+    keys = own_keys(deformed, used) if len(used) > 1 and deformed.keys is not None else None
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     mesh = bpy.data.meshes.new_from_object(
         item.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
     )
     item = as_mesh_object(item, mesh)
-    if own is not None:
-        names, shapes, values = own
+    if keys is not None:
+        names, shapes, values = keys
         add_keys(item, names, shapes, frames, values)
     elif len(used) > 1:
         names = ["Basis", *(f"frame {frames[deformed.at.index(k)]}" for k in used[1:])]
@@ -242,16 +242,16 @@ def as_mesh_object(item, mesh):
     if item.type == "MESH":
         item.data = mesh
         return item
-    made = bpy.data.objects.new(f"{item.name} mesh", mesh)
+    mesh_object = bpy.data.objects.new(f"{item.name} mesh", mesh)
     for collection in item.users_collection:
-        collection.objects.link(made)
-    made.parent = item  # the pose, animated or not, stays that of the curve
+        collection.objects.link(mesh_object)
+    mesh_object.parent = item  # the pose, animated or not, stays that of the curve
     item.data = bpy.data.metaballs.new("none") if item.type == "META" else bpy.data.curves.new("none", item.type)
     if item.type == "FONT":
         item.data.body = ""
     name = item.name
-    item.name, made.name = f"{name} place", name
-    return made
+    item.name, mesh_object.name = f"{name} place", name
+    return mesh_object
 
 
 def add_keys(item, names, shapes, frames, values):
@@ -346,9 +346,9 @@ class Instances:
             source.to_mesh_clear()
             content = digest.digest()
             if content not in self._meshes:
-                made = bpy.data.meshes.new_from_object(source, preserve_all_data_layers=True)
+                new_mesh = bpy.data.meshes.new_from_object(source, preserve_all_data_layers=True)
                 # Objects that geometry nodes make exist in the evaluation only: their mesh is copied from there.
-                self._meshes[content] = made if len(made.vertices) == count else source.data.copy()
+                self._meshes[content] = new_mesh if len(new_mesh.vertices) == count else source.data.copy()
             contents[pointer] = self._meshes[content]
         return contents[pointer]
 

@@ -90,18 +90,20 @@ def owners_of_actions():
     ]  # fmt: skip
 
 
-def choose_take(source, wanted, losses):
-    """Give every object its action of one take: ``wanted``, else the first of the file.
+def choose_take(source, requested, losses):
+    """Give every object its action of one take: ``requested``, else the first of the file.
 
     The importer names actions ``object|take|layer`` and gives each object the first one that it finds, whatever its
     take.
     """
     takes = [take for take in takes_of(source) if any(f"|{take}"[:NAME_LIMIT] in a.name for a in bpy.data.actions)]
-    if wanted and wanted not in takes:
-        raise RuntimeError(f"the file has no take {wanted!r}; it has {', '.join(map(repr, takes)) or 'no animation'}")
+    if requested and requested not in takes:
+        raise RuntimeError(
+            f"the file has no take {requested!r}; it has {', '.join(map(repr, takes)) or 'no animation'}"
+        )
     if not takes:
         return
-    selected = wanted or takes[0]
+    selected = requested or takes[0]
     others = [take for take in takes if take != selected]
     if others:
         losses.add(f"take {selected!r} is played, others are left out (--take)", others)

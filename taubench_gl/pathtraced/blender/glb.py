@@ -48,7 +48,7 @@ class Glb:
 
     def drop_still_channels(self) -> None:
         """Remove the channels whose values never change: the node has the same value.  Raises nothing."""
-        kept = []
+        animations = []
         for animation in self.root.get("animations", ()):
             samplers = animation["samplers"]
             animation["channels"] = [c for c in animation["channels"] if self._moves(samplers[c["sampler"]], c)]
@@ -58,10 +58,10 @@ class Glb:
             animation["samplers"] = [samplers[k] for k in used]
             for channel in animation["channels"]:
                 channel["sampler"] = used.index(channel["sampler"])
-            kept.append(animation)
+            animations.append(animation)
         if "animations" in self.root:
-            self.root["animations"] = kept
-            if not kept:
+            self.root["animations"] = animations
+            if not animations:
                 del self.root["animations"]
 
     def match_intensities(self) -> None:
@@ -122,11 +122,11 @@ class Glb:
             return True
         # A node at another value than its animation: the exporter wrote it at another moment.
         path, node = channel["target"].get("path"), channel["target"].get("node")
-        rest = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}.get(path)
-        if rest is None or node is None:
+        default = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}.get(path)
+        if default is None or node is None:
             return path != "pointer" and np.any(values[0] != 0)
-        written = np.array(self.root["nodes"][node].get(path, rest), dtype=np.float32)
-        return bool(np.any(written != values[0]))
+        node_value = np.array(self.root["nodes"][node].get(path, default), dtype=np.float32)
+        return bool(np.any(node_value != values[0]))
 
     def _floats(self, index: int) -> np.ndarray:
         """A view of the values of a float accessor that is tightly packed."""

@@ -199,10 +199,10 @@ def _strip(root: dict[str, Any], scene: Scene) -> None:
     for name in _SET_BY_JOB:
         root.get("extensions", {}).pop(name, None)
     for key in ("extensionsUsed", "extensionsRequired"):
-        kept = [name for name in root.get(key, ()) if name not in _SET_BY_JOB]
+        names = [name for name in root.get(key, ()) if name not in _SET_BY_JOB]
         root.pop(key, None)
-        if kept:
-            root[key] = kept
+        if names:
+            root[key] = names
 
 
 def _add_animation(root: dict[str, Any], channels: list[Channel], frames: range, fps: float) -> bytes:

@@ -34,11 +34,11 @@ def blender_version(python: str | None = None) -> str | None:
     """Version of the bpy that ``python`` imports; None if it has none."""
     code = f"import bpy; print({_EVENT!r} + bpy.app.version_string)"
     try:
-        done = subprocess.run([python or blender_python(), "-c", code], capture_output=True, text=True, timeout=300)
+        process = subprocess.run([python or blender_python(), "-c", code], capture_output=True, text=True, timeout=300)
     except (OSError, subprocess.SubprocessError):
         return None
-    lines = [line for line in done.stdout.splitlines() if line.startswith(_EVENT)]
-    return lines[0].removeprefix(_EVENT).strip() if done.returncode == 0 and lines else None
+    lines = [line for line in process.stdout.splitlines() if line.startswith(_EVENT)]
+    return lines[0].removeprefix(_EVENT).strip() if process.returncode == 0 and lines else None
 
 
 def require_blender(python: str) -> str:

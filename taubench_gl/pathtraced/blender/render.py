@@ -158,8 +158,8 @@ def _prepare(out: Path, key: str) -> None:
             leftover.unlink()
     except OSError as error:
         raise cannot_write(out, error) from None
-    known = _read_json(out / PROVENANCE_FILE).get("job")
-    if known not in (None, key):
+    recorded_key = _read_json(out / PROVENANCE_FILE).get("job")
+    if recorded_key not in (None, key):
         hint = "give --out another folder, or delete this one"
         raise PathTracedError("holds frames of another scene or with other settings", where=str(out), hint=hint)
 
@@ -195,19 +195,19 @@ def _run(
     total: int,
     progress: Callable[[RenderProgress], None] | None,
 ) -> None:
-    done = total - len(job["frames"])
+    frames_done = total - len(job["frames"])
     seconds: float | None = None
 
     def on_event(event: dict[str, Any]) -> None:
-        nonlocal done, seconds
+        nonlocal frames_done, seconds
         share = 0.0
         if event["event"] == "frame":
-            done, seconds = done + 1, event["seconds"]
+            frames_done, seconds = frames_done + 1, event["seconds"]
             _record_seconds(out, event["frame"], seconds)
         elif event["event"] == "samples":
             share = event["done"] / event["total"]
         if progress is not None and event["event"] in ("frame", "samples", "ready"):
-            progress(RenderProgress(done, total, share, seconds))
+            progress(RenderProgress(frames_done, total, share, seconds))
 
     with log_file(out / LOG_FILE) as log:
         failure = run_script(python, "render_script.py", job, folder, on_event, log.write)

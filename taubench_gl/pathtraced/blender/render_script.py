@@ -237,9 +237,9 @@ def watch_samples(total):
         if "Sample" not in str(text) or time.perf_counter() - last[0] < SAMPLES_EVERY:
             return
         last[0] = time.perf_counter()
-        done = str(text).rsplit("Sample", 1)[1].strip().split("/")[0]
-        if done.isdigit():
-            report(event="samples", done=int(done), total=total)
+        samples_done = str(text).rsplit("Sample", 1)[1].strip().split("/")[0]
+        if samples_done.isdigit():
+            report(event="samples", done=int(samples_done), total=total)
 
     bpy.app.handlers.render_stats.append(stats)
 

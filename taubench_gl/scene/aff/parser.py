@@ -55,11 +55,11 @@ class Tokens:
         """A SceneError at file and line of word ``at``, for the caller to raise."""
         return SceneError(message, where=self.where(at), hint=hint)
 
-    def done(self) -> bool:
+    def at_end(self) -> bool:
         return self.at >= len(self.words)
 
     def word(self, subject: str) -> str:
-        if self.done():
+        if self.at_end():
             raise self.error(f"the file ends before {subject}", "the file may be truncated")
         self.at += 1
         return self.words[self.at - 1]
@@ -70,7 +70,7 @@ class Tokens:
             raise self.error(f"{shortened(actual, 40)} instead of {word!r} in {subject}")
 
     def number_follows(self) -> bool:
-        if self.done():
+        if self.at_end():
             return False
         try:
             float(self.words[self.at])
@@ -80,15 +80,15 @@ class Tokens:
 
     def floats(self, count: int, subject: str) -> Array:
         """The next ``count`` words as numbers.  (count,) float64, finite."""
-        taken = self.words[self.at : self.at + count]
-        if len(taken) < count:
+        words = self.words[self.at : self.at + count]
+        if len(words) < count:
             raise self.error(
-                f"{subject} needs {count} numbers; {len(taken)} words are left", "the file may be truncated"
+                f"{subject} needs {count} numbers; {len(words)} words are left", "the file may be truncated"
             )
         try:
-            out = np.fromiter(map(float, taken), dtype=np.float64, count=count)
+            out = np.fromiter(map(float, words), dtype=np.float64, count=count)
         except ValueError:
-            for i, word in enumerate(taken):
+            for i, word in enumerate(words):
                 try:
                     float(word)
                 except ValueError:
@@ -97,7 +97,7 @@ class Tokens:
         bad = ~(np.abs(out) < LARGEST)
         if np.any(bad):
             i = int(np.argmax(bad))
-            raise self.error(f"{shortened(taken[i], 40)} in {subject} is not a usable number", at=self.at + i)
+            raise self.error(f"{shortened(words[i], 40)} in {subject} is not a usable number", at=self.at + i)
         self.at += count
         return out
 
@@ -222,7 +222,7 @@ class Parser:
         depth = len(self.stack)
         opened: list[int] = []
         self.chain = (*chain, resolved)
-        while not t.done():
+        while not t.at_end():
             word = t.word("a statement")
             if word == "}":
                 if len(self.stack) <= depth:

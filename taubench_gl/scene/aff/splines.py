@@ -158,11 +158,11 @@ def _spans(times: Array, window: tuple[float, float]) -> tuple[Array, Array, Arr
             spans.append((i, reached, t1))
             reached = t1
     low, high = window
-    seen = [(i, max(t0, low), min(t1, high)) for i, t0, t1 in spans if t1 > low and (t0 < high or t0 == low)]
-    if not seen and spans:
+    visible = [(i, max(t0, low), min(t1, high)) for i, t0, t1 in spans if t1 > low and (t0 < high or t0 == low)]
+    if not visible and spans:
         (i, t0, _), (j, _, t1) = spans[0], spans[-1]
-        seen = [(i, t0, t0)] if t0 >= high else [(j, t1, t1)]
-    columns = np.array(seen, dtype=np.float64).reshape(-1, 3).T
+        visible = [(i, t0, t0)] if t0 >= high else [(j, t1, t1)]
+    columns = np.array(visible, dtype=np.float64).reshape(-1, 3).T
     return columns[0].astype(np.int64), columns[1], columns[2]
 
 
@@ -247,17 +247,17 @@ def _resample(segments: Segments) -> Pieces:
     """
     still = ~(np.any(segments.log, axis=1) | np.any(segments.out, axis=1) | np.any(segments.into, axis=1))
     still |= ~(segments.t1 > segments.t0)
-    done = [(np.flatnonzero(still), _constant(segments[still]))]
+    finished = [(np.flatnonzero(still), _constant(segments[still]))]
     left, count = np.flatnonzero(~still), np.full(np.count_nonzero(~still), 4)
     while len(left):
         rows, pieces, errors = _cut(segments[left], count)
         enough = (errors <= ROTATION_ERROR) | (count >= MAX_PIECES)
-        done.append((left[rows[enough[rows]]], _rows(pieces, enough[rows])))
+        finished.append((left[rows[enough[rows]]], _rows(pieces, enough[rows])))
         left, count, errors = left[~enough], count[~enough], errors[~enough]
-        wanted = np.ceil(1.05 * count * (errors / ROTATION_ERROR) ** 0.25).astype(np.int64)
-        count = np.clip(wanted, count + 1, MAX_PIECES)
-    order = np.argsort(np.concatenate([rows for rows, _ in done]), kind="stable")
-    return Pieces(*(np.concatenate([getattr(p, f.name) for _, p in done])[order] for f in fields(Pieces)))
+        pieces_needed = np.ceil(1.05 * count * (errors / ROTATION_ERROR) ** 0.25).astype(np.int64)
+        count = np.clip(pieces_needed, count + 1, MAX_PIECES)
+    order = np.argsort(np.concatenate([rows for rows, _ in finished]), kind="stable")
+    return Pieces(*(np.concatenate([getattr(p, f.name) for _, p in finished])[order] for f in fields(Pieces)))
 
 
 def _rows(pieces: Pieces, rows: Array) -> Pieces:

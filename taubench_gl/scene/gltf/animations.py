@@ -68,8 +68,8 @@ def _resolve(
     if owner == "/cameras/":
         if not document.has("cameras", index, pointer, "channel-ignored"):
             return []
-        known = path in _CAMERA and path.startswith(document.root.cameras[index].type)
-        return [Target("camera", index, _CAMERA[path], 1)] if known else []
+        has_property = path in _CAMERA and path.startswith(document.root.cameras[index].type)
+        return [Target("camera", index, _CAMERA[path], 1)] if has_property else []
     lights = punctual_lights(document)
     if lights is None or index >= len(lights.lights):
         document.repair("channel-ignored", "refers to a light that does not exist", pointer)
@@ -106,7 +106,7 @@ class AnimationReader:
         for k, sampler in enumerate(animation.samplers):
             self._check_sampler(sampler, f"{pointer}/samplers/{k}")
         channels: list[Channel] = []
-        taken: dict[tuple[str, int, str], int] = {}
+        channel_of_target: dict[tuple[str, int, str], int] = {}
         for k, channel in enumerate(animation.channels):
             where = f"{pointer}/channels/{k}"
             if channel.sampler >= len(animation.samplers):
@@ -120,11 +120,11 @@ class AnimationReader:
                 continue
             for target in self._targets(channel, where):
                 key = (target.kind, target.index, target.path)
-                if key in taken:
-                    message = f"has the same target as channel {taken[key]}"
+                if key in channel_of_target:
+                    message = f"has the same target as channel {channel_of_target[key]}"
                     self.document.repair("channel-ignored", message, f"{where}/target")
                     continue
-                taken[key] = k
+                channel_of_target[key] = k
                 channels.append(self._channel(sampler, target, at))
         return Animation(animation.name, tuple(channels))
 
@@ -268,13 +268,13 @@ def choose_animations(
     channels: list[Channel] = []
     playing: list[str] = []
     silent: dict[str, list[str]] = {}
-    taken: dict[tuple[str, int, str], int] = {}
+    animation_of_target: dict[tuple[str, int, str], int] = {}
     for i in order:
         keys = [(c.target, c.index, c.path) for c in animations[i].channels]
-        rival = next((taken[key] for key in keys if key in taken), None)
+        rival = next((animation_of_target[key] for key in keys if key in animation_of_target), None)
         label = names[i] or f"animation {i}"
         if rival is None:
-            taken.update(dict.fromkeys(keys, i))
+            animation_of_target.update(dict.fromkeys(keys, i))
             channels.extend(animations[i].channels)
             playing.append(label)
             continue

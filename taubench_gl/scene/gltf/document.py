@@ -150,14 +150,14 @@ def resolve_uri(document: Document, uri: str, pointer: str) -> Path:
         raise document.error(f"{shortened(uri)} is not percent-encoded UTF-8", pointer) from None
     target = find_referenced(document.path.parent, name, backslashes=False)
     if isinstance(target, str) and not document.strict:
-        written = target  # as the file has it: a percent sign that encodes nothing, backslashes
+        file_name = target  # as the file has it: a percent sign that encodes nothing, backslashes
         for other in dict.fromkeys((uri, name, uri.replace("\\", "/"), name.replace("\\", "/"))):
             target = find_referenced(document.path.parent, other, backslashes=False)
             if not isinstance(target, str):
-                document.repair("uri-spelling", written, pointer)
+                document.repair("uri-spelling", file_name, pointer)
                 break
         else:
-            target = written
+            target = file_name
     if isinstance(target, str):
         raise document.error(target, pointer, f"put the file into the folder of {document.path.name}")
     return target
@@ -226,7 +226,7 @@ def open_document(path: Path, strict: bool = False) -> Document:
 
 def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.Root, bytes | None]:
     """The document, and its JSON where that had to be repaired."""
-    written = data
+    original = data
     if bytes(data[:3]) == b"\xef\xbb\xbf":
         fault = "begins with a byte order mark, which glTF forbids"
         notes.repair("byte-order-mark", SceneError(fault, where=path.name, hint="save as UTF-8 without BOM"))
@@ -234,7 +234,7 @@ def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.
     data = _utf8(data, path, notes)
     try:
         try:
-            return _decode_strictly(data), None if data is written else bytes(data)
+            return _decode_strictly(data), None if data is original else bytes(data)
         except msgspec.ValidationError:
             if notes.strict:
                 raise

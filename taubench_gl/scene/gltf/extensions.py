@@ -80,9 +80,9 @@ def check_extensions(document: Document) -> None:
     required extension that is not supported and a supported one on the wrong kind of object.
     """
     root = document.root
-    known = SUPPORTED.keys() | METADATA_ONLY
+    supported = SUPPORTED.keys() | METADATA_ONLY
     for i, name in enumerate(root.extensions_required or []):
-        if name not in known:
+        if name not in supported:
             fault = document.error(
                 f"requires the extension {name}, which is not supported",
                 f"/extensionsRequired/{i}",

@@ -77,7 +77,7 @@ class Lenient:
         if not isinstance(value, dict):
             return value, "null-member" if value is None else "wrong-type"
         name, out = kind.cls.__name__, dict(value)
-        kept, unfit = GEOMETRY.get(name, frozenset()), False
+        required_members, unfit = GEOMETRY.get(name, frozenset()), False
         for field in kind.fields:
             member = field.encode_name
             if member not in out:
@@ -87,7 +87,7 @@ class Lenient:
             out[member] = new
             if not fault:
                 continue
-            omitted = not field.required and (member not in kept or fault in ("null-member", "empty-array"))
+            omitted = not field.required and (member not in required_members or fault in ("null-member", "empty-array"))
             if omitted:
                 del out[member]
             elif (name, member) in INSTEAD:
@@ -135,8 +135,8 @@ class Lenient:
         if isinstance(kind, types.LiteralType):
             return value, "" if value in kind.values and not isinstance(value, bool) else "unknown-word"
         if isinstance(kind, types.IntType | types.FloatType):
-            wanted = int if isinstance(kind, types.IntType) else int | float
-            if not isinstance(value, wanted) or isinstance(value, bool):
+            expected_types = int if isinstance(kind, types.IntType) else int | float
+            if not isinstance(value, expected_types) or isinstance(value, bool):
                 return value, "wrong-type"
             return self._number(value, kind, pointer)
         if isinstance(kind, types.StrType):

@@ -58,17 +58,17 @@ def known_attributes(document: Document, primitive: schema.Primitive, pointer: s
     Checks names, which are glTF's or begin with an underscore, and numbers, which are consecutive from 0.
     """
     sets: dict[str, set[int]] = {}
-    known: dict[str, int] = {}
+    attributes: dict[str, int] = {}
     for name, index in primitive.attributes.items():
         if name.startswith("_"):
-            known[name] = index
+            attributes[name] = index
             continue
         where = f"{pointer}/attributes/{name}"
         if _SEMANTIC.fullmatch(name) is None:
             message, hint = "is not an attribute of glTF 2.0", "custom names begin with an underscore"
             document.repair("unknown-attribute", message, where, hint, detail=name[:40])
             continue
-        known[name] = index
+        attributes[name] = index
         base, _, number = name.partition("_")
         if number:
             sets.setdefault(base, set()).add(int(number))
@@ -79,12 +79,12 @@ def known_attributes(document: Document, primitive: schema.Primitive, pointer: s
     if sets.get("JOINTS", set()) != sets.get("WEIGHTS", set()):
         document.repair("joints-without-weights", "JOINTS_n and WEIGHTS_n do not come in pairs", where)
         paired = sets.get("JOINTS", set()) & sets.get("WEIGHTS", set())
-        known = {
+        attributes = {
             name: index
-            for name, index in known.items()
+            for name, index in attributes.items()
             if not name.startswith(("JOINTS_", "WEIGHTS_")) or int(name.partition("_")[2]) in paired
         }
-    return known
+    return attributes
 
 
 def check_format(

@@ -45,8 +45,8 @@ def punctual_lights(document: Document) -> schema.PunctualLights | None:
         listed = [light | {"type": "point"} if i in unknown else light for i, light in enumerate(raw["lights"])]
         for i in unknown:
             document.repair("light-type", "is of unknown type", f"/extensions/{LIGHTS}/lights/{i}/type")
-        known = schema.Property(extensions={LIGHTS: {"lights": listed}})
-        return document.extension(known, LIGHTS, schema.PunctualLights, "")
+        own_property = schema.Property(extensions={LIGHTS: {"lights": listed}})
+        return document.extension(own_property, LIGHTS, schema.PunctualLights, "")
     return document.extension(document.root, LIGHTS, schema.PunctualLights, "")
 
 
@@ -275,8 +275,10 @@ def pick(document: Document, requested: str | int, names: list[str], noun: str, 
         index = int(requested)
     if 0 <= index < len(names):
         return index
-    known = ", ".join(f"{i}: {name!r}" for i, name in enumerate(names[:20])) or "none"
-    raise document.error(f"has no {noun} {requested!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
+    listing = ", ".join(f"{i}: {name!r}" for i, name in enumerate(names[:20])) or "none"
+    raise document.error(
+        f"has no {noun} {requested!r}", pointer, f"it has {listing}{', ...' if len(names) > 20 else ''}"
+    )
 
 
 class NodeTargets(NamedTuple):

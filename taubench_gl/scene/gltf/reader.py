@@ -52,17 +52,17 @@ def read_gltf(
     skins = read_skins(document, accessors, parent)
     cameras, lights = read_cameras(document), read_lights(document)
     nodes = read_nodes(document, accessors, parent, in_scene, NodeTargets(meshes, skins, lights))
-    written = AnimationReader(document, accessors, meshes).read()
-    animations = tuple(replace(a, channels=light_keys(document, a.channels, lights)) for a in written)
+    animations_of_file = AnimationReader(document, accessors, meshes).read()
+    animations = tuple(replace(a, channels=light_keys(document, a.channels, lights)) for a in animations_of_file)
     channels, playing = choose_animations(document, animations, animation)
-    own = _own_extras(document)
-    if CONSTANT_LIGHTS in own:
+    file_notes = _own_extras(document)
+    if CONSTANT_LIGHTS in file_notes:
         lights = tuple(replace(light, constant=light.kind != "directional") for light in lights)
-    if "note" in own:
-        document.note(own["note"], "/asset/extras/taubench_gl")
+    if "note" in file_notes:
+        document.note(file_notes["note"], "/asset/extras/taubench_gl")
     _note_losses(document)
     return Scene(
-        name=own.get("name", path.stem),
+        name=file_notes.get("name", path.stem),
         nodes=nodes,
         meshes=meshes,
         materials=materials,
@@ -80,10 +80,10 @@ def read_gltf(
         scene_names=scene_names,
         generator=document.root.asset.generator,
         image_based_light=bool(IMAGE_BASED_LIGHTS & set(document.root.extensions_used or ())),
-        stand_in=own.get("stand_in"),
-        default_camera=own.get("camera"),
-        environment=_environment(document, own),
-        exposure=_exposure(own),
+        stand_in=file_notes.get("stand_in"),
+        default_camera=file_notes.get("camera"),
+        environment=_environment(document, file_notes),
+        exposure=_exposure(file_notes),
     )
 
 
@@ -97,35 +97,35 @@ CONSTANT_LIGHTS = "constant_lights"
 def _own_extras(document: Document) -> dict[str, str]:
     """The values that ``taubench_gl.datasets`` writes into ``asset.extras``, as one-line strings."""
     extras = document.root.asset.extras
-    own = extras.get("taubench_gl") if isinstance(extras, dict) else None
-    if not isinstance(own, dict):
+    file_notes = extras.get("taubench_gl") if isinstance(extras, dict) else None
+    if not isinstance(file_notes, dict):
         return {}
-    texts = {key: " ".join(text.split())[:300] for key, text in own.items() if isinstance(text, str)}
+    texts = {key: " ".join(text.split())[:300] for key, text in file_notes.items() if isinstance(text, str)}
     return {key: text for key, text in texts.items() if text}
 
 
 def _note_losses(document: Document) -> None:
     """Note what a conversion lost, as ``pathtraced.blender.convert`` lists it in ``asset.extras``."""
     extras = document.root.asset.extras
-    own = extras.get("taubench_gl") if isinstance(extras, dict) else None
-    lost = own.get("lost") if isinstance(own, dict) else None
+    file_notes = extras.get("taubench_gl") if isinstance(extras, dict) else None
+    lost = file_notes.get("lost") if isinstance(file_notes, dict) else None
     for line in lost[:MAX_LOSSES] if isinstance(lost, list) else ():
         if isinstance(line, str):
             document.note(f"lost in the conversion: {' '.join(line.split())[:300]}", "/asset/extras/taubench_gl/lost")
 
 
-def _exposure(own: dict[str, str]) -> float | None:
+def _exposure(file_notes: dict[str, str]) -> float | None:
     """The exposure that the file names; None if it is no positive number that Settings allows."""
     try:
-        value = float(own.get("exposure", "nan"))
+        value = float(file_notes.get("exposure", "nan"))
     except ValueError:
         return None
     return value if 1.0 / MAX_EXPOSURE <= value <= MAX_EXPOSURE else None
 
 
-def _environment(document: Document, own: dict[str, str]) -> str | tuple[float, float, float] | None:
+def _environment(document: Document, file_notes: dict[str, str]) -> str | tuple[float, float, float] | None:
     """The environment that the file names: a radiance R,G,B or an image in its folder."""
-    text = own.get("environment")
+    text = file_notes.get("environment")
     if text is None:
         return None
     value = parse_environment(text)

@@ -196,8 +196,8 @@ class _Lines:
         return ObjFile(self.path, raw, v, vt, vn, self._parts(len(v), len(vt), len(vn)), libraries, undrawn)
 
     def _check_kinds(self) -> None:
-        known = {b"v", b"vt", b"vn", b"f", b"l", b"p", b"mtllib", *STATES, *IGNORED}
-        unknown = [(int(self.rows(kind)[0]), kind) for kind in self.names.keys() - known]
+        keywords = {b"v", b"vt", b"vn", b"f", b"l", b"p", b"mtllib", *STATES, *IGNORED}
+        unknown = [(int(self.rows(kind)[0]), kind) for kind in self.names.keys() - keywords]
         if not unknown:
             return
         for row, kind in sorted(unknown):
@@ -238,8 +238,8 @@ class _Lines:
         label = objects[0] * len(materials[1]) + materials[0]
         parts = []
         for value in np.unique(label).tolist():
-            own = triangles[label[face] == value]
-            parts.append(Part(objects[1][value // len(materials[1])], materials[1][value % len(materials[1])], own))
+            faces = triangles[label[face] == value]
+            parts.append(Part(objects[1][value // len(materials[1])], materials[1][value % len(materials[1])], faces))
         return parts
 
     def _corners(self, rows: Array, sizes: Array) -> Array:

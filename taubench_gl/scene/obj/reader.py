@@ -169,15 +169,15 @@ class _Track:
     base: Shape
     which: list[int]  # per frame: 0 the base, k the k-th of ``others``
     others: list[tuple[Array, Array]]  # positions, normals
-    seen: dict[bytes, int]
+    index_of_shape: dict[bytes, int]  # bytes of positions and normals -> entry of ``which``
     replaces: bool  # its object existed in the previous frame, with other faces
 
     def add(self, shape: Shape) -> None:
         key = shape.v.tobytes() + shape.vn.tobytes()
-        if key not in self.seen:
-            self.seen[key] = len(self.others) + 1
+        if key not in self.index_of_shape:
+            self.index_of_shape[key] = len(self.others) + 1
             self.others.append((shape.v, shape.vn))
-        self.which.append(self.seen[key])
+        self.which.append(self.index_of_shape[key])
 
 
 class _Assembly:
@@ -206,7 +206,7 @@ class _Assembly:
                     if track is not None:
                         self.notes.remark("object-cut", path.name, detail=name, key=f"{path.name} {name}")
                     track = _Track(name, frame, frame, shape, [], [], {}, replaces=track is not None)
-                    track.seen[shape.v.tobytes() + shape.vn.tobytes()] = 0
+                    track.index_of_shape[shape.v.tobytes() + shape.vn.tobytes()] = 0
                     track.add(shape)
                     self.tracks.append(track)
                 now[name] = track
