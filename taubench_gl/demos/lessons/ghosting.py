@@ -33,7 +33,7 @@ METHODS = {
     "history not tested": (untested(ALPHA), ORANGE, "o"),
     "clamped to neighborhood colors": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
-    "ideal masks: those of the exact frames": ("ideal-masks", GREEN, "D"),
+    "masks of the exact frames": ("ideal-masks", GREEN, "D"),
 }
 ALPHAS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 MARKER_PT = (6, 14, 9, 4)
