@@ -235,7 +235,7 @@ def stray_openings(text: str) -> list[tuple[int, str]]:
         arguments = [ast.unparse(a) for a in (*node.args, *node.keywords)]
         mode = method == "open" and (not arguments or arguments[0][0] in "'\"" or arguments[0].startswith("mode="))
         # files of the package itself, from a wheel or an archive
-        packaged = called.startswith(("resources.", "own."))
+        packaged = called.startswith("resources.")
         handed = bool(arguments) and any(
             arguments[0] == one if one.isalpha() else arguments[0].startswith(one) for one in HANDED
         )

@@ -96,8 +96,8 @@ def _options(settings: dict[str, Any]) -> str:
 
 def load_registry(extra: Sequence[Path] = ()) -> dict[str, Entry]:
     """All scenes by name, those of the package first.  Raises DatasetError with the file and the table."""
-    package_file = files("taubench_gl.datasets") / "registry.toml"
-    out = parse_registry(package_file.read_text(encoding="utf-8"), "registry.toml")
+    resources = files("taubench_gl.datasets") / "registry.toml"
+    out = parse_registry(resources.read_text(encoding="utf-8"), "registry.toml")
     for path in extra:
         out |= parse_registry(read_text(path, DatasetError), path.name)
     return out
