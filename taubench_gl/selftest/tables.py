@@ -9,7 +9,7 @@ import re
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.animation import Poser, View, pose_vertices
+from taubench_gl.animation import Poser, View, bounding_box, bounding_sphere, pose_vertices
 from taubench_gl.evaluation import schedule
 from taubench_gl.evaluation.brightness import Brightness, noise_of_a_sample
 from taubench_gl.frame.draw_bounds import DrawBounds, in_view
@@ -424,7 +424,8 @@ def bounds_of_draws(bench: Bench) -> Outcome:
     scene = b.build()
     poser, draws = Poser(scene), build_geometry(scene).draws
     bounds = DrawBounds(scene, draws)
-    for time in np.linspace(0.0, 1.0, 10):
+    times, clouds = np.linspace(0.0, 1.0, 10), []
+    for time in times:
         state = poser.sample(float(time))
         world = np.array([state.world[d.node] for d in draws])
         centers, radii = bounds.at(state, world)
@@ -433,6 +434,7 @@ def bounds_of_draws(bench: Bench) -> Outcome:
         for row, d in enumerate(draws):
             primitive = scene.meshes[d.mesh].primitives[d.primitive]
             points = pose_vertices(scene, state, d.node, primitive)
+            clouds.append(points)
             off = np.linalg.norm(points - centers[row], axis=1).max() / radii[row]
             errors += [max(off - 1.0, 0.0), max(0.15 - off, 0.0)]  # and not seven times as large
             for yaw in (-60.0, -25.0, 0.0, 25.0, 180.0):
@@ -443,7 +445,11 @@ def bounds_of_draws(bench: Bench) -> Outcome:
                 inside &= (clip[:, 2] >= 0) & (clip[:, 2] <= clip[:, 3])
                 seen = in_view(matrix, centers[row : row + 1], radii[row : row + 1], np.zeros(1))[0]
                 errors.append(float(inside.any() and not seen))
-    # A sphere that touches a side, or misses it by a hundredth.
+    every = np.concatenate(clouds)
+    (low, high), (middle, radius) = bounding_box(poser, times), bounding_sphere(poser, times)
+    errors += [worst(low - every.min(axis=0)), worst(high - every.max(axis=0)), worst(2.0 * middle - low - high)]
+    errors.append(np.linalg.norm(every - middle, axis=1).max() / radius - 1.0)
+    # A sphere that touches a side, or misses it by a twentieth.
     view = View(np.zeros(3), np.eye(3), Camera(yfov=math.radians(90.0), znear=1.0, zfar=100.0))
     matrix, root = view.clip_from_relative(64, 64), math.sqrt(0.5)
     for normal, offset in (((root, 0, root), 0), ((-root, 0, root), 0), ((0, root, root), 0), ((0, -root, root), 0),
