@@ -128,7 +128,7 @@ def pairs(
     settings, path_traced = _settings_of(scene, settings, options, ("settings", "channels"))
     if not is_sequence(scene):
         scene, settings = _readable(scene), settings.replace(pairs="all") if settings.metrics.all_pairs else settings
-    chosen = choose_input(scene, settings, options=path_traced)
+    chosen = choose_input(scene, settings, path_traced)
     return _pairs(partial(Session, chosen, Wants(images=True, channels=_channels(channels))))
 
 

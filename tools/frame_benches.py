@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from functools import partial
 from pathlib import Path
@@ -29,15 +30,14 @@ from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.channels import CHANNELS
 from taubench_gl.datasets.stand_ins import make_stand_in
-from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.evaluation import PairEvaluator, open_session
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
-from taubench_gl.pathtraced.evaluation import open_session
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -107,21 +107,18 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     )
     timers = {name: PassTimer(gpu, enabled=name == WAITS) for name in (WAITS, AT_ONCE, LATE)}
     camera = choose_camera(scene)
-    sources = {
-        name: RasterSource(gpu, AnimatedScene(scene, camera), settings, timer=timer) for name, timer in timers.items()
-    }
-    contexts = {name: GpuContext(gpu, timer=timers[name]) for name in timers}
-    evaluators = {n: PairEvaluator(contexts[n], s, settings) for n, s in sources.items()}
-    for name, evaluator in evaluators.items():
-        evaluator.deferred = name == LATE
     watch = Stopwatch(gpu)
-    for _ in range(3 * options.repeats + 1):  # many rounds, as the differences are small
-        for name, evaluator in evaluators.items():
-            watch.time(name, partial(_evaluate, evaluator, count))
-    for part in (*evaluators.values(), *sources.values(), *contexts.values()):
-        part.release()
-    gpu.collect()
-    samples = {name: [ms / (count - 1) for ms in watch.samples[name][1:]] for name in sources}
+    with contextlib.ExitStack() as stack:
+        evaluators = {}
+        for name, timer in timers.items():
+            owner = stack.enter_context(GpuOwner(gpu, timer))
+            source = owner.open_source(AnimatedScene(scene, camera), settings, timer=timer)
+            evaluators[name] = owner.open_evaluator(source, settings)
+            evaluators[name].deferred = name == LATE
+        for _ in range(3 * options.repeats + 1):  # many rounds, as the differences are small
+            for name, evaluator in evaluators.items():
+                watch.time(name, partial(_evaluate, evaluator, count))
+    samples = {name: [ms / (count - 1) for ms in watch.samples[name][1:]] for name in timers}
     rows = [row(name, ms) for name, ms in samples.items()]
     notes = [f"{path.name}, {options.size_text}, {count - 1} pairs per run; wall-clock time"]
     for name in (WAITS, AT_ONCE):
@@ -148,11 +145,9 @@ def readback(gpu: Gpu, options: Options) -> Result:
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
     settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY, **FIXED_LIGHTING)
-    source = RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=READS)
     watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
-    readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}
 
-    def run(reader: ChannelReader) -> None:
+    def run(source: RasterSource, reader: ChannelReader) -> None:
         waiting = None
         for frame in range(READ_FRAMES):
             source.advance(frame)
@@ -163,12 +158,12 @@ def readback(gpu: Gpu, options: Options) -> Result:
         for image in waiting:
             image.get()
 
-    for _ in range(options.repeats + 1):
-        for name, reader in readers.items():
-            watch.time(name, partial(run, reader))
-    for part in (*readers.values(), source):
-        part.release()
-    gpu.collect()
+    with GpuOwner(gpu) as owner:
+        source = owner.open_source(AnimatedScene(scene, camera), settings, extra=READS)
+        readers = {name: owner.own(ChannelReader(gpu, buffered=buffered)) for name, buffered in ways.items()}
+        for _ in range(options.repeats + 1):
+            for name, reader in readers.items():
+                watch.time(name, partial(run, source, reader))
     rows = [row(name, [ms / READ_FRAMES for ms in watch.samples[name][1:]]) for name in ways]
     chosen = "pixel buffers" if ChannelReader(gpu).buffered else "at once"
     notes = [f"{path.name}, {options.size_text}, {', '.join(READS)} of every frame; exports here read: {chosen}"]

@@ -11,7 +11,7 @@ from benches import FPS, Options, Result, Row, bench, real_scene, row
 
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.effects.decide import FORCEABLE, decide
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
@@ -25,13 +25,13 @@ LIGHT_FRAMES = 2
 """Frames per round; few, because a frame with 690 lights without ranges takes seconds on llvmpipe."""
 
 
-class Subject:
+class Subject(GpuOwner):
     """A source with its own timer."""
 
     def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...] = ()):
-        self.timer = PassTimer(gpu)
-        self._gpu, self._frame = gpu, 0
-        self.source = RasterSource(gpu, AnimatedScene(scene), settings, force=force, timer=self.timer)
+        super().__init__(gpu)
+        self.timer, self._frame = PassTimer(gpu), 0
+        self.source = self.open_source(AnimatedScene(scene), settings, force=force, timer=self.timer)
 
     def advance(self) -> None:
         with self.timer.measure("frame"):
@@ -41,10 +41,6 @@ class Subject:
     def samples(self, name: str) -> list[float]:
         """Milliseconds of all frames except the first, which includes compilation."""
         return self.timer.samples_ms()[name][1:].tolist()
-
-    def release(self) -> None:
-        self.source.release()
-        self._gpu.collect()
 
 
 @bench
@@ -180,14 +176,11 @@ def effects(gpu: Gpu, options: Options) -> Result:
 
 def _saved(gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...], repeats: int) -> tuple[list[float], int]:
     """Differences in milliseconds per frame, and in bytes."""
-    pair = [Subject(gpu, scene, settings), Subject(gpu, scene, settings, force)]
-    try:
+    with Subject(gpu, scene, settings) as plain, Subject(gpu, scene, settings, force) as forced:
+        pair = plain, forced
         for _ in range(1 + 2 * repeats):
             for subject in pair:
                 subject.advance()
-        without, forced = (np.array(subject.samples("frame")) for subject in pair)
+        times = [np.array(subject.samples("frame")) for subject in pair]
         memory = [subject.source.describe()["memory"]["gpu_bytes"] for subject in pair]
-        return (forced - without).tolist(), memory[1] - memory[0]
-    finally:
-        for subject in pair:
-            subject.release()
+    return (times[1] - times[0]).tolist(), memory[1] - memory[0]

@@ -28,7 +28,8 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.state import View
 from taubench_gl.conventions import Reason
-from taubench_gl.evaluation import ChannelPair, PairEvaluator
+from taubench_gl.evaluation import ChannelPair
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -44,16 +45,16 @@ HAS_NUMBA = importlib.util.find_spec("numba") is not None
 NO_NUMBA = "numba is not installed"
 
 
-class MaskBench:
+class MaskBench(GpuOwner):
     """One scene and reprojection mode: renders pairs and computes their masks on the GPU and with the peers."""
 
     def __init__(self, gpu: Gpu, path, mode: str, size: tuple[int, int], torch: Peer | None = None):
+        super().__init__(gpu)
         scene = load_scene(path)
         self.mode, self.size = mode, size
         self.channels = ("position", "normal", "prev_position") if mode == "motion" else ("position", "normal")
-        self.context = GpuContext(gpu)
-        self.renderer = Renderer(self.context, scene, choose_camera(scene), size, self.channels)
-        self.evaluator = PairEvaluator(self.context, ChannelPair(size, reprojection=mode), Settings(**FIXED_LIGHTING))
+        self.renderer = self.own(Renderer(self.context, scene, choose_camera(scene), size, self.channels))
+        self.evaluator = self.open_evaluator(ChannelPair(size, reprojection=mode), Settings(**FIXED_LIGHTING))
         self.thresholds = Settings().metrics.thresholds
         self.torch = torch
 
@@ -99,10 +100,6 @@ class MaskBench:
         differ = int(np.abs(mask_histogram - counts.mask_histogram.astype(np.int64)).sum())
         if differ > 1e-3 * self.size[0] * self.size[1]:
             raise SystemExit(f"tools/bench: masks and {name} differ in {differ} counts")
-
-    def release(self) -> None:
-        for part in (self.evaluator, self.renderer, self.context):
-            part.release()
 
 
 @quick

@@ -25,10 +25,10 @@ from peers import Peer
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.evaluation import ChannelPair, PairEvaluator
+from taubench_gl.evaluation import ChannelPair
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
@@ -63,9 +63,9 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         claims = tuple(unmeasured(what, "<=", 0.3, "no pyrender") for what in CLAIMS.values())
         return Result(title, [missing(PYRENDER, peer.missing)], [], claims=claims)
     scene, camera = load_scene(path), Walk()
-    context = GpuContext(gpu)
-    renderer = Renderer(context, scene, camera, options.size, EIGHT)
-    evaluator = PairEvaluator(context, ChannelPair(options.size), Settings(**FIXED_LIGHTING))
+    owner = GpuOwner(gpu)
+    renderer = owner.own(Renderer(owner.context, scene, camera, options.size, EIGHT))
+    evaluator = owner.open_evaluator(ChannelPair(options.size), Settings(**FIXED_LIGHTING))
     watch, covered = Stopwatch(gpu), []
 
     def masked(frame: int) -> None:
@@ -90,10 +90,8 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         covered.append((answer["covered"], float((renderer.read("position")[..., 3] > 0).mean())))
     rows = [row(name, watch.samples[name][1:]) for name in (PYRENDER, OURS, MASKED, READ)]
     theirs, mine = 100 * np.mean(covered, axis=0)
-    for part in (evaluator, renderer, context):
-        part.release()
+    owner.release()
     peer.close()
-    gpu.collect()
     triangles = sum(len(p.triangles) for m in scene.meshes for p in m.primitives)
     notes = [
         f"{triangles} triangles; geometry only (pyrender: ambient light, no shadows; ours: no light)",

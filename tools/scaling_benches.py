@@ -11,12 +11,11 @@ from mask_benches import Walk
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
+from taubench_gl.evaluation import ChannelPair, evaluate_scene
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.renderer import Renderer
-from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -59,11 +58,12 @@ def interleaved(gpu: Gpu, subjects: list[Callable[[], object]], rounds: int) -> 
     return [watch.samples[str(i)][1:] for i in range(len(subjects))]
 
 
-class Walker:
+class Walker(GpuOwner):
     """Renders the next frame of a scene at every call."""
 
     def __init__(self, gpu: Gpu, scene: Scene, size: tuple[int, int], channels=("position", "normal"), camera=None):
-        self.renderer = Renderer(GpuContext(gpu), scene, camera or choose_camera(scene), size, channels)
+        super().__init__(gpu)
+        self.renderer = self.own(Renderer(self.context, scene, camera or choose_camera(scene), size, channels))
         self._frame = 0
 
     def __call__(self) -> None:
@@ -71,17 +71,12 @@ class Walker:
         frame = self._frame % 7
         self.renderer.draw(frame / FPS, (frame - 1) / FPS)
 
-    def release(self) -> None:
-        self.renderer.release()
-        self.renderer.context.release()
-
 
 def interleaved_frames(gpu: Gpu, walkers: list[Walker], rounds: int) -> list[list[float]]:
     """As ``interleaved``; releases the walkers."""
     times = interleaved(gpu, list(walkers), rounds)
     for walker in walkers:
         walker.release()
-    gpu.collect()
     return times
 
 
@@ -93,8 +88,8 @@ def pixels(gpu: Gpu, options: Options) -> Result:
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
     sizes = [(max(options.size[0] // n, 16), max(options.size[1] // n, 9)) for n in (8, 4, 2, 1)]
     walkers = [Walker(gpu, scene, size, camera=camera) for size in sizes]
-    context = GpuContext(gpu)
-    evaluators = [PairEvaluator(context, ChannelPair(size), Settings(**FIXED_LIGHTING)) for size in sizes]
+    owner = GpuOwner(gpu)
+    evaluators = [owner.open_evaluator(ChannelPair(size), Settings(**FIXED_LIGHTING)) for size in sizes]
 
     def mask(i: int) -> Callable[[], object]:
         renderer, history = walkers[i].renderer, walkers[i].renderer.history
@@ -104,9 +99,8 @@ def pixels(gpu: Gpu, options: Options) -> Result:
 
     drawn = interleaved(gpu, list(walkers), 3 * options.repeats)
     masked = interleaved(gpu, [mask(i) for i in range(len(sizes))], 3 * options.repeats)
-    for part in (*evaluators, context, *walkers):
+    for part in (owner, *walkers):
         part.release()
-    gpu.collect()
     counts = [w * h for w, h in sizes]
     return scaling("Pixels", counts, {"g-buffer": drawn, "masks": masked}, "pixels", [path.name])
 
@@ -136,16 +130,14 @@ def lights_growth(gpu: Gpu, options: Options) -> Result:
     )
     timers = [PassTimer(gpu) for _ in counts]
     scenes = [lamp_field(count // 4, count - count // 4, reach=4.0) for count in counts]
-    sources = [
-        RasterSource(gpu, AnimatedScene(scene), settings, timer=timer)
-        for scene, timer in zip(scenes, timers, strict=True)
-    ]
-    for frame in range(1 + 3 * options.repeats):
-        for source in sources:
-            source.advance(frame % 7)
-    for source in sources:
-        source.release()
-    gpu.collect()
+    with GpuOwner(gpu) as owner:
+        sources = [
+            owner.open_source(AnimatedScene(scene), settings, timer=timer)
+            for scene, timer in zip(scenes, timers, strict=True)
+        ]
+        for frame in range(1 + 3 * options.repeats):
+            for source in sources:
+                source.advance(frame % 7)
     times = [timer.samples_ms()["direct"][1:].tolist() for timer in timers]
     return scaling("Lights", counts, {"direct": times}, "lights", [f"range 4 m, {SMALL[0]}x{SMALL[1]}"])
 

@@ -115,11 +115,10 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
 def _exposure(scene: Scene, settings: Any) -> dict[str, Any]:
     """``value``: the exposure of every evaluation of this scene with this camera; None without OpenGL or triangles."""
     from taubench_gl.errors import TaubenchError
-    from taubench_gl.evaluation import require_triangles, resolve_lighting
+    from taubench_gl.evaluation import open_scene
 
     try:
-        require_triangles(scene)
-        resolved = resolve_lighting(scene, settings.replace(light="raster"))  # no samples to choose
+        resolved = open_scene(scene, settings.replace(light="raster")).lighting  # no samples to choose
     except TaubenchError as error:
         return {"value": None, "reason": error.what}
     return {"value": resolved.settings.lighting.exposure, "reason": resolved.reasons["exposure"]}

@@ -47,19 +47,14 @@ def render(
     out: Path = setting(REQUIRED, "Folder for the frames", group=OUTPUT, metavar="DIR"),
 ) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
-    from taubench_gl.animation import camera_of_run
     from taubench_gl.effects.lighting import environment_of
-    from taubench_gl.evaluation import environment_image, frame_range, resolve_lighting
+    from taubench_gl.evaluation import environment_image, open_scene
     from taubench_gl.pathtraced.blender.job import Quality
     from taubench_gl.pathtraced.blender.render import render_reference
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
-    from taubench_gl.scene import load_scene
 
-    scene = load_scene(scene_path, **settings.sequence.reading)
-    camera = camera_of_run(scene, settings.sequence)
-    frames = frame_range(scene, camera, settings)
-    resolved = resolve_lighting(scene, settings, camera, frames=frames)
-    settings = resolved.settings
+    opened = open_scene(scene_path, settings)
+    settings = opened.settings
     environment = environment_of(settings)
     image = environment_image(settings)
     quality = Quality(
@@ -72,9 +67,9 @@ def render(
         light_unit=settings.lighting.light_unit,
     )
     notes = render_reference(
-        scene,
-        camera,
-        frames,
+        opened.animated.scene,
+        opened.animated.camera,
+        opened.frames,
         out,
         fps=settings.sequence.fps,
         size=(settings.sequence.width, settings.sequence.height),
@@ -86,7 +81,7 @@ def render(
     factor = settings.lighting.exposure_factor
     exposure = "" if factor == 1.0 else f" --exposure {factor:g}"
     command = f"taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}{exposure}"
-    click.echo(f"{len(frames)} frames in {out}; next: {command}")
+    click.echo(f"{len(opened.frames)} frames in {out}; next: {command}")
 
 
 class _ProgressLines:

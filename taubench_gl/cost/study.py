@@ -38,7 +38,7 @@ from taubench_gl.data_files import read_text
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
+from taubench_gl.evaluation import file_hashes, files_identity, frame_range, open_scene
 from taubench_gl.features import COLUMNS
 from taubench_gl.fields import declared, from_values
 from taubench_gl.folder_lock import FolderLock
@@ -144,7 +144,7 @@ def cost(
     if series is not None:
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
-    baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
+    baseline = open_scene(scene, baseline).settings.replace(pairs=baseline.metrics.pairs)
     if baseline.metrics.all_pairs:
         baseline = baseline.replace(pairs="all")
     subject = make_subject(scene, baseline, request.parameters, reference, series)

@@ -21,6 +21,7 @@ from taubench_gl.demos.opening import opening_settings, pair_text
 from taubench_gl.demos.sheet import as_bytes
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import output_folder, write_atomically
@@ -54,14 +55,8 @@ def open_pair(stage: Stage, demo: Demo) -> LitPair:
 @contextmanager
 def open_stage(size: tuple[int, int] = SIZE, backend: str = "auto", device: int | None = None) -> Iterator[Stage]:
     """A stage on the GPU or CPU driver of this machine, released on exit.  Raises GraphicsError, SettingsError."""
-    gpu = open_gpu(backend, device)
-    with gpu:
-        stage = Stage(gpu, size, device)
-        try:
-            yield stage
-        finally:
-            stage.release()
-            gpu.collect()
+    with open_gpu(backend, device) as gpu, GpuOwner(gpu) as owner:
+        yield owner.own(Stage(gpu, size, device))
 
 
 def run_demo(name: str, out: str | Path, size: tuple[int, int] = SIZE) -> Result:

@@ -26,7 +26,7 @@ from taubench_gl.evaluation.pairs import (
     PairEvaluator,
 )
 from taubench_gl.evaluation.scale import describe_scale
-from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, require_triangles
+from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, open_session, require_triangles
 from taubench_gl.evaluation.schedule import (
     frame_range,
     frame_schedule,
@@ -70,6 +70,7 @@ __all__ = [
     "mark_cuts",
     "missing_of_scene",
     "open_scene",
+    "open_session",
     "pair_schedule",
     "require_exact",
     "require_lobes",

@@ -20,7 +20,7 @@ from taubench_gl.data_files import code_hash, read_json
 from taubench_gl.effects.lighting import environment_of, own_light
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation.owner import opened_gpu
+from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.schedule import duration_of
 from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.spec import AnimatedScene
@@ -45,11 +45,14 @@ _CODE = ("animation", "effects", "frame", "metrics", "scene", "srgb.py", "evalua
 """Modules that a metered exposure depends on, with all shaders."""
 
 
-def exposure_of(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[float, str]:
+def exposure_of(
+    scene: Scene, settings: Settings, camera: CameraTrack | None = None, owner: GpuOwner | None = None
+) -> tuple[float, str]:
     """The exposure that ``auto`` stands for, and why, as a phrase.
 
     ``settings``: light unit and environment are resolved; besides them, only what selects the camera and the machine
-    counts.  ``camera``: None: that of ``settings``.  Raises TaubenchError.
+    counts.  ``camera``: None: that of ``settings``; ``owner``: whose programs metered frames share.  Raises
+    TaubenchError.
     """
     has_light = own_light(scene) is not None
     if settings.lighting.light_unit == "watt" and has_light:
@@ -58,11 +61,13 @@ def exposure_of(scene: Scene, settings: Settings, camera: CameraTrack | None = N
         return scene.exposure, "recorded in the file"
     if not has_light and settings.lighting.environment == "none":
         return 1.0, "the scene has no light"
-    metered, where = meter(scene, settings, camera)
+    metered, where = meter(scene, settings, camera, owner)
     return (1.0, f"no surface reflects light {where}") if metered is None else (metered, f"metered {where}")
 
 
-def meter(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[float | None, str]:
+def meter(
+    scene: Scene, settings: Settings, camera: CameraTrack | None = None, owner: GpuOwner | None = None
+) -> tuple[float | None, str]:
     """The metered exposure, None if no surface reflects light, and in which frames.  Arguments of ``exposure_of``."""
     metering = _metering(scene, settings)
     camera = _camera(scene, metering, camera)
@@ -72,7 +77,7 @@ def meter(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -
     file = _cache_file(scene, metering, camera)
     exposure = None if file is None else _cached(file)
     if exposure is None:
-        exposure = _metered(scene, metering, camera, times)
+        exposure = _metered(AnimatedScene(scene, camera), metering, times, owner)
         if exposure is not None and file is not None:
             with suppress(OutputError, OSError):  # a cache that cannot be written costs time, not the result
                 write_atomically(file, json.dumps(exposure), parents=True)
@@ -109,19 +114,19 @@ def _times(scene: Scene, camera: CameraTrack) -> np.ndarray:
     return np.linspace(0.0, duration, METERED_FRAMES)
 
 
-def _metered(scene: Scene, metering: Settings, camera: CameraTrack, times: np.ndarray) -> float | None:
+def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, owner: GpuOwner | None) -> float | None:
     """The exposure of direct light at ``times``; None if there is none."""
     if len(times) > 1:
         metering = metering.replace(fps=1.0 / times[1])
-    with opened_gpu(metering) as owner:
-        source = owner.open_source(AnimatedScene(scene, camera), metering)
+    with opened_gpu(metering, owner) as opened:
+        source = opened.open_source(animated, metering)
         if "direct" in source.unmeasured:
             return None
         radiance = []
         for frame in range(len(times)):
             source.advance(frame)
             radiance.append(surface_radiance(source.read("direct"), source.read("position")))
-        owner.gpu.check("metering")
+        opened.gpu.check("metering")
     exposure = metered_exposure(np.concatenate(radiance))
     return None if exposure is None else min(max(rounded(exposure), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
 

@@ -17,7 +17,7 @@ from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
-from taubench_gl.evaluation.owner import opened_gpu
+from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.schedule import LEAST_PAIRS, SAMPLE_BUDGET, first_middle_last, frame_range
 from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.spec import AnimatedScene
@@ -62,11 +62,13 @@ def resolve_lighting(
     *,
     frames: range | None = None,
     poser: Poser | None = None,
+    owner: GpuOwner | None = None,
 ) -> ResolvedLighting:
     """Choose what ``light_unit``, ``exposure`` and ``environment`` leave open.  Draws only to meter an exposure.
 
     ``frames``: of the run; None: those of ``settings``.  The number of samples depends on them, the exposure does not
-    (``evaluation.exposure``).  Settings that are resolved come back unchanged.  Raises TaubenchError.
+    (``evaluation.exposure``).  ``owner``: whose programs the metered frames share.  Settings that are resolved come
+    back unchanged.  Raises TaubenchError.
     """
     lighting, reasons = settings.lighting, dict.fromkeys(("light_unit", "exposure", "environment"), GIVEN)
     chosen: dict[str, Any] = {}
@@ -83,11 +85,15 @@ def resolve_lighting(
     if lighting.exposure == AUTO:
         exposure, reasons["exposure"] = 1.0, "no column depends on light"
         if settings.metrics.lit:
-            exposure, reasons["exposure"] = exposure_of(scene, settings, camera)
+            exposure, reasons["exposure"] = exposure_of(scene, settings, camera, owner)
         settings = settings.replace(exposure=exposure)
         require_float32(scene, settings)
     if lighting.spp is None and lighting.light != "raster":
-        settings = settings.replace(spp=_samples(scene, settings, camera, frames, poser))
+        samples = lighting.path_samples
+        if lighting.light == AUTO and settings.metrics.lit and traced_sources(scene, settings):
+            animated = AnimatedScene(scene, camera or camera_of_run(scene, settings.sequence), poser)
+            samples = _samples(animated, settings, frames, owner)
+        settings = settings.replace(spp=samples)
     return ResolvedLighting(settings, reasons)
 
 
@@ -139,32 +145,26 @@ def files_identity(hashes: Mapping[str, Any]) -> str | None:
     return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
-def _samples(
-    scene: Scene, settings: Settings, camera: CameraTrack | None, frames: range | None, poser: Poser | None
-) -> int:
-    """Samples per pixel of path-traced light: with ``auto`` as few as its noise allows, within SAMPLE_BUDGET.
+def _samples(animated: AnimatedScene, settings: Settings, frames: range | None, owner: GpuOwner | None) -> int:
+    """Samples per pixel of path-traced light: as few as its noise allows, within SAMPLE_BUDGET.
 
     Noise allows a number at which MARGIN times its standard deviation exceeds a threshold in at most MOST_NOISY of all
     pixels of the metered frames, drawn smaller and with NOISE_SPP samples.
     """
-    default = settings.lighting.path_samples
-    if settings.lighting.light != AUTO or not settings.metrics.lit or not traced_sources(scene, settings):
-        return default
-    camera = camera or camera_of_run(scene, settings.sequence)
-    frames = frame_range(scene, camera, settings) if frames is None else frames
+    frames = frame_range(animated.scene, animated.camera, settings) if frames is None else frames
     sides = (settings.sequence.width, settings.sequence.height)
     width, height = (min(side, max(side // SMALLER, SMALLEST)) for side in sides)
     metering = settings.replace(
         width=width, height=height, spp=NOISE_SPP, pattern="fixed", columns=("direct", "indirect"),
         samples_per_pixel=1, storage="float", pairs="all",
     )  # fmt: skip
-    with opened_gpu(settings) as owner:
-        source = owner.open_source(AnimatedScene(scene, camera, poser), metering, extra=("path_info",))
+    with opened_gpu(settings, owner) as opened:
+        source = opened.open_source(animated, metering, extra=("path_info",))
         worst = []
         for frame in first_middle_last(frames):
             source.advance(frame)
             worst.append(noise_of_a_sample(source.current, metering))
-        owner.gpu.check("metering")
+        opened.gpu.check("metering")
     ratios = np.concatenate([w.ravel() for w in worst])
     # Of a frame, so that the run can have its least number of pairs.
     most = max(SAMPLE_BUDGET // (2 * LEAST_PAIRS * sides[0] * sides[1]), SAMPLE_COUNTS[0])

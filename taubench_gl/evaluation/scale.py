@@ -36,13 +36,13 @@ USUAL_RATIO = 0.02
 """Position threshold over median depth of usual scenes."""
 
 
-def require_scale(scene: Scene, settings: Settings) -> None:
-    """Raises SceneError where a position threshold of 0 asks for distances whose squares vanish in float32.
+def require_scale(scene: Scene, threshold: float) -> None:
+    """Raises SceneError where a position ``threshold`` of 0 asks for distances whose squares vanish in float32.
 
     The least distance that counts then is the step of float32 positions.  ``Settings`` refuses other thresholds that
     are too small.
     """
-    if settings.metrics.threshold("position") > 0.0:
+    if threshold > 0.0:
         return
     span = 2.0 * bounding_sphere(Poser(scene), [0.0])[1]
     if span * FLOAT32_STEP < LEAST_LENGTH:

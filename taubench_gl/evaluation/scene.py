@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, View, camera_of_run
+from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
-from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range, with_pairs
-from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
+from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
 from taubench_gl.evaluation.summary import scene_facts
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
@@ -73,27 +74,48 @@ def open_scene(
     settings: Settings,
     camera: CameraTrack | None = None,
     *,
-    columns: tuple[str, ...] | None = None,
-    sampled: bool = True,
+    poser: Poser | None = None,
+    owner: GpuOwner | None = None,
 ) -> SceneInput:
-    """Load a scene if it is a path, choose camera, frames, lighting and, if ``sampled``, pairs.  Raises TaubenchError.
+    """Load a scene if it is a path, choose camera, frames, lighting and pairs.  Raises TaubenchError.
 
-    ``columns``: those that lighting is resolved for, where light is needed for others than those of ``settings``.
+    ``poser``: of the scene, None: a new one; ``owner``: whose programs metering shares.
     """
+    scene = _drawable(scene, settings)
+    camera = camera or camera_of_run(scene, settings.sequence)
+    frames = frame_range(scene, camera, settings)
+    animated = AnimatedScene(scene, camera, poser)
+    lighting = resolve_lighting(scene, settings, camera, frames=frames, poser=animated.poser, owner=owner)
+    lighting = replace(lighting, settings=with_pairs(scene, lighting.settings, frames))
+    return SceneInput(animated, frames, lighting)
+
+
+def _drawable(scene: Scene | str | Path, settings: Settings) -> Scene:
+    """The scene, read if it is a path, which an evaluation with ``settings`` can draw.  Raises TaubenchError."""
     if settings.metrics.exact:
         require_exact(settings)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **settings.sequence.reading)
-    camera = camera or camera_of_run(scene, settings.sequence)
-    frames = frame_range(scene, camera, settings)
     require_triangles(scene)
-    require_scale(scene, settings)
-    animated = AnimatedScene(scene, camera)
-    lit = settings if columns is None else settings.replace(columns=columns)
-    lighting = resolve_lighting(scene, lit, camera, frames=frames, poser=animated.poser)
-    resolved = lighting.settings if columns is None else lighting.settings.replace(columns=settings.metrics.columns)
-    resolved = with_pairs(scene, resolved, frames) if sampled else resolved
-    return SceneInput(animated, frames, replace(lighting, settings=resolved))
+    require_scale(scene, settings.metrics.threshold("position"))
+    return scene
+
+
+@contextlib.contextmanager
+def open_session(
+    scene: Scene | str | Path,
+    settings: Settings,
+    wants: Wants | None = None,
+    *,
+    camera: CameraTrack | None = None,
+    every: int = TIMED_EVERY,
+) -> Iterator[Session]:
+    """A session of a scene, whose metering shares its programs.  Arguments of ``open_scene`` and ``Session``."""
+    scene = _drawable(scene, settings)  # what is wrong with a file is said also where there is no GPU
+    with opened_gpu(settings) as owner:
+        opened = open_scene(scene, settings, camera, owner=owner)
+        with Session(opened, wants or Wants(), every=every, shaders=owner.context.shaders) as session:
+            yield session
 
 
 def evaluate_scene(
@@ -114,8 +136,9 @@ def evaluate_scene(
     require_lobes(lobes)
     if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:
         raise SettingsError("lobes are measured at one sample per pixel", hint="leave samples per pixel at 1")
-    given = open_scene(scene, settings or Settings(), camera)
-    return evaluate(given, observers or Observers(), tuple(lobes), out)
+    observers = observers or Observers()
+    with open_session(scene, settings or Settings(), Wants.of(observers, lobes), camera=camera) as session:
+        return evaluate(session, observers, out)
 
 
 def require_triangles(scene: Scene) -> None:

@@ -1,11 +1,12 @@
 """A session: everything that the evaluation of one scene or sequence owns, opened and closed together.
 
-    with Session(given, Wants(images=True)) as session:
+    with open_session("scene.glb", settings, Wants(images=True)) as session:
         for pair in session.pairs():
             pair.row, pair.mask
         summary = session.summary()
 
-``given`` is a SceneInput or, for path-traced files, a PathTracedInput.  ``evaluate`` is the one loop over all pairs.
+What a session evaluates is a SceneInput or, for path-traced files, a PathTracedInput.  ``evaluate`` is the one loop
+over all pairs.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.frame.sources import RasterSource, Source
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.metrics.sequence_stats import SequenceStats
@@ -53,6 +55,11 @@ class Wants:
     channels: tuple[str, ...] = ()
     distances: bool = False
     lobes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, observers: Observers, lobes: Collection[str] = ()) -> Wants:
+        """Those of ``observers``."""
+        return cls(observers.on_pair is not None, observers.channels, observers.distances, tuple(lobes))
 
 
 class ColumnAdder(Protocol):
@@ -101,20 +108,23 @@ class Session(GpuOwner):
     current while a pair is drawn, not while the caller has it.
     """
 
-    def __init__(self, given: Input, wants: Wants = Wants(), *, every: int = TIMED_EVERY):
-        """``every``: the passes of one in so many frames are timed.  Raises TaubenchError."""
+    def __init__(
+        self, given: Input, wants: Wants = Wants(), *, every: int = TIMED_EVERY, shaders: ShaderCache | None = None
+    ):
+        """``every``: the passes of one in so many frames are timed; ``shaders``: programs to share, as of ``GpuOwner``.
+
+        Raises TaubenchError.
+        """
         self.given, self.wants, self.settings = given, wants, given.settings
         gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
         self.timer = PassTimer(gpu, first=TIMED_FIRST, every=every)
-        super().__init__(gpu, self.timer)
-        with gpu, contextlib.ExitStack() as opened:
-            opened.callback(self.release)
+        super().__init__(gpu, self.timer, shaders)
+        with gpu, self.opening():
             self.source = given.open_source(self, self.timer, wants)
             self.adders = list(given.adders(self))
             self._images = wants.images or bool(self.adders)
             how = {"images": self._images, "distances": wants.distances}
             self.evaluator = self.open_evaluator(self.source, self.settings, **how)
-            opened.pop_all()
         self._begin()
 
     def variant(self, settings: Settings, **how: Any) -> RasterSource:
@@ -196,20 +206,19 @@ class Session(GpuOwner):
         return summary
 
 
-def evaluate(given: Input, observers: Observers, lobes: tuple[str, ...] = (), out: str | Path | None = None) -> Run:
-    """Evaluate every pair of ``given``.
+def evaluate(session: Session, observers: Observers, out: str | Path | None = None) -> Run:
+    """Evaluate every pair of ``session``, opened with ``Wants.of(observers)``.
 
     ``out`` receives frames.csv row by row and summary.json at the end.  After a KeyboardInterrupt the pairs already
     submitted are still read, written and reported.
     """
-    observers = replace(observers, scene=given.name)
-    wants = Wants(observers.on_pair is not None, observers.channels, observers.distances, lobes)
+    observers = replace(observers, scene=session.given.name)
     with contextlib.ExitStack() as stack:
         if out is not None:
-            writer = stack.enter_context(RunWriter(out, frame_columns(given.settings)))
+            writer = stack.enter_context(RunWriter(out, frame_columns(session.settings)))
             observers = replace(observers, writer=writer)
-        with Session(given, wants) as session, session.gpu:
-            total = sum(evaluate for _, evaluate in frame_schedule(given.frames, session.settings))
+        with session.gpu:
+            total = sum(evaluate for _, evaluate in frame_schedule(session.given.frames, session.settings))
             try:
                 for pair in session.pairs():
                     _report(pair, observers, len(session.rows), total)

@@ -112,8 +112,9 @@ def _export(
     names, (overwrite, progress, announce) = exported_names(options), control
     # Geometry does not depend on the exposure.
     lit = _EXPOSED & set(names) or options.training.wanted
-    given = open_scene(scene, settings, columns=None if lit else ("frustum",), sampled=False)
-    settings, frames, loaded = given.settings, given.frames, given.animated.scene
+    given = open_scene(scene, settings if lit else settings.replace(columns=("frustum",)))
+    settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
+    frames, loaded = given.frames, given.animated.scene
     how = {"jitter": options.jitter, "training": options.training}
     with (
         opened_gpu(settings) as owner,

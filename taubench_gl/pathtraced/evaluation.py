@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, View, choose_camera
+from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
@@ -18,7 +18,7 @@ from taubench_gl.evaluation import Observers
 from taubench_gl.evaluation.lobes import LobeColumns
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.scene import SceneInput, open_scene
-from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
+from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
@@ -114,11 +114,7 @@ def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions)
 
 
 def choose_input(
-    source: Scene | str | Path,
-    settings: Settings,
-    *,
-    camera: CameraTrack | None = None,
-    options: PathTracedOptions | None = None,
+    source: Scene | str | Path, settings: Settings, options: PathTracedOptions
 ) -> SceneInput | PathTracedInput:
     """What a session evaluates of a scene, or of ``exr:DIR`` with ``options``: its camera, frames and lighting.
 
@@ -126,15 +122,8 @@ def choose_input(
     """
     if is_sequence(source):
         require_supported(source, settings)
-        return open_input(source, settings, options or PathTracedOptions())
-    return open_scene(source, settings, camera)
-
-
-def open_session(
-    source: Scene | str | Path, settings: Settings, wants: Wants | None = None, *, every: int = TIMED_EVERY, **how: Any
-) -> Session:
-    """A session of a scene or of ``exr:DIR``.  ``how``: as of ``choose_input``.  Raises TaubenchError."""
-    return Session(choose_input(source, settings, **how), wants or Wants(), every=every)
+        return open_input(source, settings, options)
+    return open_scene(source, settings)
 
 
 def _choose_camera(
@@ -170,8 +159,9 @@ def evaluate_path_traced(
     """
     settings, options = settings or Settings(), options or PathTracedOptions()
     require_supported(spec, settings)
-    rendered = open_input(spec, settings, options)
-    return evaluate(rendered, observers or Observers(), options.lobes, out)
+    observers, rendered = observers or Observers(), open_input(spec, settings, options)
+    with Session(rendered, Wants.of(observers, options.lobes)) as session:
+        return evaluate(session, observers, out)
 
 
 def require_supported(spec: str | Path, settings: Settings) -> None:

@@ -16,6 +16,7 @@ from taubench_gl.frame.targets import from_gl, raw_image
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import WRITE, ComputePass
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.gpu.shader import resolve
 from taubench_gl.reject.contract import RejectionTest, constants
@@ -57,27 +58,25 @@ def declaration(test: RejectionTest, size: tuple[int, int], tuning: Tuning, radi
     return p.dispatch(size, tuning.shading_group)
 
 
-class Differences:
+class Differences(Owner):
     """Compiled tests of one source.  Raises MethodError for a test that does not compile."""
 
     def __init__(self, context: GpuContext, source: RasterSource, tests: Sequence[RejectionTest]):
+        super().__init__()
         self._context, self._source = context, source
         ctx = context.gpu.ctx
         self._radiance = tuple(name for name in ("direct", "indirect") if name in source.radiance)
-        self._target = ctx.texture(source.size, 1, dtype="f4")
-        self._motion = [ctx.texture(source.size, 2, dtype="f4") for _ in range(2)]
+        self._target = self.own(ctx.texture(source.size, 1, dtype="f4"))
+        self._motion = [self.own(ctx.texture(source.size, 2, dtype="f4")) for _ in range(2)]
         self._passes: dict[str, CompiledCompute] = {}
         tuning = Tuning(context.gpu.software)
-        try:
+        with self.opening():
             for test in tests:
                 self._passes[test.name] = self._compile(test, declaration(test, source.size, tuning, self._radiance))
-        except BaseException:
-            self.release()
-            raise
 
     def _compile(self, test: RejectionTest, p: ComputePass) -> CompiledCompute:
         try:
-            return self._context.compute(p)
+            return self.own(self._context.compute(p))
         except GraphicsError as error:
             first = p.interface().split(test.shader)[0].count("\n") if test.shader in p.interface() else 0
             what = _PREAMBLE_LINE.sub(lambda m: f"line {int(m.group(1)) - first}", error.what)
@@ -112,7 +111,3 @@ class Differences:
         out = raw_image(self._target)
         self._target.read_into(out)
         return from_gl(out, "difference")[..., 0].copy()
-
-    def release(self) -> None:
-        for item in (*self._passes.values(), self._target, *self._motion):
-            item.release()

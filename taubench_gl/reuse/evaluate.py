@@ -19,7 +19,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
-from taubench_gl.evaluation import resolve_lighting
+from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.fields import from_values
@@ -200,15 +200,16 @@ def evaluate_methods(
     _check_labels([spec.label for spec in specs])
     options.check(settings.lighting.seed)
     kind = options.kind(settings.lighting.seed)
-    if not isinstance(scene, Scene):
-        scene = load_scene(scene, **settings.sequence.reading)
-    camera = camera or camera_of_run(scene, settings.sequence)
     if kind.files is not None:
+        if not isinstance(scene, Scene):
+            scene = load_scene(scene, **settings.sequence.reading)
+        camera = camera or camera_of_run(scene, settings.sequence)
         settings, reasons = as_rendered(settings), {}
     else:
         # Images need their exposure whatever the columns.
-        resolved = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera)
-        settings, reasons = resolved.settings.replace(columns=settings.metrics.columns), resolved.reasons
+        opened = open_scene(scene, settings.replace(columns=COLUMNS), camera)
+        scene, camera, reasons = opened.animated.scene, opened.animated.camera, opened.lighting.reasons
+        settings = opened.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     with opened_gpu(settings) as owner:
         inputs = InputRequest(owner.gpu, scene, camera, settings, kind, Poser(scene), options.mapping)
         evaluator = _Evaluator(owner, inputs, specs, options, announce)

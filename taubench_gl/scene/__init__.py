@@ -47,7 +47,8 @@ def load_scene(
     if is_sequence(str(path)):
         from taubench_gl.scene.obj.reader import read_obj_sequence
 
-        return within_memory(read_obj_sequence(str(path), scene, animation, strict))
+        sequence = read_obj_sequence(str(path), scene, animation, strict)
+        return within_memory(sequence)
     path = Path(path)
     if os.path.isdir(path):  # False, not an error, for a name that is too long
         raise _no_scene_in(path)
@@ -60,7 +61,8 @@ def load_scene(
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
     reader = getattr(importlib.import_module(f"taubench_gl.scene.{name}.reader"), f"read_{name}")
-    return within_memory(reader(path, scene, animation, strict))
+    loaded = reader(path, scene, animation, strict)
+    return within_memory(loaded)
 
 
 def _no_scene_in(folder: Path) -> SceneError:

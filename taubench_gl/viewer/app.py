@@ -15,6 +15,7 @@ from imgui_bundle import ImVec2, imgui
 
 from taubench_gl.errors import TaubenchError
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.outputs import write_png
 from taubench_gl.viewer.feeds import OpenRequest
@@ -34,10 +35,10 @@ class Viewer(ViewerModel):
         imgui.set_current_context(self._imgui)  # a viewer that is open already stays intact
         imgui.get_io().set_ini_filename("")
         apply_theme()
-        self._renderer = ImguiRenderer(gpu)
-        self._shaders = ShaderCache(gpu.ctx)
+        self._renderer = self.own(ImguiRenderer(gpu))
+        self._shaders = self.own(ShaderCache(gpu.ctx))
         self._blit = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/blit.frag.glsl")
-        self._triangle = gpu.ctx.vertex_array(self._blit, [])
+        self._triangle = self.own(gpu.ctx.vertex_array(self._blit, []))
         self.panels = Panels(self)
         self.input = Input(self)
 
@@ -60,14 +61,12 @@ class Viewer(ViewerModel):
     def window_image(self) -> np.ndarray:
         """The window, redrawn into a framebuffer.  (h, w, 3) uint8, row 0 at the top."""
         width, height = (max(n, 1) for n in self.window_size)
-        texture = self.gpu.ctx.texture((width, height), 4)
-        framebuffer = self.gpu.ctx.framebuffer([texture])
-        self.draw(framebuffer)
-        self.gpu.finish()
-        out = np.frombuffer(texture.read(), np.uint8).reshape(height, width, 4)[::-1, :, :3].copy()
-        self.gpu.unbind_framebuffer()
-        framebuffer.release()
-        texture.release()
+        with Owner() as drawn:
+            texture = drawn.own(self.gpu.ctx.texture((width, height), 4))
+            self.draw(drawn.own(self.gpu.ctx.framebuffer([texture])))
+            self.gpu.finish()
+            out = np.frombuffer(texture.read(), np.uint8).reshape(height, width, 4)[::-1, :, :3].copy()
+            self.gpu.unbind_framebuffer()
         return out
 
     def tick(self, seconds: float) -> None:
@@ -142,8 +141,5 @@ class Viewer(ViewerModel):
     def close(self) -> None:
         """Store the preferences, finish the clip, free the GPU resources."""
         imgui.set_current_context(self._imgui)
-        self._renderer.release()
-        self._triangle.release()
-        self._shaders.release()
         super().close()
         imgui.destroy_context(self._imgui)

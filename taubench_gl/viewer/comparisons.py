@@ -11,6 +11,7 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.frame import read_result
@@ -42,19 +43,15 @@ class Comparison(Protocol):
 def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Comparison]:
     """What the frames of ``feed`` can be compared with, by name.  Raises TaubenchError."""
     comparisons: dict[str, Comparison] = {}
-    try:
+    with Owner().opening() as opened:
         if request.reference is not None:
             settings = feed.settings.replace(frames=(None, None))
-            reference = PathTracedFeed(gpu, request.reference, settings, request.options)
+            reference = opened.own(PathTracedFeed(gpu, request.reference, settings, request.options))
             comparisons["reference"] = PathTracedComparison(reference, feed)
         if request.run is not None:
             comparisons["run"] = run_comparison(gpu, request, feed)
         if isinstance(feed, SceneFeed):
             comparisons["method"] = MethodComparison(gpu)
-    except TaubenchError:
-        for comparison in comparisons.values():
-            comparison.release()
-        raise
     return comparisons
 
 
@@ -93,7 +90,7 @@ class RunComparison:
         self._feed.release()
 
 
-class MethodComparison:
+class MethodComparison(Owner):
     """The result of a reuse method for the frames of a feed, as color.
 
     A frame that does not follow the last starts again WARM_UP frames before it.
@@ -102,6 +99,7 @@ class MethodComparison:
     name = "method"
 
     def __init__(self, gpu: Gpu):
+        super().__init__()
         self._gpu = gpu
         self._key: tuple[object, ...] | None = None  # feed's settings, method and input
         self._error: TaubenchError | None = None  # of that key
@@ -115,7 +113,7 @@ class MethodComparison:
             return None
         key = (feed.settings, state.method, state.method_input)
         if key != self._key:
-            self.release()
+            self._reset()
             self._key = key
             try:
                 self._start(feed, state)
@@ -135,9 +133,9 @@ class MethodComparison:
         method, kind = load_method(state.method), parse_input(state.method_input)
         settings = feed.settings.replace(reprojection="motion")
         request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
-        self._inputs = RasterInputs(request, method.reads)
-        self._runner = MethodRunner(self._gpu, method, feed.size, input_size=self._inputs.size)
-        self._texture = self._gpu.ctx.texture(feed.size, 4, dtype="f4")
+        self._inputs = self.own(RasterInputs(request, method.reads))
+        self._runner = self.own(MethodRunner(self._gpu, method, feed.size, input_size=self._inputs.size))
+        self._texture = self.own(self._gpu.ctx.texture(feed.size, 4, dtype="f4"))
 
     def _run(self, frame: int, first: int) -> None:
         follows = self._frame is not None and frame == self._frame + 1
@@ -149,10 +147,8 @@ class MethodComparison:
         write_channel(self._texture, "color", color)
         self._frame = frame
 
-    def release(self) -> None:
-        for part in (self._runner, self._inputs, self._texture):
-            if part is not None:
-                part.release()
+    def _reset(self) -> None:
+        self.release()
         self._runner = self._inputs = self._texture = self._frame = self._error = self._key = None
 
 
@@ -181,7 +177,6 @@ class PathTracedComparison:
     def __init__(self, feed: PathTracedFeed, shown: Feed):
         if feed.size != shown.size:
             got = "x".join(map(str, feed.size))
-            feed.release()
             raise SettingsError(f"the reference is {got} pixels", hint=f"give --size {got}")
         self._feed, self.name = feed, "reference"
         self._offset = frame_offset(feed, shown)

@@ -16,6 +16,7 @@ from taubench_gl.effects.decide import Effect
 from taubench_gl.features import TABLE
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.display import BACKGROUND, KINDS, scale_glsl
 from taubench_gl.report.mask_images import STRIPE_PX
@@ -91,17 +92,18 @@ def _packed_color(name: str) -> int:
     return red | green << 8 | blue << 16
 
 
-class Display:
+class Display(Owner):
     """Draws images of one size into ``texture``, RGBA8, sRGB."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
+        super().__init__()
         self._gpu, self.size = gpu, size
-        self._shaders = ShaderCache(gpu.ctx)
-        self.texture = gpu.ctx.texture(size, 4, dtype="f1")
+        self._shaders = self.own(ShaderCache(gpu.ctx))
+        self.texture = self.own(gpu.ctx.texture(size, 4, dtype="f1"))
         self.texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self._framebuffer = gpu.ctx.framebuffer([self.texture])
+        self._framebuffer = self.own(gpu.ctx.framebuffer([self.texture]))
         self._arrays: dict[int, moderngl.VertexArray] = {}
-        self._lines = gpu.ctx.buffer(reserve=4 * 24 * 64, dynamic=True)
+        self._lines = self.own(gpu.ctx.buffer(reserve=4 * 24 * 64, dynamic=True))
 
     def draw(self, content: Content, area: Area | None = None, first: tuple[int, int] = (0, 0)) -> None:
         """Draw ``content`` into ``area`` of the texture (x, y, width, height, y up), all of it for None.
@@ -186,9 +188,9 @@ class Display:
         program["position"] = 0
         self._begin()
         self._gpu.ctx.enable(moderngl.BLEND)
-        array = self._gpu.ctx.vertex_array(program, [(self._lines, "3f 3f", "in_position", "in_color")])
-        array.render(moderngl.LINES, vertices=len(rows))
-        array.release()
+        with Owner() as drawn:
+            layout = [(self._lines, "3f 3f", "in_position", "in_color")]
+            drawn.own(self._gpu.ctx.vertex_array(program, layout)).render(moderngl.LINES, vertices=len(rows))
         self._gpu.ctx.disable(moderngl.BLEND)
 
     def arrows(self, motion: moderngl.Texture, scale: float = 1.0) -> None:
@@ -212,10 +214,7 @@ class Display:
 
     def release(self) -> None:
         self._gpu.unbind_framebuffer()
-        for array in self._arrays.values():
-            array.release()
-        for item in (self._framebuffer, self.texture, self._lines, self._shaders):
-            item.release()
+        super().release()
 
     def _begin(self) -> None:
         ctx = self._gpu.ctx
@@ -225,7 +224,7 @@ class Display:
 
     def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
         if program.glo not in self._arrays:
-            self._arrays[program.glo] = self._gpu.ctx.vertex_array(program, [])
+            self._arrays[program.glo] = self.own(self._gpu.ctx.vertex_array(program, []))
         return self._arrays[program.glo]
 
 

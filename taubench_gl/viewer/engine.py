@@ -73,8 +73,7 @@ class ViewerEngine:
     unmeasured: Mapping[str, str] = field(default_factory=dict)  # column of the pair -> why it is not measured
     arrow_scale: float = 1.0  # of the arrows drawn last
 
-    _owner: GpuOwner | None = None
-    _planned: GpuOwner | None = None  # owns the evaluator of what is planned
+    _owner: GpuOwner | None = None  # of everything here, the feed and the comparisons
     _evaluator: PairEvaluator | None = None
     _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
     _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
@@ -97,11 +96,12 @@ class ViewerEngine:
 
     def __post_init__(self) -> None:
         self._owner = GpuOwner(self.gpu, self.timer)
-        self._planned = GpuOwner(self.gpu, self.timer, self._owner.context.shaders)
-        self._lights = Lights(self._owner.context, self.timer)
-        self._exact = ExactMasks(self.gpu)
-        self._display = Display(self.gpu, self.feed.size)
-        self._magnifier = Magnifier(self.gpu)
+        for part in (self.feed, *self.comparisons.values()):
+            self._owner.own(part)
+        self._lights = self._owner.own(Lights(self._owner.context, self.timer))
+        self._exact = self._owner.own(ExactMasks(self.gpu))
+        self._display = self._owner.own(Display(self.gpu, self.feed.size))
+        self._magnifier = self._owner.own(Magnifier(self.gpu))
         self.user = UserCamera(self.feed.file_shot(self.feed.frames[0]).view, self.feed.center, self.feed.radius)
 
     @property
@@ -193,13 +193,11 @@ class ViewerEngine:
         if state.live != asked:
             state.message = "path-traced files have their light and their size"
         if planned or self._evaluator is None:
-            self._lights.reset()
-            self._exact.release()
+            for part in (self._lights, self._exact):
+                part.reset()
             self._drawn_feed = self.feed
-            self._planned.release()
-            self._active = self._evaluator = self._planned.open_evaluator(
-                self.feed.source, self.feed.settings, images=True
-            )
+            how = {"images": True, "instead_of": self._evaluator}
+            self._active = self._evaluator = self._owner.open_evaluator(self.feed.source, self.feed.settings, **how)
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
             self._resize(state)
@@ -224,8 +222,7 @@ class ViewerEngine:
         size = self.feed.size
         if self._display.size == size:
             return
-        self._display.release()
-        self._display = Display(self.gpu, size)
+        self._display = self._owner.own(Display(self.gpu, size), instead_of=self._display)
         if state.probe is not None:
             if self._probe_place is None or self._probe_place[0] != state.probe:  # the user chose another pixel
                 self._probe_place = state.probe, tuple((p + 0.5) / n for p, n in zip(state.probe, state.size))
@@ -233,9 +230,8 @@ class ViewerEngine:
             state.probe = tuple(min(int(at * n), n - 1) for at, n in zip(place, size))
             self._probe_place = state.probe, place
         state.size = size
-        if self._observer is not None:
-            self._observer.release()
-            self._observer = None
+        self._owner.free_parts(self._observer)
+        self._observer = None
 
     def _choose_pair(self, state: ViewerState) -> tuple[Shot, Shot]:
         """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view."""
@@ -394,9 +390,8 @@ class ViewerEngine:
         """Draw the other image and the error map, if they are to be beside the image and there are any."""
         wanted = BESIDE if state.beside and other is not None else ()
         if len(self._beside) != len(wanted) or any(d.size != self._display.size for d in self._beside):
-            for display in self._beside:
-                display.release()
-            self._beside = [Display(self.gpu, self._display.size) for _ in wanted]
+            self._owner.free_parts(*self._beside)
+            self._beside = [self._owner.own(Display(self.gpu, self._display.size)) for _ in wanted]
         for mode, display in zip(wanted, self._beside, strict=True):
             display.draw(replace(self._content, comparison=mode, other=other, shown=()))
 
@@ -476,7 +471,7 @@ class ViewerEngine:
         """Render the scene from the user's camera while the current camera is frozen; its source."""
         if self._observer is None:
             feed = self.feed
-            self._observer = feed.beside(feed.settings)
+            self._observer = self._owner.own(feed.beside(feed.settings))
         live = replace(self.feed.live, scale=1.0, stops=0.0)  # the settings of the feed have them
         self._observer.plan(frozenset(VISUALIZATIONS[state.channel].channels), state.switched_off, live)
         self._observer.show_one(shot)
@@ -597,20 +592,7 @@ class ViewerEngine:
         return rate, percent, sentence(percent, shares, rate, 100.0 * (pixels - surface) / pixels)
 
     def release(self) -> None:
-        drawing = (
-            self._lights,
-            self._exact,
-            self._planned,
-            self._owner,
-            self._display,
-            *self._beside,
-            self._magnifier,
-            self._observer,
-        )
-        for part in (*drawing, *self.comparisons.values(), self.feed):
-            if part is not None:
-                part.release()
-        self.gpu.collect()
+        self._owner.release()
 
 
 SMOOTHING = 0.2

@@ -21,13 +21,12 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-class ExactMasks:
+class ExactMasks(GpuOwner):
     """A mask texture with the bits of mask and exact reasons, and the share of pixels of each reason."""
 
     def __init__(self, gpu: Gpu):
-        self._gpu = gpu
+        super().__init__(gpu)
         self._reasons: dict[int, tuple[RasterSource, ExactReasons]] = {}  # by id of the source
-        self._owner = GpuOwner(gpu)  # of what the reasons are found with
         self.texture: moderngl.Texture | None = None
         self.percent: dict[str, float | None] = {}
         self.bits: Array | None = None  # (h, w) uint32 of Visibility, row 0 at the top
@@ -40,30 +39,24 @@ class ExactMasks:
         """
         source = feed.source
         if id(source) not in self._reasons:  # with coarse light, geometry has a source of its own
-            variant = partial(self._owner.open_source, feed.animated)
+            variant = partial(self.open_source, feed.animated)
             reasons = ExactReasons(variant, feed.settings, source.radiance, without=tuple(off))
             self._reasons[id(source)] = source, reasons
         reasons = self._reasons[id(source)][1]
         bits = self.bits = reasons.of(source, frame).bits
         self.lit = reasons.lit
         if self.texture is None or self.texture.size != source.size:
-            self._drop_texture()
-            self.texture = self._gpu.ctx.texture(source.size, 1, dtype="u4")
+            texture = self.gpu.ctx.texture(source.size, 1, dtype="u4")
+            self.texture = self.own(texture, instead_of=self.texture)
         self.texture.write((mask | bits << np.uint32(SHIFT)).astype(np.uint32)[::-1].tobytes())
         self.percent = {name: 100.0 * float(np.mean((bits & wanted) != 0)) for name, wanted in EXACT_OVERLAYS.items()}
         if not reasons.lit:
             self.percent |= dict.fromkeys(("exact_brightened", "exact_darkened", "exact_view_dependent"))
 
-    def _drop_texture(self) -> None:
-        if self.texture is not None:
-            self.texture.release()
-            self.texture = None
-
-    def release(self) -> None:
-        """Also before another source is shown."""
-        self._owner.release()
-        self._drop_texture()
-        self._reasons, self.percent, self.bits = {}, {}, None
+    def reset(self) -> None:
+        """Free everything, before another source is shown."""
+        self.release()
+        self._reasons, self.percent, self.bits, self.texture = {}, {}, None, None
 
 
 def exact_words(bits: int, lit: bool) -> str:

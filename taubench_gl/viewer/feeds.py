@@ -13,17 +13,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, FrameState, Poser, View, bounding_sphere, camera_of_run
+from taubench_gl.animation import CameraTrack, FrameState, Poser, View, bounding_sphere
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
+from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
@@ -104,7 +104,7 @@ class KeptPoses(Poser):
         return self._kept[t]
 
 
-class SceneFeed:
+class SceneFeed(GpuOwner):
     """A rasterized Scene."""
 
     free = True
@@ -118,18 +118,14 @@ class SceneFeed:
         camera: CameraTrack | None = None,
         poser: Poser | None = None,
     ):
-        self._gpu, self.scene, self._timer = gpu, scene, timer
-        self._owner = GpuOwner(gpu)  # of ``source``
+        super().__init__(gpu)
+        self.scene, self._timer = scene, timer
         # One sample at the pixel center: the masks belong to the displayed image.
-        self.settings = settings.replace(samples_per_pixel=1)
-        self.camera = camera or camera_of_run(scene, settings.sequence)
-        self.frames = frame_range(scene, self.camera, settings)
-        self._poser = poser or KeptPoses(scene)
-        resolved = resolve_lighting(scene, self.settings, self.camera, frames=self.frames, poser=self._poser)
-        self.settings, self.lighting = resolved.settings, resolved.reasons
+        opened = open_scene(scene, settings.replace(samples_per_pixel=1), camera, poser=poser or KeptPoses(scene))
+        self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
+        self.frames, self.animated, self.lighting = opened.frames, opened.animated, opened.lighting.reasons
         self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
-        self.animated = AnimatedScene(scene, self.camera, self._poser)
-        self.center, self.radius = bounding_sphere(self._poser, self.animated.times)
+        self.center, self.radius = bounding_sphere(self.poser, self.animated.times)
         self._all = decide(scene, self.settings)
         self.source: RasterSource | None = None
         self._given = self.settings  # without ``live``
@@ -141,7 +137,7 @@ class SceneFeed:
 
     def beside(self, settings: Settings) -> SceneFeed:
         """Another feed of the same scene with this camera and these poses."""
-        return SceneFeed(self._gpu, self.scene, settings, self._timer, self.camera, self._poser)
+        return SceneFeed(self.gpu, self.scene, settings, self._timer, self.camera, self.poser)
 
     @property
     def effects(self) -> Mapping[str, Effect]:
@@ -149,7 +145,11 @@ class SceneFeed:
 
     @property
     def poser(self) -> Poser:
-        return self._poser
+        return self.animated.poser
+
+    @property
+    def camera(self) -> CameraTrack:
+        return self.animated.camera
 
     @property
     def switchable(self) -> tuple[str, ...]:
@@ -163,9 +163,7 @@ class SceneFeed:
         if frame not in self._shots:
             while len(self._shots) > 3:  # a pair is asked for again and again
                 del self._shots[next(iter(self._shots))]
-            self._shots[frame] = Shot(
-                frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps))
-            )
+            self._shots[frame] = Shot(frame, self.animated.view_at(frame / self.settings.sequence.fps))
         return self._shots[frame]
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
@@ -178,13 +176,11 @@ class SceneFeed:
         settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)
         every = decide(self.scene, settings)
         wanted = tuple(n for n in CHANNELS if n in self._extra | extra)
-        owner = GpuOwner(self._gpu)
-        source = owner.open_source(self.animated, settings, extra=wanted, without=off, timer=self._timer)
-        self._owner.release()  # only now: if the new source fails, the old one stays
-        self._owner = owner
-        self.source, self._off, self._held = source, off, [None, None]
+        how = {"extra": wanted, "without": off, "timer": self._timer}
+        self.source = self.open_source(self.animated, settings, instead_of=self.source, **how)
+        self._off, self._held = off, [None, None]
         self.settings, self.live, self._all, self._extra = settings, live, every, self._extra | extra
-        self.size = source.size
+        self.size = self.source.size
         return True
 
     def show(self, previous: Shot, current: Shot) -> bool:
@@ -199,7 +195,7 @@ class SceneFeed:
         return True
 
     def names_at(self, x: int, row: int) -> PixelNames | None:
-        return names_at(self._gpu, self.source, x, row) if "ids" in self.source.channels else None
+        return names_at(self.gpu, self.source, x, row) if "ids" in self.source.channels else None
 
     def show_one(self, shot: Shot) -> bool:
         """Render ``shot`` alone, without a pair; whether anything was rendered."""
@@ -211,11 +207,11 @@ class SceneFeed:
         return True
 
     def release(self) -> None:
-        self._owner.release()
+        super().release()
         self.source = None
 
 
-class PathTracedFeed:
+class PathTracedFeed(Owner):
     """Path-traced OpenEXR frames with the camera of the files."""
 
     free = False
@@ -223,12 +219,13 @@ class PathTracedFeed:
     lighting: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
+        super().__init__()
         given = open_input(spec, settings, options)
         self.sequence, self.settings, self.frames = given.sequence, given.settings, given.frames
         self.size, self.name = self.sequence.size, self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = PathTracedSource(gpu, self.sequence, given.camera, self.settings)
+        self.source = self.own(PathTracedSource(gpu, self.sequence, given.camera, self.settings))
         self._gpu, self._camera, self._given = gpu, given.camera, self.settings
         self.live = live_of(self.settings)
         self._views: dict[int, View] = {}
@@ -252,8 +249,7 @@ class PathTracedFeed:
             return False
         settings = live_settings(self._given, live)
         source = PathTracedSource(self._gpu, self.sequence, self._camera, settings)
-        self.source.release()
-        self.source, self.settings, self.live = source, settings, live
+        self.source, self.settings, self.live = self.own(source, instead_of=self.source), settings, live
         self._held, self._shown = (None, None), None
         return True
 
@@ -274,9 +270,6 @@ class PathTracedFeed:
     def _read(self, frame: int) -> None:
         self._views[frame] = self.source.advance(frame)
         self._held, self._shown = (self._held[1], frame), None
-
-    def release(self) -> None:
-        self.source.release()
 
 
 LIVE_SPP = 4
@@ -359,9 +352,7 @@ def open_feed(gpu: Gpu, request: OpenRequest, timer: Any) -> Opened:
 
 
 def scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFeed:
-    scene = load_scene(text, **settings.sequence.reading)
-    require_triangles(scene)
-    return SceneFeed(gpu, scene, settings, timer)
+    return SceneFeed(gpu, load_scene(text, **settings.sequence.reading), settings, timer)
 
 
 def scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:

@@ -14,18 +14,20 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.shader import ShaderCache
 
 
-class ImguiRenderer:
+class ImguiRenderer(Owner):
     """Renderer of one ImGui context.  ImGui adds glyphs to its textures on demand; they are mirrored in moderngl."""
 
     def __init__(self, gpu: Gpu):
+        super().__init__()
         self._gpu = gpu
-        self._shaders = ShaderCache(gpu.ctx)
+        self._shaders = self.own(ShaderCache(gpu.ctx))
         self._program = self._shaders.render("viewer/panel.vert.glsl", "viewer/panel.frag.glsl")
-        self._vertices = gpu.ctx.buffer(reserve=1 << 16, dynamic=True)
-        self._indices = gpu.ctx.buffer(reserve=1 << 16, dynamic=True)
+        self._vertices = self.own(gpu.ctx.buffer(reserve=1 << 16, dynamic=True))
+        self._indices = self.own(gpu.ctx.buffer(reserve=1 << 16, dynamic=True))
         self._textures: dict[int, moderngl.Texture] = {}
         self._shown: dict[int, moderngl.Texture] = {}  # of others, by number, until the frame is drawn
         imgui.get_io().backend_flags |= imgui.BackendFlags_.renderer_has_textures.value
@@ -33,7 +35,8 @@ class ImguiRenderer:
 
     def _make_array(self) -> moderngl.VertexArray:
         layout = (self._vertices, "2f 2f 4f1", "in_position", "in_uv", "in_color")
-        return self._gpu.ctx.vertex_array(self._program, [layout], self._indices, index_element_size=imgui.INDEX_SIZE)
+        size = imgui.INDEX_SIZE
+        return self.own(self._gpu.ctx.vertex_array(self._program, [layout], self._indices, index_element_size=size))
 
     def update_textures(self) -> None:
         """Create, update and delete textures as ImGui requests."""
@@ -42,16 +45,14 @@ class ImguiRenderer:
             if texture.status in (status.want_create, status.want_updates):
                 size, data = (texture.width, texture.height), np.ascontiguousarray(texture.get_pixels_array())
                 if texture.status == status.want_create:
-                    made = self._gpu.ctx.texture(size, 4, data.tobytes())
+                    made = self.own(self._gpu.ctx.texture(size, 4, data.tobytes()))
                     self._textures[made.glo] = made
                     texture.set_tex_id(made.glo)
                 else:
                     self._textures[texture.get_tex_id()].write(data.tobytes())
                 texture.set_status(status.ok)
             elif texture.status == status.want_destroy and texture.unused_frames > 0:
-                gone = self._textures.pop(texture.get_tex_id(), None)
-                if gone is not None:
-                    gone.release()
+                self.free_parts(self._textures.pop(texture.get_tex_id(), None))
                 texture.set_tex_id(0)
                 texture.set_status(status.destroyed)
 
@@ -99,9 +100,8 @@ class ImguiRenderer:
             data = ctypes.string_at(source.data_address(), source.size() * size) if source.size() else b""
             buffer: moderngl.Buffer = getattr(self, name)
             if len(data) > buffer.size:
-                self._array.release()
-                buffer.release()
-                setattr(self, name, self._gpu.ctx.buffer(reserve=2 * len(data), dynamic=True))
+                self.free_parts(self._array, buffer)
+                setattr(self, name, self.own(self._gpu.ctx.buffer(reserve=2 * len(data), dynamic=True)))
                 self._array = self._make_array()
             getattr(self, name).orphan()
             getattr(self, name).write(data)
@@ -110,8 +110,7 @@ class ImguiRenderer:
         for texture in imgui.get_platform_io().textures:
             texture.set_tex_id(0)
             texture.set_status(imgui.ImTextureStatus.destroyed)
-        for item in (*self._textures.values(), self._array, self._vertices, self._indices, self._shaders):
-            item.release()
+        super().release()
         self._textures.clear()
 
 

@@ -14,6 +14,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, Settings
@@ -65,7 +66,6 @@ class CoarseLight(GpuOwner):
         super().__init__(gpu, timer)
         self.coarse = coarse
         self._feed = self.own(feed.beside(coarse.settings(feed.settings)))
-        self._compared = self.own(GpuOwner(gpu, timer, self.context.shaders))  # owns the evaluator of a plan
         self._evaluator: PairEvaluator | None = None
 
     @property
@@ -79,8 +79,8 @@ class CoarseLight(GpuOwner):
     def draw(self, shots: tuple[Shot, Shot], off: frozenset[str]) -> None:
         """Draw a pair."""
         if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
-            self._compared.release()
-            self._evaluator = self._compared.open_evaluator(self.source, self._feed.settings, images=True)
+            how = {"images": True, "instead_of": self._evaluator}
+            self._evaluator = self.open_evaluator(self.source, self._feed.settings, **how)
         self._feed.show(*shots)
 
     def submit(self, shots: tuple[Shot, Shot], declared: int, thresholds: Mapping[str, float]) -> None:
@@ -126,10 +126,10 @@ class Refiner(GpuOwner):
         self._average(light, self._means[0], self._targets[1], 1.0 / self.samples)
         self._means.reverse()
         self._targets.reverse()
-        target = self.gpu.ctx.framebuffer(light)
-        self._average(self._means[0], self._means[0], target, 0.0)
-        self.gpu.unbind_framebuffer()
-        target.release()
+        with Owner() as drawn:
+            target = drawn.own(self.gpu.ctx.framebuffer(light))
+            self._average(self._means[0], self._means[0], target, 0.0)
+            self.gpu.unbind_framebuffer()
         source.recolor()
 
     def _average(self, samples: list, means: list, target: moderngl.Framebuffer, weight: float) -> None:
@@ -151,12 +151,12 @@ class Refiner(GpuOwner):
         super().release()
 
 
-class Lights:
+class Lights(GpuOwner):
     """Chooses the quality of light for what a feed shows, and holds what the others need."""
 
     def __init__(self, context: GpuContext, timer: Any):
-        self._gpu, self._timer = context.gpu, timer
-        self._compared = GpuOwner(context.gpu, timer, context.shaders)  # owns the evaluator
+        super().__init__(context.gpu, timer, context.shaders)
+        self._timer = timer
         self._geometry: SceneFeed | None = None  # the feed without light
         self._evaluator: PairEvaluator | None = None  # of its pairs
         self._coarse: CoarseLight | None = None
@@ -183,11 +183,10 @@ class Lights:
     def geometry(self, state: ViewerState, feed: SceneFeed, extra: frozenset[str]) -> SceneFeed:
         """The feed without light, with channels ``extra``."""
         if self._geometry is None:
-            self._geometry = feed.beside(feed.settings)
+            self._geometry = self.own(feed.beside(feed.settings))
         if self._geometry.plan(extra - UNLIT, state.switched_off | UNLIT, self._geometry.live):
-            self._compared.release()
             source, settings = self._geometry.source, self._geometry.settings
-            self._evaluator = self._compared.open_evaluator(source, settings, images=True)
+            self._evaluator = self.open_evaluator(source, settings, images=True, instead_of=self._evaluator)
         return self._geometry
 
     @property
@@ -200,9 +199,8 @@ class Lights:
         if self.active is None:
             return
         if self._coarse is None or self._coarse.coarse != self.active:
-            if self._coarse is not None:
-                self._coarse.release()
-            self._coarse = CoarseLight(self._gpu, feed, self.active, self._timer)
+            coarse = CoarseLight(self.gpu, feed, self.active, self._timer)
+            self._coarse = self.own(coarse, instead_of=self._coarse)
         self._coarse.draw(shots, state.switched_off)
 
     def submit(self, state: ViewerState, shots: tuple[Shot, Shot], declared: int) -> None:
@@ -224,7 +222,7 @@ class Lights:
         if not (still and self.refinable(state, feed, channel)) or self.samples(shot, channel) >= state.samples:
             return
         if self._refiner is None:
-            self._refiner = Refiner(self._gpu, feed, state.switched_off, self._timer)
+            self._refiner = self.own(Refiner(self.gpu, feed, state.switched_off, self._timer))
         self._refiner.add(shot)
         self._key = shot.key
 
@@ -260,10 +258,6 @@ class Lights:
         return "light at full resolution"
 
     def reset(self) -> None:
-        """The feed has another source."""
-        for part in (self._compared, self._geometry, self._coarse, self._refiner):
-            if part is not None:
-                part.release()
+        """Free everything: the feed has another source."""
+        self.release()
         self._evaluator = self._geometry = self._coarse = self._refiner = self.active = self._key = None
-
-    release = reset

@@ -7,19 +7,21 @@ from dataclasses import replace
 import moderngl
 
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.viewer.display import Content, Display, Other
 
 TILES = ("previous", "reprojected", "current")
 Pixel = tuple[int, int]  # x, y up
 
 
-class Magnifier:
+class Magnifier(Owner):
     """Draws TILES from left to right into ``texture``, each ``side`` pixels of the image wide and high.
 
     The middle of the first is the history position, the middle of the others the pixel itself.
     """
 
     def __init__(self, gpu: Gpu):
+        super().__init__()
         self._gpu = gpu
         self._display: Display | None = None
         self.side = 0
@@ -33,8 +35,8 @@ class Magnifier:
         """``current``: the image, without comparison; ``history``: the same channel of the previous frame, with the
         motion to it; ``at``: its pixel, None where it has none."""
         if side != self.side:
-            self.release()
-            self._display, self.side = Display(self._gpu, (len(TILES) * side, side)), side
+            display = Display(self._gpu, (len(TILES) * side, side))
+            self._display, self.side = self.own(display, instead_of=self._display), side
             self._display.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         off = replace(current, comparison="off", other=None)
         nothing = (off, (-side, -side))  # beside the image: black
@@ -43,11 +45,6 @@ class Magnifier:
         for i, (content, middle) in enumerate((before, moved, (off, pixel))):
             first = (middle[0] - side // 2, middle[1] - side // 2)
             self._display.draw(content, (i * side, 0, side, side), first)
-
-    def release(self) -> None:
-        if self._display is not None:
-            self._display.release()
-            self._display = None
 
 
 def _only(content: Content, other: Other) -> Content:

@@ -11,6 +11,7 @@ from taubench_gl.errors import TaubenchError
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.outputs import write_png
 from taubench_gl.report.video import Video
 from taubench_gl.viewer import prefs, session_file
@@ -27,7 +28,7 @@ LIGHT = ("direct", "color", "emission")
 """Effects that start disabled on software OpenGL."""
 
 
-class ViewerModel:
+class ViewerModel(Owner):
     """State, engine and everything that actions change.
 
     ``light``: start with the LIGHT effects enabled; None: only where OpenGL is hardware.  ``folder``: where
@@ -39,11 +40,13 @@ class ViewerModel:
     """Whether the user moves the camera now."""
 
     def __init__(self, gpu: Gpu, request: OpenRequest, *, light: bool | None = None, folder: Path | None = None):
+        super().__init__()
         self.gpu, self._request, self._light, self._folder = gpu, request, light, folder
         self.timer = LiveTimer(gpu)
         stored, note = prefs.load(folder) if folder is not None else (prefs.Prefs(), "")
         self.window_size = stored.window or (0, 0)  # screen points; (0, 0) while minimized
-        self.state, self.engine = self._open(request)
+        self.state, engine = self._open(request)
+        self.engine = self.own(engine)
         prefs.apply(stored, self.state)
         self.state.message = note or self.state.message
         self.screenshots = Path(".")  # folder of screenshots and clips
@@ -55,13 +58,14 @@ class ViewerModel:
         self._named: tuple[object, PixelNames | None] | None = None
 
     def _open(self, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
+        with Owner().opening() as owner:
+            return self._shown(owner, request)
+
+    def _shown(self, owner: Owner, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
+        """``owner``: of what is opened until all of it is."""
         opened = open_feed(self.gpu, request, self.timer)
-        feed = opened.feed
-        try:
-            comparisons = open_comparisons(self.gpu, request, feed)
-        except TaubenchError:
-            feed.release()
-            raise
+        feed = owner.own(opened.feed)
+        comparisons = open_comparisons(self.gpu, request, feed)
         limits = {f: feed.settings.metrics.threshold(f) for f in FEATURES}
         channel = "color" if "color" in feed.visualizations() else "headlight"
         state = ViewerState(
@@ -82,18 +86,14 @@ class ViewerModel:
             state.switched_off = frozenset(LIGHT) & set(state.effects)
             state.channel = "headlight"
             state.message = "software OpenGL: light is disabled; enable it under effects, or start with --lighting"
-        engine = ViewerEngine(self.gpu, feed, self.timer, comparisons)
-        try:
-            engine.update(state)  # a scene that cannot be drawn is an error here, not later
-            if request.restored is not None:
-                request.restored.apply(state, engine.user)
-                engine.update(state)  # now the image has the stored size, and channels depend on the effects
-                left = request.restored.apply(state, engine.user)
-                engine.update(state)
-                state.message = f"restored without {', '.join(left)}" if left else "restored"
-        except TaubenchError:
-            engine.release()
-            raise
+        engine = owner.own(ViewerEngine(self.gpu, feed, self.timer, comparisons))
+        engine.update(state)  # a scene that cannot be drawn is an error here, not later
+        if request.restored is not None:
+            request.restored.apply(state, engine.user)
+            engine.update(state)  # now the image has the stored size, and channels depend on the effects
+            left = request.restored.apply(state, engine.user)
+            engine.update(state)
+            state.message = f"restored without {', '.join(left)}" if left else "restored"
         return state, engine
 
     def reopen(self, request: OpenRequest) -> bool:
@@ -107,8 +107,7 @@ class ViewerModel:
             self._toggle_clip()
         if request.restored is None:
             prefs.apply(prefs.Prefs(values=variables(self.state)), state)
-        self.engine.release()
-        self._request, self.state, self.engine = request, state, engine
+        self._request, self.state, self.engine = request, state, self.own(engine, instead_of=self.engine)
         self._probed = self._named = None
         return True
 
@@ -251,7 +250,7 @@ class ViewerModel:
             self._toggle_clip()
         if self._folder is not None:
             prefs.save(self._folder, self.state, self.window_size if min(self.window_size) > 0 else None)
-        self.engine.release()
+        self.release()
 
 
 def free_name(folder: Path, stem: str, suffix: str) -> Path:

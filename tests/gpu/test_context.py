@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import json
 import subprocess
 import sys
@@ -211,6 +212,13 @@ def alive(gpu: Gpu) -> dict[str, int]:
     return out
 
 
+def alive_before(gpu: Gpu) -> int:
+    """Number of GL objects that earlier tests left.  moderngl never deletes a program whose shader did not compile."""
+    gc.collect()
+    gpu.collect()
+    return sum(alive(gpu).values())
+
+
 def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
     """Textures, buffers, framebuffers and programs are all gone when an evaluation returns or raises."""
     settings = Settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
@@ -218,9 +226,10 @@ def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
     def stop(pair) -> None:
         raise KeyboardInterrupt
 
+    earlier = alive_before(gpu)
     evaluate_scene(DEMO, settings)
     before = alive(gpu)  # the program used last is deleted, yet lives until another is used
-    assert sum(before.values()) <= 2, before
+    assert sum(before.values()) <= earlier + 2, before
     for look in (None, lambda pair: pair.mask, stop):
         with contextlib.suppress(KeyboardInterrupt):
             evaluate_scene(DEMO, settings, Observers(on_pair=look))
