@@ -11,6 +11,7 @@ from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import require_memory
+from taubench_gl.gpu.owner import Owner
 
 if TYPE_CHECKING:
     import moderngl
@@ -92,10 +93,10 @@ def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
 
 def read_texel(gpu: Gpu, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
     """One texel, y up.  (components,) in the type of the texture."""
-    framebuffer = gpu.ctx.framebuffer([texture])
-    data = framebuffer.read((x, y, 1, 1), components=texture.components, dtype=texture.dtype, alignment=1)
-    gpu.unbind_framebuffer()
-    framebuffer.release()
+    with Owner() as owner:
+        framebuffer = owner.own(gpu.ctx.framebuffer([texture]))
+        data = framebuffer.read((x, y, 1, 1), components=texture.components, dtype=texture.dtype, alignment=1)
+        gpu.unbind_framebuffer()
     return np.frombuffer(data, dtype=_NUMPY[texture.dtype])
 
 

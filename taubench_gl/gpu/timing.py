@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 
 WALL_CLOCK = "finish + monotonic clock"
 MAX_SAMPLES = 4096
@@ -43,21 +44,19 @@ class TimerVerdict:
 
 def probe_timer(gpu: Gpu) -> TimerVerdict:
     """Run one pass of known weight under both clocks; the GPU timer is usable if it sees most of the wall time."""
-    sink = gpu.ctx.buffer(reserve=4 * 64 * 1024)
-    program = gpu.ctx.compute_shader(_PROBE_SOURCE)
-    program["rounds"] = 2000 if gpu.software else 200_000
-    sink.bind_to_storage_buffer(0)
-    program.run(16)
-    gpu.finish()
-    query = gpu.ctx.query(time=True)
-    start = time.perf_counter()
-    with query:
-        program.run(1024)
-    gpu.finish()
-    wall_ms = (time.perf_counter() - start) * 1e3
-    gpu_ms = query.elapsed * 1e-6
-    for item in (sink, program):
-        item.release()
+    with Owner() as owner:
+        owner.own(gpu.ctx.buffer(reserve=4 * 64 * 1024)).bind_to_storage_buffer(0)
+        program = owner.own(gpu.ctx.compute_shader(_PROBE_SOURCE))
+        program["rounds"] = 2000 if gpu.software else 200_000
+        program.run(16)
+        gpu.finish()
+        query = gpu.ctx.query(time=True)
+        start = time.perf_counter()
+        with query:
+            program.run(1024)
+        gpu.finish()
+        wall_ms = (time.perf_counter() - start) * 1e3
+        gpu_ms = query.elapsed * 1e-6
     usable = 0.5 * wall_ms <= gpu_ms <= 1.5 * wall_ms
     why = f"a pass of {wall_ms:.2f} ms by the wall clock reads {gpu_ms:.2f} ms"
     return TimerVerdict(usable, why, gpu_ms, wall_ms)

@@ -17,8 +17,8 @@ from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import CONSTANTS, RasterPass, Use
 from taubench_gl.gpu.hazards import ATTRIBUTES
 from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.shader import ShaderCache
 
 if TYPE_CHECKING:
     import moderngl
@@ -100,7 +100,7 @@ def set_facing(ctx: moderngl.Context, group: Group) -> None:
     ctx.front_face = "cw" if group.mirrored else "ccw"
 
 
-class GBufferPass:
+class GBufferPass(Owner):
     """Draws everything visible, once, into the channels of ``declaration`` (``channel_pass``).
 
     Where triangles are large, a depth pre-pass without alpha-tested surfaces comes first, so that hidden surfaces cost
@@ -110,13 +110,14 @@ class GBufferPass:
 
     def __init__(self, context: GpuContext, declaration: RasterPass, colored: frozenset[int]):
         """``colored``: materials (-1: default) of primitives with vertex colors."""
+        super().__init__()
         self._gpu, self._colored = context.gpu, colored
         self._raster = context.raster(declaration)
         self._channels = tuple(channel for channel, *_ in declaration.outputs)
         # The pre-pass is the same in every scene and depends on the view: it is no part of a scene's resources.
-        self._own = ShaderCache(context.gpu.ctx)
-        self._prepass = GpuContext(context.gpu, self._own).raster(geometry_pass("gbuffer", "gbuffer/depth.frag.glsl"))
-        self._frame = context.gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True)
+        self._own = self.own(GpuContext(context.gpu))
+        self._prepass = self._own.raster(geometry_pass("gbuffer", "gbuffer/depth.frag.glsl"))
+        self._frame = self.own(context.gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True))
         self._depth: moderngl.Framebuffer | None = None
 
     def run(self, frame: FrameContext) -> None:
@@ -177,8 +178,8 @@ class GBufferPass:
         """The depth of a frame without its channels."""
         depth = frame.targets.framebuffer.depth_attachment
         if self._depth is None or self._depth.depth_attachment is not depth:
-            self._release_depth()
-            self._depth = self._gpu.ctx.framebuffer((), depth)
+            self._gpu.unbind_framebuffer()
+            self._depth = self.own(self._gpu.ctx.framebuffer((), depth), instead_of=self._depth)
         return self._depth
 
     def _draw_depth(self, frame: FrameContext, groups: Iterable[Group]) -> None:
@@ -192,12 +193,6 @@ class GBufferPass:
                 frame.buffers.draw(group, self._prepass.program(variant))
         ctx.polygon_offset = 0.0, 0.0
 
-    def _release_depth(self) -> None:
-        if self._depth is not None:
-            self._gpu.unbind_framebuffer()
-            self._depth.release()
-
     def release(self) -> None:
-        self._release_depth()
-        self._own.release()
-        self._frame.release()
+        self._gpu.unbind_framebuffer()
+        super().release()

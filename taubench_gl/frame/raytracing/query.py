@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.gpu.declare import WRITE, ComputePass
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 
 Array = np.ndarray
@@ -25,11 +27,12 @@ class Hits:
     weights: Array  # (N, 2) float32 barycentric weights of the second and third corner
 
 
-class RayQuery:
+class RayQuery(Owner):
     """Answers rays against one structure."""
 
     def __init__(self, context: GpuContext, structure: SceneStructure, attributes: HitAttributes | None = None):
         """``attributes``: for a structure that tests alpha."""
+        super().__init__()
         self._context, self._structure, self._attributes = context, structure, attributes
         self._compiled: dict[tuple[bool, bool, int], CompiledCompute] = {}
 
@@ -53,24 +56,20 @@ class RayQuery:
         rays[0, :count, 3] = np.minimum(t_max, np.finfo(np.float32).max)
         rays[2, :count, :3] = 0.0 if normals is None else normals
         textures = {"ray_origins": rays[0], "ray_directions": rays[1], "ray_normals": rays[2]}
-        ctx = self._context.gpu.ctx
-        tables = {n: ctx.texture((WIDTH, height), 4, a.tobytes(), dtype="f4") for n, a in textures.items()}
-        tables["hits"] = ctx.texture((WIDTH, height), 4, dtype="u4")
-        tables["weights"] = ctx.texture((WIDTH, height), 4, dtype="f4")
-        made = tuple(tables)
         compiled = self._compile(any_hit, before, height)
-        if self._attributes is not None:
-            tables |= self._attributes.resources
-        compiled.run(None, {**self._structure.resources, **tables}, ray_count=count)
-        self._context.gpu.hazards.publish()
-        self._context.gpu.finish()
-        words = np.frombuffer(tables["hits"].read(), np.uint32).reshape(-1, 4)[:count]
-        weights = np.frombuffer(tables["weights"].read(), np.float32).reshape(-1, 4)[:count, :2]
-        out = Hits(words[:, 0].view(np.float32).copy(), words[:, 1].astype(np.int32), words[:, 2].astype(np.int32),
-                   weights.copy())  # fmt: skip
-        for name in made:
-            tables[name].release()
-        return out
+        with Owner() as owner:
+            texture = partial(self._context.gpu.ctx.texture, (WIDTH, height), 4)
+            tables = {n: owner.own(texture(a.tobytes(), dtype="f4")) for n, a in textures.items()}
+            tables["hits"] = owner.own(texture(dtype="u4"))
+            tables["weights"] = owner.own(texture(dtype="f4"))
+            attributes = {} if self._attributes is None else self._attributes.resources
+            compiled.run(None, {**self._structure.resources, **tables, **attributes}, ray_count=count)
+            self._context.gpu.hazards.publish()
+            self._context.gpu.finish()
+            words = np.frombuffer(tables["hits"].read(), np.uint32).reshape(-1, 4)[:count]
+            weights = np.frombuffer(tables["weights"].read(), np.float32).reshape(-1, 4)[:count, :2]
+        return Hits(words[:, 0].view(np.float32).copy(), words[:, 1].astype(np.int32), words[:, 2].astype(np.int32),
+                    weights.copy())  # fmt: skip
 
     def _compile(self, any_hit: bool, before: bool, height: int) -> CompiledCompute:
         key = any_hit, before, height
@@ -83,9 +82,5 @@ class RayQuery:
             self._structure.declare(p)
             if self._attributes is not None:
                 self._attributes.declare(p)
-            self._compiled[key] = self._context.compute(p.dispatch((WIDTH, height), (64, 1)))
+            self._compiled[key] = self.own(self._context.compute(p.dispatch((WIDTH, height), (64, 1))))
         return self._compiled[key]
-
-    def release(self) -> None:
-        for compiled in self._compiled.values():
-            compiled.release()
