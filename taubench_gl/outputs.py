@@ -58,6 +58,13 @@ def plain_text(text: str) -> str:
     return text_bytes(text).decode("utf-8")
 
 
+def duration_text(seconds: float) -> str:
+    """``40 s``, ``12 min``, ``3.4 h``."""
+    if seconds < 90:
+        return f"{max(seconds, 1):.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
 # -------------------------------------------------------------------------------------------------------------- writing
 
 

@@ -114,7 +114,7 @@ def report(out: Path) -> None:
 
 
 def _run(spec: BatchSpec | None, out: Path, engine: EngineOptions) -> int:
-    from taubench_gl.apps.study_screen import StudyScreen
+    from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.batch.study import run_batch
 
     kept = f"finished pairs are kept: taubench-gl batch resume {out}"

@@ -70,7 +70,7 @@ def run(
     METHOD is a built-in name, a folder, file.py, module:Class or exr:DIR, with settings as NAME@alpha=0.1.  'none' is
     always included.  A method that fails is ranked last with its reason; the exit code is then 2.
     """
-    from taubench_gl.apps.study_screen import StudyScreen
+    from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.benchmark.run import run_benchmark
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.report.benchmark import benchmark_tables

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import os
-import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from taubench_gl.apps.options import command, part
-from taubench_gl.apps.screen import StatusLine, for_each_scene, stop_interrupted
+from taubench_gl.apps.screen import for_each_scene, stop_interrupted
 from taubench_gl.fields import REQUIRED, setting
 from taubench_gl.option_groups import CostOptions
 from taubench_gl.settings import OUTPUT, Settings
-
-if TYPE_CHECKING:
-    from taubench_gl.cost.study import Step
-
-PROGRESS_LINES = 20
-"""Lines of progress per study if standard error is not a terminal."""
 
 
 def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -81,19 +73,19 @@ def cost(
 
 
 def _run(scene: str, settings: Settings, folder: Path | None, options: CostOptions) -> None:
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.cost.study import cost as run_study
     from taubench_gl.report.cost import cost_text
 
-    line, parts = StatusLine(), set()
-
-    def show(step: Step) -> None:
-        part = step.done * PROGRESS_LINES // max(step.total, 1)
-        line(f"{Path(scene).name}: {step.done}/{step.total}, {step.what}", passing=part in parts or sys.stderr.isatty())
-        parts.add(part)
-
-    study = run_study(scene, settings, out=folder, progress=show, **asdict(options))
+    with ProgressBar(scene, "measurements") as bar:
+        study = run_study(
+            scene,
+            settings,
+            out=folder,
+            progress=lambda step: bar.step(step.done, step.total, step.what),
+            **asdict(options),
+        )
     study.save()
-    line.end()
     click.echo(cost_text(study.as_json()), nl=False)
     click.echo(f"written to {folder}{os.sep}")
     if study.about["interrupted"]:

@@ -135,7 +135,7 @@ def _evaluate_one(scene: str, settings: Settings, path_traced: PathTracedOptions
     """``more``: of ``api.evaluate``.  Raises SettingsError for a scene without a pair."""
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.named_scenes import resolve, row_settings
-    from taubench_gl.apps.screen import ProgressBar
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.pathtraced.sequence import is_sequence
 
     scene, row = resolve(scene)

@@ -45,7 +45,8 @@ def export(
     folder with another export is refused.  See docs/export.md.
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
-    from taubench_gl.apps.screen import ProgressBar, note
+    from taubench_gl.apps.progress import ProgressBar
+    from taubench_gl.apps.screen import note
     from taubench_gl.export.run import export_scene
 
     options = dataclasses.replace(options, training=training)

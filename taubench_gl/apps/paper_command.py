@@ -42,7 +42,7 @@ def paper(
     where it stopped when the command is repeated.  The exit code is 2 if a scene has failed.
     """
     from taubench_gl.apps.named_scenes import resolve
-    from taubench_gl.apps.study_screen import StudyScreen
+    from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.paper.estimate import estimate
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes

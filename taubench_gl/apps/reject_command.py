@@ -141,7 +141,7 @@ def method(
 
 def _evaluated(path: str, tests: tuple[str, ...] | None, settings: Settings) -> Rejection:
     from taubench_gl.apps.named_scenes import resolve, row_settings
-    from taubench_gl.apps.screen import ProgressBar
+    from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.reject.contract import builtin_tests
     from taubench_gl.reject.evaluate import evaluate_tests
 

@@ -90,7 +90,8 @@ def _evaluate_one(
     request: dict[str, Any],
 ) -> list[str]:
     """Evaluate and show one scene.  -> a line for each method that failed, which is printed too."""
-    from taubench_gl.apps.screen import ProgressBar, show_tables
+    from taubench_gl.apps.progress import ProgressBar
+    from taubench_gl.apps.screen import show_tables
     from taubench_gl.report.page import REPORT_FILE
     from taubench_gl.report.reuse import reuse_tables
     from taubench_gl.reuse.evaluate import evaluate_methods
@@ -147,7 +148,8 @@ def fit(
 
     PSNR, SSIM and tPSNR are maximized.  Reports a best value at the edge of its range.
     """
-    from taubench_gl.apps.screen import ProgressBar, show_tables
+    from taubench_gl.apps.progress import ProgressBar
+    from taubench_gl.apps.screen import show_tables
     from taubench_gl.folder_lock import FolderLock
     from taubench_gl.report.reuse import fit_table
     from taubench_gl.reuse.evaluate_output import write_fit

@@ -1,4 +1,4 @@
-"""Tables, messages and progress on the terminal, for all commands."""
+"""Tables and messages on the terminal, for all commands."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ from taubench_gl.errors import SettingsError, TaubenchError, printable
 
 if TYPE_CHECKING:
     from taubench_gl.report import Table
-    from taubench_gl.run import Progress, Run
-
-PLAIN_STEPS = 10
-"""Progress lines per scene if standard error is not a terminal."""
+    from taubench_gl.run import Run
 
 TABLE_FORMATS = ("text", "markdown", "csv", "latex", "html")
 EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
@@ -169,45 +166,7 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
     console.print(Text(printable(title), style="bold"), grid)
 
 
-# Progress
-
-
-class ProgressBar:
-    """Progress callback of ``evaluate``: a bar on a terminal, PLAIN_STEPS lines in a file or pipe."""
-
-    def __init__(self, scene: str | Path, unit: str = "pairs"):
-        self.name, self.unit = printable(Path(scene).name), unit
-        self.done = 0
-        self.total = 0
-        self._bar: Any = None
-        self._task: Any = None
-        self._seconds = 0.0
-
-    def __enter__(self) -> ProgressBar:
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-            rate = TextColumn("{task.fields[rate]}")
-            columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
-            self._bar = Progress(*columns, rate, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
-            self._task = self._bar.add_task(self.name, total=None, rate="starting")
-            self._bar.start()
-        return self
-
-    def __exit__(self, *exc: Any) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def __call__(self, progress: Progress) -> None:
-        before, self.done, self.total = self.done, progress.done, progress.total
-        self._seconds += progress.frame_seconds
-        rate = f"{self.done / self._seconds:.2f} {self.unit}/s" if self._seconds > 0 else ""
-        if self._bar is not None:
-            self._bar.update(self._task, completed=self.done, total=self.total, rate=rate)
-        elif self.done * PLAIN_STEPS // max(self.total, 1) > before * PLAIN_STEPS // max(self.total, 1):
-            left = self._seconds / self.done * (self.total - self.done)
-            note(f"{self.name}: {self.done}/{self.total} {self.unit}, {rate}, {left:.0f} s left")
+# Lines that change
 
 
 class StatusLine:

@@ -175,7 +175,7 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
 def _sweep(
     scene: str, out: Path, sweep: tuple[str, float, float, int], settings: Settings, options: dict[str, Any]
 ) -> None:
-    from taubench_gl.apps.study_screen import StudyScreen
+    from taubench_gl.apps.progress import StudyScreen
     from taubench_gl.datasets.sweep import Sweep, run_sweep
 
     if sweep[0] in AXES and options[sweep[0]] is not None:

@@ -27,7 +27,7 @@ from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.outputs import replacing, write_atomically
+from taubench_gl.outputs import duration_text, replacing, write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.settings import Settings
 from taubench_gl.srgb import LUMINANCE
@@ -487,10 +487,3 @@ class References:
     def _save(self, frame: int, sums: Accumulated) -> None:
         self._held = frame, sums
         self._store.save(frame, self._tracer.view(frame), self.size, sums)
-
-
-def duration_text(seconds: float) -> str:
-    """``40 s``, ``12 min``, ``3.4 h``."""
-    if seconds < 90:
-        return f"{max(seconds, 1):.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

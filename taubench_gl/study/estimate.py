@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from taubench_gl.pathtraced.references import duration_text
+from taubench_gl.outputs import duration_text
 
 
 @dataclass(frozen=True, slots=True)

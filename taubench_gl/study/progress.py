@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from taubench_gl.pathtraced.references import duration_text
+from taubench_gl.outputs import duration_text
 
 
 class Listener:
