@@ -18,13 +18,17 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.memory_budget import limit
 from taubench_gl.outputs import text_bytes, write_atomically
 from taubench_gl.scene.files import read_file
-from taubench_gl.scene.gltf.container import GLB_MAGIC, container_bytes, read_container
+from taubench_gl.scene.gltf.container import (
+    GLB_MAGIC,
+    Json,
+    add_accessor,
+    add_facts,
+    container_bytes,
+    read_container,
+)
 from taubench_gl.scene.gltf.document import MESHOPT, open_document, read_uri
 from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
 
-Json = dict[str, Any]
-_FLOAT = 5126
-_TYPE = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 _MAGIC = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp",
           b"\xabKTX 20\xbb": "image/ktx2"}  # fmt: skip
 
@@ -73,10 +77,10 @@ class GltfEditor:
         for node, path, times, values, interpolation in tracks:
             times = np.asarray(times, dtype=np.float32)
             if times.tobytes() not in clocks:
-                clocks[times.tobytes()] = self._accessor(times[:, None], bounds=True)
+                clocks[times.tobytes()] = add_accessor(self.root, self._blob, times, bounds=True)
             sampler = {
                 "input": clocks[times.tobytes()],
-                "output": self._accessor(np.asarray(values, dtype=np.float32)),
+                "output": add_accessor(self.root, self._blob, np.asarray(values, dtype=np.float32)),
                 "interpolation": interpolation,
             }
             animation["samplers"].append(sampler)
@@ -86,10 +90,7 @@ class GltfEditor:
 
     def note(self, **facts: str) -> None:
         """Add entries to ``asset.extras.taubench_gl``, which this package reads; other entries are kept."""
-        extras = self.root["asset"].get("extras")
-        extras = extras if isinstance(extras, dict) else {}
-        own = extras.get("taubench_gl")
-        self.root["asset"]["extras"] = extras | {"taubench_gl": (own if isinstance(own, dict) else {}) | facts}
+        add_facts(self.root, facts)
 
     def save(self, path: str | Path) -> None:
         """Write a .glb, or a .gltf with embedded data.  Raises OutputError, SettingsError."""
@@ -110,20 +111,6 @@ class GltfEditor:
         items = self.root.setdefault(collection, [])
         items.append(item)
         return len(items) - 1
-
-    def _view(self, payload: bytes) -> int:
-        self._blob += bytes(-len(self._blob) % 4)
-        view = {"buffer": 0, "byteOffset": len(self._blob), "byteLength": len(payload)}
-        self._blob += payload
-        return self._append("bufferViews", view)
-
-    def _accessor(self, values: np.ndarray, bounds: bool = False) -> int:
-        kind = _TYPE[values.shape[1]]
-        accessor: Json = {"bufferView": self._view(values.tobytes()), "componentType": _FLOAT, "count": len(values)}
-        accessor["type"] = kind
-        if bounds:
-            accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        return self._append("accessors", accessor)
 
     def _embed_images(self, document: Any) -> None:
         """External images become data URIs; a missing one keeps its URI."""

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.scene.gltf.blender import intensity_factor
-from taubench_gl.scene.gltf.container import container_bytes, read_container
+from taubench_gl.scene.gltf.container import add_accessor, add_facts, container_bytes, read_container
 
 _VISIBILITY, _POINTER = "KHR_node_visibility", "KHR_animation_pointer"
-_FLOAT, _UNSIGNED_BYTE = 5126, 5121
+_FLOAT = 5126
 _INTENSITY = re.compile(r"/extensions/KHR_lights_punctual/lights/(\d+)/intensity")
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
@@ -34,9 +34,7 @@ class Glb:
 
     def describe(self, facts: dict[str, Any]) -> None:
         """Write ``asset.extras.taubench_gl``, which the scene reader reads."""
-        asset = self.root.setdefault("asset", {})
-        extras = asset.get("extras")
-        asset["extras"] = (extras if isinstance(extras, dict) else {}) | {"taubench_gl": facts}
+        add_facts(self.root, facts)
 
     def scale_times(self, factor: float) -> None:
         """Multiply the times of all keys."""
@@ -93,8 +91,8 @@ class Glb:
             exact = np.array(keys, dtype=np.float64) / fps
             near = exact.astype(np.float32)  # rounded down, so that no key is later than its frame
             near = np.where(near > exact, np.nextafter(near, np.float32(0)), near).astype(np.float32)
-            times = self._accessor(near, _FLOAT, bounds=True)
-            values = self._accessor(np.array([states[k] for k in keys], np.uint8), _UNSIGNED_BYTE)
+            times = add_accessor(self.root, self.binary, near, bounds=True)
+            values = add_accessor(self.root, self.binary, np.array([states[k] for k in keys], np.uint8))
             samplers.append({"input": times, "output": values, "interpolation": "STEP"})
             node = self.root["nodes"][nodes[name]]
             node.setdefault("extensions", {})[_VISIBILITY] = {"visible": bool(states[0])}
@@ -134,13 +132,3 @@ class Glb:
         view = self.root["bufferViews"][accessor["bufferView"]]
         at = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
         return np.frombuffer(self.binary, "<f4", accessor["count"] * _WIDTH[accessor["type"]], at)
-
-    def _accessor(self, values: np.ndarray, component: int, bounds: bool = False) -> int:
-        self.binary += b"\0" * (-len(self.binary) % 4)
-        views, accessors = self.root.setdefault("bufferViews", []), self.root.setdefault("accessors", [])
-        views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": values.nbytes})
-        self.binary += values.tobytes()
-        more = {"min": [float(values.min())], "max": [float(values.max())]} if bounds else {}
-        accessors.append({"bufferView": len(views) - 1, "componentType": component, "count": len(values),
-                          "type": "SCALAR", **more})  # fmt: skip
-        return len(accessors) - 1

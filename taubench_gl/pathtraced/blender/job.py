@@ -29,7 +29,7 @@ from taubench_gl.option_groups import RenderOptions
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.cameras import camera_entry
 from taubench_gl.scene.files import read_file
-from taubench_gl.scene.gltf.container import GLB_MAGIC, read_container
+from taubench_gl.scene.gltf.container import GLB_MAGIC, add_accessor, read_container
 from taubench_gl.scene.model import Channel, Scene
 
 FRAME_NAME = "frame_%04d.exr"
@@ -207,29 +207,19 @@ def _strip(root: dict[str, Any], scene: Scene) -> None:
 
 def _add_animation(root: dict[str, Any], channels: list[Channel], frames: range, fps: float) -> bytes:
     """Append one animation to ``root``; returns the bytes of its buffer."""
-    blob = bytearray()
+    data = bytearray()
     buffer = len(root.setdefault("buffers", []))
-    views, accessors = root.setdefault("bufferViews", []), root.setdefault("accessors", [])
-
-    def accessor(values: np.ndarray, kind: str, **bounds: Any) -> int:
-        data = np.ascontiguousarray(values, dtype="<f4").tobytes()
-        views.append({"buffer": buffer, "byteOffset": len(blob), "byteLength": len(data)})
-        count = values.size if kind == "SCALAR" else len(values)
-        accessors.append({"bufferView": len(views) - 1, "componentType": 5126, "count": count, "type": kind, **bounds})
-        blob.extend(data)
-        return len(accessors) - 1
-
-    times = np.arange(len(frames)) / KEY_FPS
-    last = float(np.float32(times[-1]))
-    input_ = accessor(times, "SCALAR", min=[0.0], max=[last])
-    kinds = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
+    times = np.arange(len(frames), dtype=np.float64) / KEY_FPS
+    clock = add_accessor(root, data, times.astype(np.float32), buffer=buffer, bounds=True)
     animation: dict[str, Any] = {"name": "taubench", "channels": [], "samplers": []}
     for channel in channels:
         values = np.stack([sample_channel(channel, frame / fps) for frame in frames])
-        sampler = {"input": input_, "output": accessor(values, kinds[channel.path]), "interpolation": "LINEAR"}
+        values = (values.ravel() if channel.path == "weights" else values).astype(np.float32)
+        output = add_accessor(root, data, values, buffer=buffer)
+        sampler = {"input": clock, "output": output, "interpolation": "LINEAR"}
         target = {"node": channel.index, "path": channel.path}
         animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
         animation["samplers"].append(sampler)
     root["animations"] = [animation]
-    root["buffers"].append({"uri": "keys.bin", "byteLength": len(blob)})
-    return bytes(blob)
+    root["buffers"].append({"uri": "keys.bin", "byteLength": len(data)})
+    return bytes(data)

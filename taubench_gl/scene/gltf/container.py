@@ -1,14 +1,22 @@
-"""The binary container of glTF (.glb): a header, a JSON chunk and an optional chunk of data (glTF 2.0, section 4)."""
+"""glTF files as JSON and bytes: the binary container (.glb; glTF 2.0, section 4) and additions to a document."""
 
 from __future__ import annotations
 
 import struct
+from typing import Any
+
+import numpy as np
 
 from taubench_gl.errors import SceneError
+
+Array = np.ndarray
+Json = dict[str, Any]
 
 GLB_MAGIC = b"glTF"
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 
+_COMPONENT = {"float32": 5126, "uint8": 5121}
+_TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _DAMAGED = "the file is damaged or truncated: export or download it again"
 
 
@@ -60,3 +68,30 @@ def container_bytes(json_text: bytes, binary: bytes | None) -> bytes:
         binary += bytes(-len(binary) % 4)
         chunks += struct.pack("<II", len(binary), BIN_CHUNK) + binary
     return GLB_MAGIC + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def add_accessor(root: Json, data: bytearray, values: Array, *, buffer: int = 0, bounds: bool = False) -> int:
+    """Append ``values`` to ``data``, the bytes of a buffer, with their view and accessor.  Returns its index.
+
+    ``values``: float32 or uint8, (n,), or (n, k) of vectors of k numbers; ``bounds``: with minimum and maximum.
+    """
+    columns = values.reshape(len(values), -1)
+    data += bytes(-len(data) % 4)
+    views, accessors = root.setdefault("bufferViews", []), root.setdefault("accessors", [])
+    views.append({"buffer": buffer, "byteOffset": len(data), "byteLength": values.nbytes})
+    data += np.ascontiguousarray(values).tobytes()
+    accessor: Json = {"bufferView": len(views) - 1, "componentType": _COMPONENT[values.dtype.name],
+                      "count": len(values), "type": _TYPE[columns.shape[1]]}  # fmt: skip
+    if bounds:
+        accessor |= {"min": columns.min(axis=0).tolist(), "max": columns.max(axis=0).tolist()}
+    accessors.append(accessor)
+    return len(accessors) - 1
+
+
+def add_facts(root: Json, facts: Json) -> None:
+    """Add entries to ``asset.extras.taubench_gl``, which the scene reader reads; other entries are kept."""
+    asset = root.setdefault("asset", {})
+    extras = asset.get("extras")
+    extras = extras if isinstance(extras, dict) else {}
+    earlier = extras.get("taubench_gl")
+    asset["extras"] = extras | {"taubench_gl": (earlier if isinstance(earlier, dict) else {}) | facts}

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from taubench_gl.scene.files import find_referenced
 from taubench_gl.scene.gltf.accessors import Accessors
@@ -55,12 +56,13 @@ def read_gltf(
     animations_of_file = AnimationReader(document, accessors, meshes).read()
     animations = tuple(replace(a, channels=light_keys(document, a.channels, lights)) for a in animations_of_file)
     channels, playing = choose_animations(document, animations, animation)
-    file_notes = _own_extras(document)
+    own_extras = _own_extras(document)
+    file_notes = _texts(own_extras)
     if CONSTANT_LIGHTS in file_notes:
         lights = tuple(replace(light, constant=light.kind != "directional") for light in lights)
     if "note" in file_notes:
         document.note(file_notes["note"], "/asset/extras/taubench_gl")
-    _note_losses(document)
+    _note_losses(document, own_extras.get("lost"))
     return Scene(
         name=file_notes.get("name", path.stem),
         nodes=nodes,
@@ -94,24 +96,28 @@ CONSTANT_LIGHTS = "constant_lights"
 """Entry of ``asset.extras.taubench_gl`` of files whose point and spot lights are not attenuated with distance."""
 
 
-def _own_extras(document: Document) -> dict[str, str]:
-    """The values that ``taubench_gl.datasets`` writes into ``asset.extras``, as one-line strings."""
+def _own_extras(document: Document) -> dict[str, Any]:
+    """``asset.extras.taubench_gl``, which ``container.add_facts`` writes; empty where there is none."""
     extras = document.root.asset.extras
-    file_notes = extras.get("taubench_gl") if isinstance(extras, dict) else None
-    if not isinstance(file_notes, dict):
-        return {}
-    texts = {key: " ".join(text.split())[:300] for key, text in file_notes.items() if isinstance(text, str)}
+    own_extras = extras.get("taubench_gl") if isinstance(extras, dict) else None
+    return own_extras if isinstance(own_extras, dict) else {}
+
+
+def _texts(own_extras: dict[str, Any]) -> dict[str, str]:
+    """Its texts, each as one line."""
+    texts = {key: _one_line(text) for key, text in own_extras.items() if isinstance(text, str)}
     return {key: text for key, text in texts.items() if text}
 
 
-def _note_losses(document: Document) -> None:
-    """Note what a conversion lost, as ``pathtraced.blender.convert`` lists it in ``asset.extras``."""
-    extras = document.root.asset.extras
-    file_notes = extras.get("taubench_gl") if isinstance(extras, dict) else None
-    lost = file_notes.get("lost") if isinstance(file_notes, dict) else None
-    for line in lost[:MAX_LOSSES] if isinstance(lost, list) else ():
+def _one_line(text: str) -> str:
+    return " ".join(text.split())[:300]
+
+
+def _note_losses(document: Document, losses: Any) -> None:
+    """Note what a conversion lost, as ``pathtraced.blender.convert`` lists it."""
+    for line in losses[:MAX_LOSSES] if isinstance(losses, list) else ():
         if isinstance(line, str):
-            document.note(f"lost in the conversion: {' '.join(line.split())[:300]}", "/asset/extras/taubench_gl/lost")
+            document.note(f"lost in the conversion: {_one_line(line)}", "/asset/extras/taubench_gl/lost")
 
 
 def _exposure(file_notes: dict[str, str]) -> float | None:
