@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from taubench_gl.data_files import read_bytes, stored_arrays
 from taubench_gl.errors import OutputError
@@ -136,10 +137,8 @@ def mask_agreement(first: Array, second: Array) -> tuple[int, int, int, int]:
 
 def edge_band(mask: Array) -> Array:
     """Pixels whose 3x3 neighborhood has both values of ``mask``.  (h, w) bool -> (h, w) bool."""
-    padded = np.pad(mask, 1, mode="edge")
-    h, w = mask.shape
-    shifted = [padded[y : y + h, x : x + w] for y in range(3) for x in range(3)]
-    return np.logical_or.reduce(shifted) & ~np.logical_and.reduce(shifted)
+    window = {"size": 3, "mode": "nearest"}
+    return maximum_filter(mask, **window) & ~minimum_filter(mask, **window)
 
 
 def noise_floor_percent(summary: Summary) -> dict[str, float | None]:

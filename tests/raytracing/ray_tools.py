@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+from ray_query import Hits, RayQuery
 
 from taubench_gl.animation import pose_vertices
-from taubench_gl.frame.raytracing.query import Hits, RayQuery
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu

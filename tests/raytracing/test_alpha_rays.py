@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 from frame_tools import make_scene, picture, quad, still_camera
+from ray_query import RayQuery
 from ray_tools import directions, traced
 
 from taubench_gl.frame.raytracing.attributes import HitAttributes
-from taubench_gl.frame.raytracing.query import RayQuery
 from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
 

@@ -10,11 +10,11 @@ import dataclasses
 import numpy as np
 import pytest
 from light_tools import FLAT, facing, floor, lambert, look_down, picture
+from ray_query import RayQuery
 from ray_tools import traced
 from shadow_tools import on_plane, visibility
 
 from taubench_gl.frame.raytracing.attributes import HitAttributes
-from taubench_gl.frame.raytracing.query import RayQuery
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.scenes import SceneBuilder, quad
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from frame_tools import make_scene, room, still_camera
+from ray_query import RayQuery
 
-from taubench_gl.frame.raytracing.query import RayQuery
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.passes import GpuContext

@@ -1,4 +1,4 @@
-"""Rays from arrays, answered by the acceleration structure on the GPU: for tests, measurements and other programs."""
+"""Rays from arrays, answered by the acceleration structure on the GPU."""
 
 from __future__ import annotations
 
