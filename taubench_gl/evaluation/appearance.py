@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.effects.lighting import without_auto
-from taubench_gl.evaluation.owner import opened_gpu
+from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.schedule import first_middle_last
 from taubench_gl.frame.materials import BLEND_CUTOFF
 from taubench_gl.frame.spec import AnimatedScene
@@ -38,10 +38,13 @@ class Surfaces:
         return np.isin(self.materials, list(materials))
 
 
-def appearance_notes(animated: AnimatedScene, settings: Settings, frames: range) -> list[str]:
+def appearance_notes(
+    animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None = None
+) -> list[str]:
     """The scene's notes, with the share of the image of those that concern materials, and notes on blended surfaces.
 
-    Draws only if there are such materials: the first, middle and last of ``frames``, small and without light.
+    Draws only if there are such materials: the first, middle and last of ``frames``, small and without light, with
+    the programs of ``owner``.
     """
     scene = animated.scene
     blended = blended_materials(scene)
@@ -50,7 +53,7 @@ def appearance_notes(animated: AnimatedScene, settings: Settings, frames: range)
     metered = first_middle_last(frames)
     where = f"of pixels in frame{'s' * (len(metered) > 1)} {', '.join(map(str, metered))}"
     # Drawn opaque, so that surfaces that the cutoff removes are seen.
-    seen = _surfaces(animated, settings.replace(blend="opaque"), metered)
+    seen = _surfaces(animated, settings.replace(blend="opaque"), metered, owner)
     notes = []
     for note in scene.notes:
         share = f"; {seen.percent(seen.of(note.materials)):.1f} % {where}" if note.materials else ""
@@ -95,7 +98,7 @@ def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, w
     return [f"blended surfaces below alpha {BLEND_CUTOFF:g}: {counted}: {consequence}"]
 
 
-def _surfaces(animated: AnimatedScene, settings: Settings, frames: tuple[int, ...]) -> Surfaces:
+def _surfaces(animated: AnimatedScene, settings: Settings, frames: tuple[int, ...], owner: GpuOwner | None) -> Surfaces:
     width, height = settings.sequence.width, settings.sequence.height
     factor = max(1.0, max(width, height) / SIDE)
     small = without_auto(animated.scene, settings).replace(
@@ -109,13 +112,13 @@ def _surfaces(animated: AnimatedScene, settings: Settings, frames: tuple[int, ..
         textures="finest",  # alpha as the test of the cutoff reads it
     )
     materials, alpha = [], []
-    with opened_gpu(settings) as owner:
-        source = owner.open_source(animated, small, extra=("ids", "base_color"))
+    with opened_gpu(settings, owner) as opened:
+        source = opened.open_source(animated, small, extra=("ids", "base_color"))
         of_draw = np.array([-2, *(draw.material for draw in source.renderer.draws)])
         for frame in frames:
             source.advance(frame)
             draws = source.read("ids")[..., 0].astype(np.int64).ravel()
             materials.append(of_draw[draws])
             alpha.append(np.where(draws > 0, source.read("base_color")[..., 3].ravel(), 1.0))
-        owner.gpu.check("shares of materials")
+        opened.gpu.check("shares of materials")
     return Surfaces(np.concatenate(materials), np.concatenate(alpha))

@@ -57,7 +57,7 @@ class SceneInput:
             yield ExactColumns.of_source(session.variant, settings, source, self.frames)
 
     def facts(self, session: Session) -> dict[str, Any]:
-        return scene_facts(self.animated, self.frames, self.lighting)
+        return scene_facts(self.animated, self.frames, self.lighting, session)
 
     def views(self, session: Session) -> list[View]:
         if self.settings.metrics.all_pairs:

@@ -11,6 +11,7 @@ from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
 from taubench_gl.evaluation.appearance import appearance_notes
 from taubench_gl.evaluation.lighting import ResolvedLighting, file_hashes
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.spec import AnimatedScene
@@ -20,13 +21,15 @@ from taubench_gl.run import Run
 from taubench_gl.settings import Settings
 
 
-def scene_facts(animated: AnimatedScene, frames: range, resolved: ResolvedLighting) -> dict[str, Any]:
+def scene_facts(
+    animated: AnimatedScene, frames: range, resolved: ResolvedLighting, owner: GpuOwner | None = None
+) -> dict[str, Any]:
     """The parts of the summary that need no pair: ``scene``, ``census``, ``lighting``, ``notes``, ``camera_source``.
 
-    JSON values.
+    JSON values.  ``owner``: whose programs frames share that are drawn for notes.
     """
     settings, scene, camera, poser = resolved.settings, animated.scene, animated.camera, animated.poser
-    notes = appearance_notes(animated, settings, frames)
+    notes = appearance_notes(animated, settings, frames, owner)
     source = camera.describe()
     if isinstance(camera, OrbitCamera):
         source = camera.describe(settings.metrics.unit_scale)

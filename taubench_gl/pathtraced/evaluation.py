@@ -16,7 +16,7 @@ from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers
 from taubench_gl.evaluation.lobes import LobeColumns
-from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.scene import SceneInput, open_scene
 from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
 from taubench_gl.gpu.timing import PassTimer
@@ -100,7 +100,7 @@ class PathTracedInput:
         if self.options.second_seed is not None:
             how = {"mapping": self.options.mapping, "layer": self.options.layer}
             second = PathTracedSequence.open(self.options.second_seed, **how)
-            with GpuOwner(session.gpu) as owner:
+            with opened_gpu(session.settings, session) as owner:
                 floor = summary["noise_floor"] = noise_floor(owner, self, second)
             summary["notes"].append(_floor_note(floor))
 
