@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.animation import CameraTrack
 from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, unit_divisor
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
-from taubench_gl.evaluation.schedule import LEAST_PAIRS, SAMPLE_BUDGET, first_middle_last, frame_range
+from taubench_gl.evaluation.schedule import LEAST_PAIRS, SAMPLE_BUDGET, first_middle_last
 from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.report.labels import GIVEN
@@ -59,16 +59,12 @@ def resolve_lighting(
     scene: Scene,
     settings: Settings,
     camera: CameraTrack | None = None,
-    *,
-    frames: range | None = None,
-    poser: Poser | None = None,
     owner: GpuOwner | None = None,
 ) -> ResolvedLighting:
     """Choose what ``light_unit``, ``exposure`` and ``environment`` leave open.  Draws only to meter an exposure.
 
-    ``frames``: of the run; None: those of ``settings``.  The number of samples depends on them, the exposure does not
-    (``evaluation.exposure``).  ``owner``: whose programs the metered frames share.  Settings that are resolved come
-    back unchanged.  Raises TaubenchError.
+    ``owner``: whose programs the metered frames share.  Settings that are resolved come back unchanged.  Raises
+    TaubenchError.
     """
     lighting, reasons = settings.lighting, dict.fromkeys(("light_unit", "exposure", "environment"), GIVEN)
     chosen: dict[str, Any] = {}
@@ -88,12 +84,6 @@ def resolve_lighting(
             exposure, reasons["exposure"] = exposure_of(scene, settings, camera, owner)
         settings = settings.replace(exposure=exposure)
         require_float32(scene, settings)
-    if lighting.spp is None and lighting.light != "raster":
-        samples = lighting.path_samples
-        if lighting.light == AUTO and settings.metrics.lit and traced_sources(scene, settings):
-            animated = AnimatedScene(scene, camera or camera_of_run(scene, settings.sequence), poser)
-            samples = _samples(animated, settings, frames, owner)
-        settings = settings.replace(spp=samples)
     return ResolvedLighting(settings, reasons)
 
 
@@ -145,13 +135,26 @@ def files_identity(hashes: Mapping[str, Any]) -> str | None:
     return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
-def _samples(animated: AnimatedScene, settings: Settings, frames: range | None, owner: GpuOwner | None) -> int:
-    """Samples per pixel of path-traced light: as few as its noise allows, within SAMPLE_BUDGET.
+def with_samples(animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None = None) -> Settings:
+    """``settings``, whose lighting is resolved, with the samples per pixel of path-traced light if there is any.
+
+    ``frames``: of the run; ``owner``: whose programs the metered frames share.  Raises TaubenchError.
+    """
+    lighting = settings.lighting
+    if lighting.spp is not None or lighting.light == "raster":
+        return settings
+    samples = lighting.path_samples
+    if lighting.light == AUTO and settings.metrics.lit and traced_sources(animated.scene, settings):
+        samples = _metered_samples(animated, settings, frames, owner)
+    return settings.replace(spp=samples)
+
+
+def _metered_samples(animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None) -> int:
+    """As few samples per pixel as the noise of path-traced light allows, within SAMPLE_BUDGET.
 
     Noise allows a number at which MARGIN times its standard deviation exceeds a threshold in at most MOST_NOISY of all
     pixels of the metered frames, drawn smaller and with NOISE_SPP samples.
     """
-    frames = frame_range(animated.scene, animated.camera, settings) if frames is None else frames
     sides = (settings.sequence.width, settings.sequence.height)
     width, height = (min(side, max(side // SMALLER, SMALLEST)) for side in sides)
     metering = settings.replace(

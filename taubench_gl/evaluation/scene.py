@@ -11,7 +11,7 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
-from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
+from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, with_samples
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
@@ -85,9 +85,9 @@ def open_scene(
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     animated = AnimatedScene(scene, camera, poser)
-    lighting = resolve_lighting(scene, settings, camera, frames=frames, poser=animated.poser, owner=owner)
-    lighting = replace(lighting, settings=with_pairs(scene, lighting.settings, frames))
-    return SceneInput(animated, frames, lighting)
+    lighting = resolve_lighting(scene, settings, camera, owner)
+    settings = with_samples(animated, lighting.settings, frames, owner)
+    return SceneInput(animated, frames, replace(lighting, settings=with_pairs(scene, settings, frames)))
 
 
 def _drawable(scene: Scene | str | Path, settings: Settings) -> Scene:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.memory import within_memory
 from taubench_gl.scene.model import Scene
-from taubench_gl.scene.obj.reader import is_sequence
+from taubench_gl.scene.obj.reader import is_sequence, read_obj_sequence
 
 READERS = {".gltf": "gltf", ".glb": "gltf", ".obj": "obj", ".aff": "aff", ".nff": "aff"}
 """File suffix, lower case -> format: its reader is imported when the first file is read."""
@@ -45,11 +45,16 @@ def load_scene(
         hint = "give the scene that they show; exr:DIR is for 'evaluate', 'view' and 'reuse evaluate --input'"
         raise SceneError("path-traced frames are not a scene to draw", where=str(path), hint=hint)
     if is_sequence(str(path)):
-        from taubench_gl.scene.obj.reader import read_obj_sequence
+        reader, source = read_obj_sequence, str(path)
+    else:
+        source = Path(path)
+        reader = _reader_of(source)
+    loaded = reader(source, scene, animation, strict)
+    return within_memory(loaded)
 
-        sequence = read_obj_sequence(str(path), scene, animation, strict)
-        return within_memory(sequence)
-    path = Path(path)
+
+def _reader_of(path: Path) -> Callable[..., Scene]:
+    """The reader of a file by its suffix.  Raises SceneError."""
     if os.path.isdir(path):  # False, not an error, for a name that is too long
         raise _no_scene_in(path)
     name = READERS.get(path.suffix.lower())
@@ -60,9 +65,7 @@ def load_scene(
         elif not path.suffix:
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
-    reader = getattr(importlib.import_module(f"taubench_gl.scene.{name}.reader"), f"read_{name}")
-    loaded = reader(path, scene, animation, strict)
-    return within_memory(loaded)
+    return getattr(importlib.import_module(f"taubench_gl.scene.{name}.reader"), f"read_{name}")
 
 
 def _no_scene_in(folder: Path) -> SceneError:

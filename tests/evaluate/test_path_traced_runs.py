@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from taubench_gl.evaluation import Observers, evaluate_scene, resolve_lighting
+from taubench_gl.evaluation import Observers, evaluate_scene, open_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.evaluation.lighting import SAMPLE_BUDGET, SAMPLE_COUNTS
 from taubench_gl.scene import load_scene
@@ -60,14 +60,14 @@ def test_all_methods_and_seeds_are_metered_alike():
 
 
 def test_the_default_number_of_samples_is_resolved():
-    resolved = [resolve_lighting(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
+    resolved = [open_scene(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
     assert resolved[0] is None and resolved[1] in SAMPLE_COUNTS and resolved[2] == 256
 
 
 def test_auto_takes_as_few_samples_as_noise_and_budget_allow():
     def samples(**given) -> int:
         settings = Settings(**(SMALL | {"light": "auto"} | given))
-        return resolve_lighting(lamp(), settings).settings.lighting.spp
+        return open_scene(lamp(), settings).settings.lighting.spp
 
     loose = {"direct": 1e3, "indirect": 1e3}
     assert samples(thresholds=loose) == SAMPLE_COUNTS[0] < samples()  # no noise exceeds such thresholds
