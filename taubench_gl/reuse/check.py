@@ -40,17 +40,13 @@ def check_method(
 ) -> CheckReport:
     """Run a method, as for ``load_method``, over FRAMES noisy frames with a cut.  Raises MethodError."""
     method = load_method(source)
-    with MethodRunner(gpu, method, SIZE, settings) as runner:
-        uploader = Uploader(gpu, SIZE)
-        try:
-            squares, plain, reused = [], [], []
-            for step in synthetic_steps(SIZE, FRAMES, noise=NOISE, cut_at=CUT_AT):
-                result = read_result(runner.step(uploader.frame(step)))
-                squares.append(np.mean((result[..., :3] - step.clean) ** 2, dtype=np.float64))
-                plain.append(np.mean((step.inputs["radiance"][..., :3] - step.clean) ** 2))
-                reused.append(result[..., 3])
-        finally:
-            uploader.release()
+    squares, plain, reused = [], [], []
+    with MethodRunner(gpu, method, SIZE, settings) as runner, Uploader(gpu, SIZE) as uploader:
+        for step in synthetic_steps(SIZE, FRAMES, noise=NOISE, cut_at=CUT_AT):
+            result = read_result(runner.step(uploader.frame(step)))
+            squares.append(np.mean((result[..., :3] - step.clean) ** 2, dtype=np.float64))
+            plain.append(np.mean((step.inputs["radiance"][..., :3] - step.clean) ** 2))
+            reused.append(result[..., 3])
     weight = np.stack(reused)
     return CheckReport(
         method=method,

@@ -250,7 +250,7 @@ class GlslPasses(GpuOwner):
         self._spare: dict[str, moderngl.Texture] = {}
         self._key_view = None
         self._key_age = 0
-        try:
+        with self.opening():
             self._programs = [self._compile(info) for info in method.passes]
             self._parameters = self.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
             for name, form in {**method.history, **method.buffers, RESULT: RESULT_FORMAT}.items():
@@ -260,9 +260,6 @@ class GlslPasses(GpuOwner):
                     self._before[name] = self._texture(form, image_size)
                 if name in method.spares:
                     self._spare[name] = self._texture(form, image_size)
-        except BaseException:
-            self.release()
-            raise
 
     def _compile(self, info: PassInfo, report: bool = False) -> moderngl.ComputeShader:
         source = build_source(self._method, info, self._group, report)

@@ -17,6 +17,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, MIN_ALBEDO, FrameInputs, write_input
@@ -187,12 +188,13 @@ def _inputs(
     }
 
 
-class Uploader:
+class Uploader(Owner):
     """Textures of every input at one size, updated for each frame."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
+        super().__init__()
         self.textures: dict[str, moderngl.Texture] = {
-            name: gpu.ctx.texture(size, info.components, dtype=info.dtype) for name, info in INPUTS.items()
+            name: self.own(gpu.ctx.texture(size, info.components, dtype=info.dtype)) for name, info in INPUTS.items()
         }
 
     def frame(self, step: Step, exposure: float = 1.0) -> FrameInputs:
@@ -204,7 +206,3 @@ class Uploader:
             step.index, step.index / FPS, self.textures, step.pair, step.view, step.prev_view, still, still, exposure,
             step.cut,
         )  # fmt: skip
-
-    def release(self) -> None:
-        for texture in self.textures.values():
-            texture.release()

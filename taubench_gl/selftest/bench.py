@@ -19,6 +19,7 @@ from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Run
@@ -113,9 +114,9 @@ class Bench(GpuOwner):
         cuts = bool(scene.replacements)
         names |= {"ids"} if cuts else set()
         camera = camera or choose_camera(scene)
-        renderer = Renderer(self.context, scene, camera, size, names)
         before, now = times
-        try:
+        with Owner() as owner:
+            renderer = owner.own(Renderer(self.context, scene, camera, size, names))
             renderer.draw(before, before)
             previous_view = renderer.frame.view
             renderer.draw(now, before)
@@ -127,8 +128,6 @@ class Bench(GpuOwner):
             current = {n: renderer.read(n) for n in renderer.channels}
             history = {n: renderer.read(n, previous=True) for n in renderer.channels}
             return PairImages(*found, pair, current, history, view, previous_view)
-        finally:
-            renderer.release()
 
     def frame(
         self,
@@ -143,12 +142,10 @@ class Bench(GpuOwner):
         """Channels (h, w, n) of one frame by name, and its view."""
         size, camera = size or self.size, camera or choose_camera(scene)
         names = {"position", "normal", *extra}
-        renderer = Renderer(self.context, scene, camera, size, names, culling=culling)
-        try:
+        with Owner() as owner:
+            renderer = owner.own(Renderer(self.context, scene, camera, size, names, culling=culling))
             renderer.draw(time, time)
             return {n: renderer.read(n) for n in renderer.channels}, renderer.frame.view
-        finally:
-            renderer.release()
 
     def shots(
         self, scene: Scene, frames: Sequence[int] = (0,), *, extra: Sequence[str] = (), **settings: Any
@@ -223,15 +220,12 @@ class Bench(GpuOwner):
         pair = pair or still_pair((width, height))
         wall = self.wall((width, height))
         current, history = {**wall, **current}, {**wall, **history}
-        now = {n: self._texture(v, dtype) for n, v in current.items()}
-        then = {n: self._texture(v, dtype) for n, v in history.items()}
         settings = Settings(**(FIXED_LIGHTING | metrics))
-        uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
-        try:
+        with Owner() as owner:
+            now = {n: owner.own(self._texture(v, dtype)) for n, v in current.items()}
+            then = {n: owner.own(self._texture(v, dtype)) for n, v in history.items()}
+            uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
             return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)
-        finally:
-            for texture in (*now.values(), *then.values()):
-                texture.release()
 
     def sky_counts(self, size: Size) -> dict[str, int]:
         """Counts of a still pair that shows only sky.  One 8-bit texture is used as every channel."""

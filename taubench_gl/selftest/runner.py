@@ -48,13 +48,9 @@ def run_selftest(
     ``on_result`` is called with each row when it is complete.
     """
     results = []
-    with gpu:
-        bench = Bench(gpu, size, device)
-        try:
-            for one in cases(only):
-                results.append(run_case(one, bench))
-                if on_result is not None:
-                    on_result(results[-1])
-        finally:
-            bench.release()
+    with gpu, Bench(gpu, size, device) as bench:
+        for one in cases(only):
+            results.append(run_case(one, bench))
+            if on_result is not None:
+                on_result(results[-1])
     return results
