@@ -54,9 +54,9 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
     from taubench_gl.evaluation.appearance import transparency_notes
     from taubench_gl.evaluation.schedule import frame_total
-    from taubench_gl.frame.plan import effect_costs
+    from taubench_gl.frame.memory import memory_of_frame
+    from taubench_gl.frame.plan import effect_costs, frame_spec
     from taubench_gl.frame.spec import AnimatedScene
-    from taubench_gl.scene.memory import memory_of
 
     poser, camera = Poser(scene), camera_of_run(scene, settings.sequence)
     frames = frame_total(scene, camera, settings)
@@ -65,10 +65,12 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     counts = census(scene, (i / settings.sequence.fps for i in chosen), poser)
     center, radius = bounding_sphere(poser, [0.0])
     nodes, unit = scene.nodes, settings.metrics.unit_scale
+    animated, drawn = AnimatedScene(scene, camera, poser), without_auto(scene, settings)
     return {
         "name": scene.name,
         "path": None if scene.path is None else str(scene.path),
-        "memory_bytes": memory_of(scene),
+        "size": [drawn.sequence.width, drawn.sequence.height],
+        "memory_bytes": memory_of_frame(frame_spec(animated, drawn)),
         "bytes": scene.path.stat().st_size if scene.path is not None and scene.path.is_file() else None,
         "sha256": scene.sha256,
         "scenes": list(scene.scene_names),
@@ -105,7 +107,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "light_unit": dataclasses.asdict(light_unit_of(scene)),
         "environment": dataclasses.asdict(environment_for(scene)),
         "exposure": _exposure(scene, settings),
-        "effects": effect_costs(AnimatedScene(scene, camera, poser), without_auto(scene, settings)),
+        "effects": effect_costs(animated, drawn),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
         "notes": [*map(str, scene.notes), *transparency_notes(scene, settings.sequence.blend)],
@@ -149,7 +151,7 @@ def _show(facts: dict[str, Any]) -> None:
             "scenes": ", ".join(name or "(no name)" for name in facts["scenes"]) or None,
             "duration": f"{facts['duration_s']:.3f} s, {facts['frames']} frames at {facts['fps']:g} fps",
             "bounds": f"radius {size['radius_m']:.4g} m around ({where}) at time 0",
-            "memory": _memory_line(facts["memory_bytes"]),
+            "memory": _memory_line(facts["memory_bytes"], facts["size"]),
             "materials, images": f"{facts['materials']}, {len(facts['images'])}",
             "camera used": facts["camera"],
             "light unit": "{value} ({reason})".format(**facts["light_unit"]),
@@ -169,7 +171,8 @@ def _show(facts: dict[str, Any]) -> None:
             lines["..."] = f"{len(entries) - 20} more, see --json"
         if lines:
             show_pairs(heading, lines)
-    show_pairs("Effects of an evaluation at 1920x1080 with default settings", _effect_lines(facts["effects"]))
+    width, height = facts["size"]
+    show_pairs(f"Effects of an evaluation at {width}x{height} with default settings", _effect_lines(facts["effects"]))
     if facts["notes"]:
         show_pairs("Notes of the reader", {f"{i}": note for i, note in enumerate(facts["notes"], start=1)})
 
@@ -178,11 +181,11 @@ def _exposure_text(value: float | None, reason: str) -> str:
     return f"{'not metered' if value is None else f'{value:g}'} ({reason})"
 
 
-def _memory_line(memory: dict[str, int]) -> str:
+def _memory_line(memory: dict[str, int], size: list[int]) -> str:
     from taubench_gl.memory_budget import limit, shown_bytes
 
     parts = ", ".join(f"{kind} {shown_bytes(count)}" for kind, count in memory.items() if count)
-    return f"{shown_bytes(sum(memory.values()))} of at most {shown_bytes(limit())} when drawn ({parts})"
+    return f"{shown_bytes(sum(memory.values()))} of at most {shown_bytes(limit())} at {size[0]}x{size[1]} ({parts})"
 
 
 def _effect_lines(effects: dict[str, Any]) -> dict[str, str]:

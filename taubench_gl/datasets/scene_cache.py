@@ -26,8 +26,11 @@ from taubench_gl.data_files import hashed, opened, read_json
 from taubench_gl.datasets.download import Progress, fetch, forget
 from taubench_gl.datasets.registry import VARIABLE, Entry, known_name, load_registry
 from taubench_gl.errors import DatasetError
+from taubench_gl.memory_budget import limit, over, shown_bytes
 from taubench_gl.outputs import copy_atomically, make_folders, remove_folders, write_atomically
 from taubench_gl.paths import cache_folder
+from taubench_gl.scene.files import MAX_TEXT_BYTES
+from taubench_gl.scene.gltf.document import GLB_MAGIC
 from taubench_gl.settings import ENVIRONMENT_FILES
 
 PREFIX = "scene:"
@@ -56,6 +59,8 @@ SUFFIXES = {
     "stl": (".stl",),
     "collada": (".dae",),
 }
+TEXT_SUFFIXES = (".gltf", ".glb", ".obj", ".aff", ".nff")
+"""Endings of files that are read as text unless they are binary glTF."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +120,8 @@ class CachedScene:
             _require_inside(scene, self.name)
         if not source.is_file():
             raise DatasetError("is not a file", where=str(source), hint="name the archive or the scene file itself")
+        with opened(source, DatasetError) as file:
+            _packing(file, source)  # before all of it is read for its checksum
         checksum = sha256_of(source)
         if self.entry.sha256 not in (None, checksum):
             raise DatasetError(f"has checksum {checksum}, the registry has {self.entry.sha256}", where=str(source))
@@ -291,25 +298,47 @@ def unpack(archive: Path, folder: Path) -> None:
     folder.mkdir(parents=True)
     with opened(archive, DatasetError) as file:
         try:
-            if zipfile.is_zipfile(file):
+            packing = _packing(file, archive)
+            if packing == "zip":
                 with zipfile.ZipFile(file) as z:
                     _require_bounded(archive, ((m.filename, m.file_size) for m in z.infolist()))
                     z.extractall(folder)
-            elif (packed := _tar(file)) is not None:
-                with packed as t:
+            elif packing is not None:
+                with tarfile.open(fileobj=file, mode=packing) as t:
                     _require_bounded(archive, ((m.name, m.size) for m in t))
                     t.extractall(folder, filter="data")
-            elif archive.name.lower().endswith(ARCHIVES):  # a damaged one is recognized by nothing else
-                raise DatasetError("is a damaged archive", where=str(archive), hint="is the file complete?")
             else:
-                file.seek(0)
                 copy_atomically(file, folder / archive.name)
         except _ARCHIVE_FAULTS as e:
             raise DatasetError(f"cannot be unpacked: {e}", where=str(archive), hint="is the file complete?") from None
 
 
-def _tar(file: BinaryIO) -> tarfile.TarFile | None:
-    """The tar archive in a file; None if it holds none.  ``tarfile`` itself tries every compression on every byte."""
+def _packing(file: BinaryIO, path: Path) -> str | None:
+    """``zip``, the mode in which ``tarfile`` opens the file, or None for a single scene file; at the file's start.
+
+    Few bytes are read.  Raises DatasetError for what is named like an archive and is none, and for a scene file that is
+    larger than its reader takes.
+    """
+    try:
+        packing = "zip" if zipfile.is_zipfile(file) else _tar_mode(file)
+        file.seek(0)
+        start = file.read(len(GLB_MAGIC))
+        file.seek(0)
+    except OSError as error:
+        raise DatasetError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    if packing is not None:
+        return packing
+    if path.name.lower().endswith(ARCHIVES):  # a damaged one is recognized by nothing else
+        raise DatasetError("is a damaged archive", where=str(path), hint="is the file complete?")
+    text = path.suffix.lower() in TEXT_SUFFIXES and start != GLB_MAGIC
+    most = MAX_TEXT_BYTES if text else limit()
+    if os.fstat(file.fileno()).st_size > most:
+        raise DatasetError(f"is larger than {shown_bytes(most)}", where=str(path), hint=None if text else over(most))
+    return None
+
+
+def _tar_mode(file: BinaryIO) -> str | None:
+    """Mode of the tar archive in a file, None for none.  ``tarfile`` itself tries every compression on every byte."""
     file.seek(0)
     start = file.read(512)
     file.seek(0)
@@ -317,9 +346,10 @@ def _tar(file: BinaryIO) -> tarfile.TarFile | None:
         return None
     mode = next((mode for mark, mode in _COMPRESSED.items() if start.startswith(mark)), "r:")
     try:
-        return tarfile.open(fileobj=file, mode=mode)
+        tarfile.open(fileobj=file, mode=mode).close()
     except tarfile.TarError:
         return None
+    return mode
 
 
 def _require_bounded(archive: Path, members: Iterable[tuple[str, int]]) -> None:

@@ -99,11 +99,15 @@ def frame_channels(spec: FrameSpec) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class FrameResources:
-    """Passes, shader variants and allocations of a frame.  ``memory``: bytes by name."""
+    """Passes, shader variants and allocations of a frame.
+
+    ``memory``: bytes by name; ``images``: the names that are images of the scene.
+    """
 
     passes: tuple[str, ...]
     shaders: frozenset[str]
     memory: dict[str, int]
+    images: frozenset[str] = frozenset()
 
     def added_to(self, other: FrameResources) -> FrameResources:
         """What this frame has and ``other`` lacks, or has more of."""
@@ -125,10 +129,14 @@ def frame_resources(spec: FrameSpec) -> FrameResources:
             memory[resource.label] = memory.get(resource.label, 0) + resource.bytes
     drawn = next(tuple(o[0] for o in p.outputs) for p in passes if isinstance(p, RasterPass) and p.name == "gbuffer")
     used = ((spec.material(p), spec.material_key(p, drawn).slots) for _, p in spec.draw_kinds)
-    for image, srgb in images_of(used):
-        memory[f"image {image}{' (sRGB)' if srgb else ''}"] = image_bytes(spec.scene.images[image].size)
+    images = {
+        f"image {image}{' (sRGB)' if srgb else ''}": image_bytes(spec.scene.images[image].size)
+        for image, srgb in images_of(used)
+    }
     names = tuple(dict.fromkeys(p.name for p in passes))
-    return FrameResources(names, frozenset(v for p in passes for v in p.variants()), memory)
+    return FrameResources(
+        names, frozenset(v for p in passes for v in p.variants()), memory | images, frozenset(images)
+    )
 
 
 def effect_costs(animated: AnimatedScene, settings: Settings) -> dict[str, dict[str, Any]]:

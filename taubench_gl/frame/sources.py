@@ -17,6 +17,7 @@ from taubench_gl.effects.decide import as_summary, unmeasured
 from taubench_gl.effects.path_tracing import notes as light_notes
 from taubench_gl.features import LIGHT_FEATURES, OTHERS
 from taubench_gl.frame.light_stage import LightStage
+from taubench_gl.frame.memory import require_frame_memory
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.passes.visibility import VisibilityPass
 from taubench_gl.frame.plan import LIGHT, frame_channels, frame_spec
@@ -85,6 +86,7 @@ class RasterSource:
         """
         tuning = Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
         spec = frame_spec(animated, settings, tuning=tuning, **options)
+        require_frame_memory(spec)
         self._settings, self._fps, self._jitter = settings, settings.sequence.fps, jitter
         self.samples = settings.metrics.samples_per_pixel
         self._offsets = grid_offsets(self.samples)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import random
+import re
 import shutil
 import signal
 import subprocess
@@ -285,6 +287,19 @@ def test_a_damaged_result_is_one_error(whole, tmp_path):
     assert compared(load_benchmark(file), good)["rows"]
     with pytest.raises(OutputError):
         load_benchmark(tmp_path)  # a folder without benchmark.json
+
+
+def test_edits_of_numbers_of_a_result_are_refused(whole, tmp_path):
+    text = (whole[1] / "benchmark.json").read_text()
+    digits = [m.start() for m in re.finditer(r"(?<=[ \[:.0-9])[0-9](?=[0-9.,\n ])", text)]
+    file, rng = tmp_path / "benchmark.json", random.Random(1)
+    for at in rng.sample(digits, 40):
+        file.write_text(f"{text[:at]}{int(text[at]) ^ 1}{text[at + 1 :]}")
+        with pytest.raises(OutputError) as refused:
+            load_benchmark(file)
+        assert refused.value.where == str(file) and refused.value.hint
+    file.write_text(text)
+    assert load_benchmark(file)["cases"]
 
 
 def test_a_recorded_cell_of_the_quick_suite_comes_out_again():

@@ -20,8 +20,13 @@ from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.data_files import MAX_VALUES, read_json, read_toml, stored_arrays
+from taubench_gl.datasets import scene_cache
 from taubench_gl.datasets.scene_cache import unpack
+from taubench_gl.effects.lighting import without_auto
 from taubench_gl.errors import DatasetError, OutputError, PathTracedError, SceneError, SettingsError, TaubenchError
+from taubench_gl.frame.memory import memory_of_frame
+from taubench_gl.frame.plan import frame_spec
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.memory_budget import VARIABLE, Budget, _limit_files, limit, machine_bytes, parse_bytes
 from taubench_gl.paths import PACKAGE
 from taubench_gl.pathtraced.exr import read_exr, read_header, write_exr
@@ -30,6 +35,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.environment import environment_bytes, read_environment
 from taubench_gl.scene.files import read_image
 from taubench_gl.scene.memory import memory_of
+from taubench_gl.settings import Settings
 from taubench_gl.study.engines import worker_environment
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
@@ -160,6 +166,16 @@ def test_sparse_images_and_archives_are_refused_before_they_are_read(tmp_path):
         refused(DatasetError, lambda name=name: unpack(sparse(tmp_path / name), tmp_path / f"{name} unpacked"))
 
 
+@pytest.mark.parametrize("name", ["a.zip", "a.tar.gz", "a.glb", "a.gltf", "a.obj", "a.blend"])
+def test_sparse_local_files_are_refused_before_their_checksum_is_taken(tmp_path, monkeypatch, name):
+    monkeypatch.setenv(VARIABLE, "2GiB")
+    monkeypatch.setattr(scene_cache, "hashed", lambda *_: pytest.fail("was read"))
+    entry = scene_cache.Entry(title="x", format="gltf")
+    cached = scene_cache.CachedScene("x", entry, tmp_path / "cache")
+    assert refused(DatasetError, lambda: cached.take(sparse(tmp_path / name))).where == str(tmp_path / name)
+    assert not (tmp_path / "cache").exists()
+
+
 def test_stored_arrays_are_limited_and_hold_no_objects(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / "zeros.npz", a=np.zeros(1 << 25, np.uint8))
     np.savez(tmp_path / "objects.npz", a=np.array([print], dtype=object))
@@ -274,7 +290,10 @@ def test_images_are_counted_before_they_are_decoded(tmp_path, monkeypatch, limit
 def test_inspect_prints_the_same_sum_as_is_checked(tmp_path):
     path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 3, TRIANGLE)
     result = CliRunner().invoke(cli, ["inspect", str(path), "--json"])
-    assert json.loads(result.stdout)["memory_bytes"] == memory_of(load_scene(path))
+    printed, scene = json.loads(result.stdout)["memory_bytes"], load_scene(path)
+    spec = frame_spec(AnimatedScene(scene), without_auto(scene, Settings()))
+    assert printed == memory_of_frame(spec) and printed.items() >= memory_of(scene).items()
+    assert printed["channels"] > 5 * 1920 * 1080
 
 
 def test_the_option_limits_one_command(tmp_path, monkeypatch):
