@@ -75,14 +75,14 @@ def opened(
     except (OSError, ValueError) as error:
         raise fault(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=where) from None
     about = os.fstat(descriptor)
-    what = None
+    problem = None
     if not stat.S_ISREG(about.st_mode):
-        what = "is a folder, not a file" if stat.S_ISDIR(about.st_mode) else "is not a regular file"
+        problem = "is a folder, not a file" if stat.S_ISDIR(about.st_mode) else "is not a regular file"
     elif max_bytes is not None and about.st_size > max_bytes:
-        what = f"{'' if where == str(path) else f'{Path(path).name} '}is larger than {shown_bytes(max_bytes)}"
-    if what is not None:
+        problem = f"{'' if where == str(path) else f'{Path(path).name} '}is larger than {shown_bytes(max_bytes)}"
+    if problem is not None:
         os.close(descriptor)
-        raise fault(what, where=where)
+        raise fault(problem, where=where)
     return open(descriptor, "rb")
 
 
@@ -191,14 +191,14 @@ def read_toml(
 
 
 @contextmanager
-def _one_line(path: str | Path, fault: Fault, what: str, hint: str | None) -> Iterator[None]:
-    """Turns what parsers and schemas raise into ``fault``."""
+def _one_line(path: str | Path, fault: Fault, problem: str, hint: str | None) -> Iterator[None]:
+    """Turns exceptions of parsers and schemas into ``fault``; ``problem``: how the message begins."""
     try:
         yield
     except msgspec.ValidationError as error:
         raise fault(schema_fault(error), where=str(path), hint=hint) from None
     except _READ_FAULTS as error:
-        raise fault(f"{what}: {_short(error)}", where=str(path), hint=hint) from None
+        raise fault(f"{problem}: {_short(error)}", where=str(path), hint=hint) from None
 
 
 def read_csv(
@@ -222,7 +222,7 @@ def read_csv(
 def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text.  Raises ValueError or RecursionError, also for NaN, infinity and oversized numbers."""
     comma, opening = (",", "{[") if isinstance(text, str) else (b",", (b"{", b"["))
-    if text.count(comma) + sum(text.count(one) for one in opening) > MAX_VALUES:
+    if text.count(comma) + sum(text.count(bracket) for bracket in opening) > MAX_VALUES:
         raise ValueError(f"more than {MAX_VALUES:,} values")
     value = json.loads(text, parse_int=integer, parse_float=real, parse_constant=_no_constant)
     return _bounded(value)
@@ -244,11 +244,11 @@ def checked(value: Any, kind: Any) -> Any:
 
 def schema_fault(error: msgspec.ValidationError) -> str:
     """msgspec's message with the key first: ``settings.width is text, expected a number``."""
-    what, _, place = str(error).replace("`", "").partition(" - at ")
+    message, _, place = str(error).replace("`", "").partition(" - at ")
     key = place.removeprefix("$").removeprefix(".") or "the file"
-    if found := _EXPECTED.fullmatch(what):
-        return f"{key} is {_in_words(found[2])}, expected {_in_words(found[1])}"
-    return f"{key}: {what[:1].lower()}{what[1:]}"
+    if types := _EXPECTED.fullmatch(message):
+        return f"{key} is {_in_words(types[2])}, expected {_in_words(types[1])}"
+    return f"{key}: {message[:1].lower()}{message[1:]}"
 
 
 def _in_words(kinds: str) -> str:
@@ -288,12 +288,12 @@ def _bounded(value: Any) -> Any:
     level = [value]
     for _ in range(MAX_DEPTH):
         below: list[Any] = []
-        for one in level:
-            if isinstance(one, dict):
-                below += one.values()
-            elif isinstance(one, list):
-                below += one
-            elif isinstance(one, int) and one.bit_length() > 64:
+        for item in level:
+            if isinstance(item, dict):
+                below += item.values()
+            elif isinstance(item, list):
+                below += item
+            elif isinstance(item, int) and item.bit_length() > 64:
                 raise ValueError("an integer of more than 64 bits")
         if not below:
             return value

@@ -72,8 +72,11 @@ class FolderLock:
                 who, waited = lock_holder(self.path.parent), waited + 1
                 if who is None and waited < ATTEMPTS:
                     continue  # the other process only asked for the holder
-                what, hint = f"{who or 'another process'} is writing here", "wait for it, or give --out another folder"
-                raise OutputError(what, where=str(self.path.parent), hint=hint) from None
+                problem, hint = (
+                    f"{who or 'another process'} is writing here",
+                    "wait for it, or give --out another folder",
+                )
+                raise OutputError(problem, where=str(self.path.parent), hint=hint) from None
             except OSError:
                 return file  # a file system without locks
             if self._is_current(file):

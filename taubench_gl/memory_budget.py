@@ -23,10 +23,10 @@ _LEAST = 1 << 20
 
 def parse_bytes(text: str) -> int:
     """``4GiB``, ``4GB``, ``4G`` (binary) or ``4294967296`` -> bytes.  Raises SettingsError."""
-    found = _TEXT.fullmatch(text.strip())
-    if found is not None:
-        unit = " KMGT".index((found[2] or " ").upper())
-        value = float(found[1]) * (1000 if found[2] and not found[3] and text.strip()[-1] in "bB" else 1024) ** unit
+    parts = _TEXT.fullmatch(text.strip())
+    if parts is not None:
+        unit = " KMGT".index((parts[2] or " ").upper())
+        value = float(parts[1]) * (1000 if parts[2] and not parts[3] and text.strip()[-1] in "bB" else 1024) ** unit
         if _LEAST <= value < 2**62:
             return int(value)
     raise SettingsError(f"max memory is {text!r:.60}", hint="give a size of at least 1MiB, such as 4GiB")
@@ -37,14 +37,14 @@ def limit() -> int:
 
     Raises SettingsError for a value that is no size.
     """
-    given = os.environ.get(VARIABLE, "")
-    return parse_bytes(given) if given else machine_bytes()
+    size = os.environ.get(VARIABLE, "")
+    return parse_bytes(size) if size else machine_bytes()
 
 
-def require(count: int, what: str, fault: type[TaubenchError], where: str, hint: str | None = None) -> None:
-    """Raises ``fault`` if ``what`` takes more than ``limit`` bytes."""
+def require(count: int, subject: str, fault: type[TaubenchError], where: str, hint: str | None = None) -> None:
+    """Raises ``fault`` if ``subject`` takes more than ``limit`` bytes."""
     if count > (most := limit()):
-        raise fault(f"{what} would take {shown_bytes(count)} of memory", where=where, hint=hint or over(most))
+        raise fault(f"{subject} would take {shown_bytes(count)} of memory", where=where, hint=hint or over(most))
 
 
 def over(most: int) -> str:
@@ -64,7 +64,7 @@ class Budget:
         return sum(self.bytes.values())
 
     def add(self, kind: str, count: int) -> str | None:
-        """Add bytes that are about to be allocated.  -> what is wrong, where they do not fit; else None."""
+        """Add bytes that are about to be allocated.  -> a message, where they do not fit; else None."""
         self.bytes[kind] = self.bytes.get(kind, 0) + count
         if self.total <= self.limit:
             return None
@@ -98,16 +98,16 @@ def machine_bytes() -> int:
 
 def _limit_files(groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")) -> list[Path]:
     """Files with the limits of the process's control groups and of those around them, version 2 and version 1."""
-    found = [root / "memory.max", root / "memory" / "memory.limit_in_bytes"]
+    files = [root / "memory.max", root / "memory" / "memory.limit_in_bytes"]
     try:
         lines = groups.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
-        return found
+        return files
     for line in lines:
         _, controllers, path = [*line.split(":", 2), "", ""][:3]
         if controllers not in ("", "memory") or ".." in path.split("/"):
             continue
         base, name = (root, "memory.max") if not controllers else (root / "memory", "memory.limit_in_bytes")
         parts = [part for part in path.split("/") if part]
-        found += [base.joinpath(*parts[:depth]) / name for depth in range(1, len(parts) + 1)]
-    return found
+        files += [base.joinpath(*parts[:depth]) / name for depth in range(1, len(parts) + 1)]
+    return files

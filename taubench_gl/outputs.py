@@ -40,8 +40,8 @@ _writes = itertools.count()  # distinguishes the partial files of the threads of
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:
     """The OutputError for a system error that occurred while writing ``path``."""
-    what = "a link that is not followed" if error.errno == errno.ELOOP else error.strerror or error
-    return OutputError(f"cannot be written: {what}", where=str(path))
+    cause = "a link that is not followed" if error.errno == errno.ELOOP else error.strerror or error
+    return OutputError(f"cannot be written: {cause}", where=str(path))
 
 
 def text_bytes(text: str) -> bytes:
@@ -269,8 +269,8 @@ def new_partial(path: Path, suffix: str = "") -> Path:
 
 def is_partial_of(path: Path, other: Path) -> bool:
     """Whether ``other`` has the name of a partial file of ``path``."""
-    found = _PARTIAL.fullmatch(other.name)
-    return found is not None and found["name"] == path.name
+    parts = _PARTIAL.fullmatch(other.name)
+    return parts is not None and parts["name"] == path.name
 
 
 def _sweep(path: Path) -> None:
@@ -289,8 +289,8 @@ def _partials(folder: str) -> Mapping[str, list[Path]]:
     """
     out: dict[str, list[Path]] = defaultdict(list)
     for name in os.listdir(folder):
-        if found := _PARTIAL.fullmatch(name):
-            out[found["name"]].append(Path(folder, name))
+        if parts := _PARTIAL.fullmatch(name):
+            out[parts["name"]].append(Path(folder, name))
     return out
 
 
@@ -300,8 +300,8 @@ def _abandoned(partial: Path) -> bool:
     A process number of this machine decides.  One of another machine or container that shares the folder, and one that
     another process has since received, are inconclusive: then DAY decides.
     """
-    found = _PARTIAL.fullmatch(partial.name)
-    if found["space"] and f"-{found['space']}" == _process_space() and not _runs(int(found["pid"])):
+    parts = _PARTIAL.fullmatch(partial.name)
+    if parts["space"] and f"-{parts['space']}" == _process_space() and not _runs(int(parts["pid"])):
         return True
     return time.time() - partial.stat().st_mtime > DAY
 

@@ -77,12 +77,12 @@ def page() -> str:
         out.append("| --- | --- | --- | --- | --- |\n")
         for one in every:
             if one.group == group:
-                cells = (f"`{one.name}`", one.what, one.elsewhere, one.here, f"{one.tolerance:g}: {one.source}")
+                cells = (f"`{one.name}`", one.description, one.elsewhere, one.here, f"{one.tolerance:g}: {one.source}")
                 out.append(f"| {' | '.join(_cell(c) for c in cells)} |\n")
     out.append(GUARDS_HEAD)
     for guard in GUARDS:
         detected = ", ".join(f"`{name}`" for name in guard.detected_by)
-        out.append(f"| `{guard.name}` | {_cell(guard.what)} | {detected} |\n")
+        out.append(f"| `{guard.name}` | {_cell(guard.description)} | {detected} |\n")
     return "".join(out)
 
 

@@ -37,9 +37,9 @@ def row(guard: Guard, gpu: Any) -> dict[str, Any]:
     name = next(n for n in cases if broken[n].failure is None and broken[n].error > broken[n].case.tolerance)
     return {
         "guard": guard.name,
-        "rule": guard.what,
+        "rule": guard.description,
         "case": name,
-        "what": sound[name].case.what,
+        "description": sound[name].case.description,
         "error": sound[name].error,
         "error_without": broken[name].error,
         "tolerance": sound[name].case.tolerance,

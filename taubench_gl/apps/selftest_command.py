@@ -50,7 +50,7 @@ def selftest(
         raise SettingsError(f"no case is named {', '.join(only)}", hint="see 'taubench-gl selftest --list'")
     if listing:
         for case in selected:
-            click.echo(f"{case.group:<11} {case.name:<25} {case.what}")
+            click.echo(f"{case.group:<11} {case.name:<25} {case.description}")
         return 0
     size, device = (settings.sequence.width, settings.sequence.height), settings.device.device
     if size[0] < 48 or size[1] < 32:
@@ -85,7 +85,7 @@ def _show_row(result: CaseResult) -> None:
         click.echo(f"  {result.failure}")
     else:
         click.echo(f"  expected {_number(result.expected)}, measured {_number(result.measured)}")
-    click.echo(f"      {result.case.what}")
+    click.echo(f"      {result.case.description}")
     if result.naive is not None:
         verdict = "fails" if not result.naive.error <= result.case.tolerance else "passes here"
         click.echo(f"      {result.naive.formula}: {_number(result.naive.measured)}, {verdict}")

@@ -231,8 +231,12 @@ def _arithmetic() -> Table:
     """What the renderer's arithmetic avoids on the hard cases, as recorded: no variant without it is in the package."""
     numerics = recorded()
     rows = tuple(
-        Row(r["rule"], (*(three(r[k]) for k in ("error_without", "error", "tolerance")), ""), reasons={3: r["what"]})
-        for r in numerics["rows"]
+        Row(
+            row["rule"],
+            (*(three(row[key]) for key in ("error_without", "error", "tolerance")), ""),
+            reasons={3: row["description"]},
+        )
+        for row in numerics["rows"]
     )
     notes = (
         f"recorded {numerics['date']} on {numerics['renderer']}, {numerics['driver']} (tools/record numerics)",

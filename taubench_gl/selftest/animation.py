@@ -32,7 +32,7 @@ def plain_slerp(a: Array, b: Array, u: float) -> Array:
 
 @case(
     "opposite-hemispheres",
-    what="rotation keys 0 and 60 degrees, the second stored as -q: angle from the first key at half time",
+    description="rotation keys 0 and 60 degrees, the second stored as -q: angle from the first key at half time",
     elsewhere="slerp without a test of the sign takes the long way, through 150 degrees",
     here="the second key is taken on the hemisphere of the first",
     tolerance=1e-12,
@@ -48,7 +48,7 @@ def opposite_hemispheres(bench: Bench) -> Outcome:
 def _same_key(name: str, sign: float, words: str) -> None:
     @case(
         name,
-        what=f"two rotation keys that are {words}: difference of every value between them from the first key",
+        description=f"two rotation keys that are {words}: difference of every value between them from the first key",
         elsewhere="sin(0) / sin(0) is NaN in all child matrices, or rounding noise moves a still camera",
         here="equal keys return the first key; close keys use normalized lerp",
         source="exact: the stored bits",
@@ -68,7 +68,8 @@ _same_key("opposite-keys", -1.0, "q and -q")
 
 @case(
     "half-turn-keys",
-    what="keys 180 degrees apart whose dot product is +1e-17 or -1e-17: angle between the two results at half time",
+    description="keys 180 degrees apart whose dot product is +1e-17 or -1e-17: angle between the two results at half "
+    "time",
     elsewhere="the sign of a rounding error selects the direction, so an object turns left or right at random",
     here="if the dot product is within 1e-12 of 0, the keys are used as the file stores them",
     tolerance=1e-12,
@@ -89,7 +90,7 @@ def half_turn_keys(bench: Bench) -> Outcome:
 
 @case(
     "close-keys",
-    what="keys 1e-7 degrees apart, sampled at a quarter of the time: relative error of the angle",
+    description="keys 1e-7 degrees apart, sampled at a quarter of the time: relative error of the angle",
     elsewhere="acos(1 - 1e-18) is 0, so the camera does not move",
     here="the angle is computed from both chords; below 1e-6 rad normalized lerp",
     tolerance=1e-6,
@@ -105,7 +106,7 @@ def close_keys(bench: Bench) -> Outcome:
 
 @case(
     "cubic-overshoot",
-    what="CUBICSPLINE from 0 to 1 with tangents 10 and -10: the value at half time is 3, outside the keys",
+    description="CUBICSPLINE from 0 to 1 with tangents 10 and -10: the value at half time is 3, outside the keys",
     elsewhere="tangents are ignored or not scaled by the segment's length, or the result is clamped",
     here="the Hermite form of glTF: tangents times dt, no clamp",
     tolerance=1e-15,
@@ -119,7 +120,7 @@ def cubic_overshoot(bench: Bench) -> Outcome:
 
 @case(
     "cubic-still",
-    what="CUBICSPLINE between equal keys with zero tangents: deviation from the key",
+    description="CUBICSPLINE between equal keys with zero tangents: deviation from the key",
     elsewhere="h00 v0 + h01 v1 with h00 + h01 = 1 - 1e-16 moves a still camera",
     here="v0 + h01 (v1 - v0)",
     source="exact: the stored bits",
@@ -136,7 +137,7 @@ def cubic_still(bench: Bench) -> Outcome:
 
 @case(
     "cubic-rotation",
-    what="CUBICSPLINE rotation with tangents that pull the quaternion to length 0: is the result a rotation?",
+    description="CUBICSPLINE rotation with tangents that pull the quaternion to length 0: is the result a rotation?",
     elsewhere="normalizing a zero quaternion gives NaN",
     here="normalized; the zero quaternion means no rotation",
     tolerance=1e-15,
@@ -153,7 +154,7 @@ def cubic_rotation(bench: Bench) -> Outcome:
 
 @case(
     "denormal-step",
-    what="two keys 5e-324 s apart, sampled at, between and after them: the values are those of the keys",
+    description="two keys 5e-324 s apart, sampled at, between and after them: the values are those of the keys",
     elsewhere="the times are equal in float32, and (t - t0) / (t1 - t0) is 0/0",
     here="times are float64; the fraction is computed only for segments of positive length",
     source="exact: the values of the keys",
@@ -170,7 +171,7 @@ def denormal_step(bench: Bench) -> Outcome:
 
 @case(
     "step-on-its-key",
-    what="STEP keys at 0, 1, 2 s, sampled at each key and one ulp before it",
+    description="STEP keys at 0, 1, 2 s, sampled at each key and one ulp before it",
     elsewhere="a search on the wrong side returns the previous value at a key",
     here="a key holds from its time on",
     source="exact: the values of the keys",
@@ -188,7 +189,7 @@ def step_on_its_key(bench: Bench) -> Outcome:
 
 @case(
     "loop-end",
-    what="the last pair of a looping walk: motion of the last frame (16 m in 1 s, 8 frames per second)",
+    description="the last pair of a looping walk: motion of the last frame (16 m in 1 s, 8 frames per second)",
     elsewhere="a wrapped previous time moves the object back by the whole distance",
     here="the previous time is never wrapped; after the last key the pose is constant",
     tolerance=1e-3,
@@ -206,7 +207,7 @@ def loop_end(bench: Bench) -> Outcome:
 
 @case(
     "order-of-sampling",
-    what="poses sampled in descending time and alone: matrices that differ",
+    description="poses sampled in descending time and alone: matrices that differ",
     elsewhere="a cursor or cache of the last key gives other values if frames are skipped",
     here="the pose is a pure function of (scene, time)",
     source="exact: the bits of every matrix",

@@ -67,8 +67,8 @@ def _pixels(*bits: Reason, without: tuple[Reason, ...] = ()) -> int:
 
 @case(
     "headline",
-    what="surface and shading reuse rates, their disjoint reasons and the share of sky, every kind of pixel: largest "
-    "difference from shares of surface pixels, percentage points",
+    description="surface and shading reuse rates, their disjoint reasons and the share of sky, every kind of pixel: "
+    "largest difference from shares of surface pixels, percentage points",
     elsewhere="the rate forgets normals or indirect light, or counts sky, which has nothing to shade",
     here="surface pixels without FIRST, CUT, INVALID, BEHIND, OUTSIDE, POSITION, NORMAL; shading also without light",
     tolerance=1e-12,
@@ -85,18 +85,19 @@ def headline(bench: Bench) -> Outcome:
     block = stats.reuse.block("camera", np.array([False, True]))
     errors = []
     for rate, pixels in kept.items():
-        found = block[rate]
+        shares = block[rate]
         errors += [
-            found["mean_percent"] - 100.0 * pixels / whole, found["of_picture_percent"] - 100.0 * pixels / (2 * TOTAL),
-            found["pixels"] - pixels, found["min_percent"] - 100.0 * (pixels - 1) / surface,
-            found["max_percent"] - 100.0, found["without_cuts_mean_percent"] - 100.0 * (pixels - 1) / surface,
+            shares["mean_percent"] - 100.0 * pixels / whole,
+            shares["of_picture_percent"] - 100.0 * pixels / (2 * TOTAL), shares["pixels"] - pixels,
+            shares["min_percent"] - 100.0 * (pixels - 1) / surface,
+            shares["max_percent"] - 100.0, shares["without_cuts_mean_percent"] - 100.0 * (pixels - 1) / surface,
         ]  # fmt: skip
     reasons = {name: share["pixels"] for name, share in block["reasons"].items()}
-    wanted = {
+    expected = {
         "first": 17, "cut": 19, "invalid": 23, "behind": 29, "outside": 31, "disoccluded": 37, "normal": 41, "lit": 43,
         "indirect": 47 + 53,
     }  # fmt: skip
-    errors += [reasons[name] - wanted.get(name, 0) for name in reasons]
+    errors += [reasons[name] - expected.get(name, 0) for name in reasons]
     errors += [sum(reasons.values()) + kept["shading"] - whole]
     errors += [block["sky_percent"] - 100.0 * (2 * TOTAL - whole) / (2 * TOTAL), block["color_only"]["pixels"] - 7]
     naive = 100.0 * (_pixels(without=light[:-2]) - kept["shading"] + 1) / whole
@@ -105,7 +106,8 @@ def headline(bench: Bench) -> Outcome:
 
 @case(
     "eq4-of-all-pixels",
-    what="counts of every kind of pixel in Table 4: the largest difference from 100 n / (w h), percentage points",
+    description="counts of every kind of pixel in Table 4: the largest difference from 100 n / (w h), percentage "
+    "points",
     elsewhere="the share is taken of the comparable pixels: off-screen pixels make every other column larger",
     here="Eq. 4 divides by w h; the share of comparable pixels stands beside it",
     tolerance=1e-12,
@@ -131,7 +133,7 @@ def eq4_of_all_pixels(bench: Bench) -> Outcome:
 
 @case(
     "means-over-pairs",
-    what="three pairs with 10, 20 and 90 % of direct discards, the last a cut: mean, maximum, mean without cuts",
+    description="three pairs with 10, 20 and 90 % of direct discards, the last a cut: mean, maximum, mean without cuts",
     elsewhere="a cut counts as a hundred percent of discards, or the maximum is that of the mean",
     here="means are over pairs; those without cuts leave out the pairs of camera cuts",
     tolerance=1e-12,
@@ -139,15 +141,15 @@ def eq4_of_all_pixels(bench: Bench) -> Outcome:
 )
 def means_over_pairs(bench: Bench) -> Outcome:
     stats = _stats(*({0: 100 - n, Reason.DIRECT: n} for n in (10, 20, 90)))
-    found = stats.discard(np.array([False, False, True]))["direct"]
-    wanted = {"mean_percent": 40.0, "comparable_mean_percent": 40.0, "max_percent": 90.0}
-    wanted["without_cuts_mean_percent"] = 15.0
-    return field("40, 90 and 15 %", [found[name] - value for name, value in wanted.items()])
+    discards = stats.discard(np.array([False, False, True]))["direct"]
+    expected = {"mean_percent": 40.0, "comparable_mean_percent": 40.0, "max_percent": 90.0}
+    expected["without_cuts_mean_percent"] = 15.0
+    return field("40, 90 and 15 %", [discards[name] - value for name, value in expected.items()])
 
 
 @case(
     "curve-in-closed-form",
-    what="distances on, just below and just above the edges of the histogram: pixels in a wrong bin or tail",
+    description="distances on, just below and just above the edges of the histogram: pixels in a wrong bin or tail",
     elsewhere="logarithms round, so a distance on an edge lands on either side",
     here="bins are read from the bits of float32; a distance on an edge is in the bin above it",
     source="exact: integers",
@@ -169,7 +171,8 @@ def curve_in_closed_form(bench: Bench) -> Outcome:
 
 @case(
     "cut-of-a-surface",
-    what="a surface that replaces another one in half of the image: pixels without CUT there, or with a feature bit",
+    description="a surface that replaces another one in half of the image: pixels without CUT there, or with a "
+    "feature bit",
     elsewhere="the new surface is compared with the old one: the cut is a discard by position",
     here="surfaces of Scene.replacements are marked in the frame in which they appear",
     source="exact: the pixels of the surface",
@@ -194,7 +197,7 @@ def cut_of_a_surface(bench: Bench) -> Outcome:
 
 @case(
     "cuts-of-the-camera",
-    what="a camera that steps 0.1 m a frame and jumps by 8 m once: statistics with and without the cut",
+    description="a camera that steps 0.1 m a frame and jumps by 8 m once: statistics with and without the cut",
     elsewhere="the jump is part of the mean: 0.358 m instead of 0.1 m",
     here="every figure is given with all pairs and without cuts",
     tolerance=1e-12,
@@ -207,35 +210,35 @@ def cuts_of_the_camera(bench: Bench) -> Outcome:
     path[1:, 2] = np.cumsum(steps)
     moved = activity.camera_activity(path, np.tile(np.eye(3), (41, 1, 1)))
     cuts = activity.detect_cuts(moved)
-    found = activity.summarize(moved, cuts, 24.0, 5)
+    summary = activity.summarize(moved, cuts, 24.0, 5)
     mean = (39 * 0.1 + 8.0) / 40
     errors = [
-        found["position"]["mean"] - mean, found["position"]["max"] - 8.0, found["position"]["median"] - 0.1,
-        found["position"]["variance"] - (39 * (0.1 - mean) ** 2 + (8.0 - mean) ** 2) / 40,
-        found["position"]["p95"] - 0.1, found["position"]["without_cuts"]["mean"] - 0.1,
-        found["position"]["without_cuts"]["max"] - 0.1, float(found["cuts"] != [31]), found["yaw"]["max"],
+        summary["position"]["mean"] - mean, summary["position"]["max"] - 8.0, summary["position"]["median"] - 0.1,
+        summary["position"]["variance"] - (39 * (0.1 - mean) ** 2 + (8.0 - mean) ** 2) / 40,
+        summary["position"]["p95"] - 0.1, summary["position"]["without_cuts"]["mean"] - 0.1,
+        summary["position"]["without_cuts"]["max"] - 0.1, float(summary["cuts"] != [31]), summary["yaw"]["max"],
     ]  # fmt: skip
     return field("0.1 m without the cut", errors, Naive("mean of all pairs", mean, mean - 0.1))
 
 
 @case(
     "wrap-table",
-    what="differences of -540, -359, -190, -180, -179, 180, 181, 350, 540 and 725 degrees, wrapped",
+    description="differences of -540, -359, -190, -180, -179, 180, 181, 350, 540 and 725 degrees, wrapped",
     elsewhere="the number of turns is truncated: -190 stays -190, which is 170",
     here="the nearest whole number of turns is subtracted, and -180 becomes 180",
     source="exact: whole degrees",
 )
 def wrap_table(bench: Bench) -> Outcome:
-    given = np.array([-540.0, -359.0, -190.0, -180.0, -179.0, 180.0, 181.0, 350.0, 540.0, 725.0])
-    wanted = np.array([180.0, 1.0, 170.0, 180.0, -179.0, 180.0, -179.0, -10.0, 180.0, 5.0])
-    naive = worst(given - 360.0 * np.trunc(given / 360.0) - wanted)
-    errors = activity.wrap_degrees(given) - wanted
+    degrees = np.array([-540.0, -359.0, -190.0, -180.0, -179.0, 180.0, 181.0, 350.0, 540.0, 725.0])
+    expected = np.array([180.0, 1.0, 170.0, 180.0, -179.0, 180.0, -179.0, -10.0, 180.0, 5.0])
+    naive = worst(degrees - 360.0 * np.trunc(degrees / 360.0) - expected)
+    errors = activity.wrap_degrees(degrees) - expected
     return field("(-180, 180]", errors, Naive("d - 360 trunc(d / 360)", f"off by {naive:g}", naive))
 
 
 @case(
     "every-axis",
-    what="yaw, pitch and roll of 7, -5 and 3 degrees a frame from 27 orientations: largest error in degrees",
+    description="yaw, pitch and roll of 7, -5 and 3 degrees a frame from 27 orientations: largest error in degrees",
     elsewhere="angles are exchanged, or of another order of axes",
     here="intrinsic Y-X-Z: yaw about world +Y, pitch about local X, roll about local Z",
     tolerance=1e-11,
@@ -263,7 +266,8 @@ def _euler(yaw: float, pitch: float, roll: float) -> Array:
 
 @case(
     "blended-normal",
-    what="bilinear history halfway between normals of +60 and -60 degrees, now upright, threshold 0.25: NORMAL pixels",
+    description="bilinear history halfway between normals of +60 and -60 degrees, now upright, threshold 0.25: NORMAL "
+    "pixels",
     elsewhere="the blend has length 0.5, which differs by 0.5 from the unit normal it points along",
     here="a blend of normals is normalized; the feature is the direction",
     source="exact: the pixels between two columns",
@@ -317,8 +321,8 @@ def _masks(bench: Bench, reprojected: str, sampling: str) -> Outcome:
     images = bench.compare(current, history, pair, exposure=2.0, **how)
     expected = pair_masks(current, history, pair, limits(None), exposure=2.0, **how)
     off = [float((images.mask != expected.mask).mean())]
-    for found, feature in zip(images.counted.histograms.astype(np.int64), FEATURES, strict=True):
-        tails = [np.cumsum(counts[:0:-1]) for counts in (found, expected.histogram(feature))]
+    for measured, feature in zip(images.counted.histograms.astype(np.int64), FEATURES, strict=True):
+        tails = [np.cumsum(counts[:0:-1]) for counts in (measured, expected.histogram(feature))]
         off.append(worst(tails[0] - tails[1]) / images.mask.size)
     moved = np.abs(expected.motion_px).max(axis=-1)
     seen = (moved < 500.0) & ((expected.mask & Reason.INVALID) == 0)
@@ -329,8 +333,9 @@ def _masks(bench: Bench, reprojected: str, sampling: str) -> Outcome:
 def _masks_case(reprojected: str, sampling: str) -> None:
     @case(
         f"masks-{reprojected}-{sampling}",
-        what=f"{sampling} history, {reprojected} reprojection, random channels of all features: share of pixels whose "
-        "reason word or distance differs from the float64 reference, and largest error of motion in pixels",
+        description=f"{sampling} history, {reprojected} reprojection, random channels of all features: share of "
+        "pixels whose reason word or distance differs from the float64 reference, and largest error of motion in "
+        "pixels",
         elsewhere="one term of one feature is wrong, which a scene with a known answer may not show",
         here="the shader and a NumPy implementation agree pixel by pixel",
         tolerance=1e-3,
@@ -346,7 +351,7 @@ for _names in itertools.product(("camera", "motion"), ("nearest", "bilinear")):
 
 @case(
     "reuse-measures",
-    what="PSNR, MSE, relMSE, trimmed relMSE, SSIM, flicker and warp error of constant and shifted images",
+    description="PSNR, MSE, relMSE, trimmed relMSE, SSIM, flicker and warp error of constant and shifted images",
     elsewhere="PSNR of linear values, relMSE without its epsilon, history read at the wrong side of the motion",
     here="one function per measure (docs/reuse-evaluation.md)",
     tolerance=1e-9,
@@ -393,7 +398,7 @@ def reuse_measures(bench: Bench) -> Outcome:
 
 @case(
     "weights-of-pairs",
-    what="two strata of 6 and 4 pairs, two sampled of each: weights, mean and 95 % interval",
+    description="two strata of 6 and 4 pairs, two sampled of each: weights, mean and 95 % interval",
     elsewhere="sampled pairs are averaged with equal weights",
     here="Cochran, Sampling Techniques, Eqs. 5.1, 5.13 and 5.16",
     tolerance=1e-6,
@@ -401,14 +406,14 @@ def reuse_measures(bench: Bench) -> Outcome:
 )
 def weights_of_pairs(bench: Bench) -> Outcome:
     sample = PairSample(10, ((6, (1, 4)), (4, (6, 9))))
-    found = estimate(sample, np.array([10.0, 14.0, 30.0, 30.0]))
+    all_pairs = estimate(sample, np.array([10.0, 14.0, 30.0, 30.0]))
     half = T1 * math.sqrt(0.6**2 * (1 - 2 / 6) * 8.0 / 2)
-    one = estimate(PairSample(10, ((6, (1, 4)), (4, (6, 7, 8, 9)))), np.array([10.0, 14.0, 1.0, 2.0, 3.0, 4.0]))
+    one_stratum = estimate(PairSample(10, ((6, (1, 4)), (4, (6, 7, 8, 9)))), np.array([10.0, 14.0, 1.0, 2.0, 3.0, 4.0]))
     whole = estimate(PairSample(3, ((3, (0, 1, 2)),)), np.array([1.0, 2.0, 6.0]))
     planned = 1.9599640 * 0.6 * math.sqrt((1 - 2 / 6) * 0.3 / 2)  # S^2 = 0.3 in the first stratum, 0 in the second
     errors = [
-        worst(sample.weights - [0.3, 0.3, 0.2, 0.2]), found.mean - 19.2, 1e-2 * (found.half_width - half),
-        one.mean - (0.6 * 12.0 + 0.4 * 2.5), 1e-2 * (one.half_width - half),
+        worst(sample.weights - [0.3, 0.3, 0.2, 0.2]), all_pairs.mean - 19.2, 1e-2 * (all_pairs.half_width - half),
+        one_stratum.mean - (0.6 * 12.0 + 0.4 * 2.5), 1e-2 * (one_stratum.half_width - half),
         whole.mean - 3.0, whole.half_width,
         expected_half_width(sample, np.array([1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 5.0, 5.0, 5.0, 5.0])) / planned - 1.0,
     ]  # fmt: skip
@@ -417,7 +422,8 @@ def weights_of_pairs(bench: Bench) -> Outcome:
 
 @case(
     "metered-exposure",
-    what="luminance of 0.5 in 80 pixels, 1e-6 in 5, 1e6 in 5 and black in 10; then 10 % of pixels with a channel of 4",
+    description="luminance of 0.5 in 80 pixels, 1e-6 in 5, 1e6 in 5 and black in 10; then 10 % of pixels with a "
+    "channel of 4",
     elsewhere="the sun in a mirror or a black corner moves the log-average",
     here="log-average of the lit pixels between the 10th and 90th percentile goes to 0.18, at most 5 % clip",
     tolerance=1e-12,
@@ -438,7 +444,8 @@ def exposure_of_percentiles(bench: Bench) -> Outcome:
 
 @case(
     "scene-statistics",
-    what="a scene with 2 moving and 3 still objects, a moving and a still lamp, a sun that turns, a moving camera",
+    description="a scene with 2 moving and 3 still objects, a moving and a still lamp, a sun that turns, a moving "
+    "camera",
     elsewhere="children of moving nodes count as still, or lights by their intensity alone",
     here="an object is dynamic if its own or an ancestor's transform changes over the evaluated times",
     source="exact: counts",
@@ -456,22 +463,22 @@ def scene_statistics(bench: Bench) -> Outcome:
         b.animate(node, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
     b.animate(sun, "rotation", [0.0, 1.0], [turn((1.0, 0.0, 0.0), 0.0), turn((1.0, 0.0, 0.0), 60.0)])
     scene = b.build()
-    found = census(scene, (0.0, 0.5, 1.0), Poser(scene))
-    wanted = {
+    counts = census(scene, (0.0, 0.5, 1.0), Poser(scene))
+    expected = {
         "dynamic_rigid_objects": 2, "static_rigid_objects": len(still), "drawn_meshes": 5, "triangles": 60,
         "static_point_lights": 1, "dynamic_point_lights": 1, "dynamic_directional_lights": 1,
         "static_directional_lights": 0, "static_spot_lights": 0, "cameras": 1, "cameras_dynamic": 1, "armatures": 0,
         "bones": 0, "morphs": 0,
     }  # fmt: skip
-    wrong = [name for name, value in wanted.items() if found[name] != value]
-    wrong += ["moved"] * (found["lights_per_frame"]["moved"] != [2, 2])
+    wrong = [name for name, value in expected.items() if counts[name] != value]
+    wrong += ["moved"] * (counts["lights_per_frame"]["moved"] != [2, 2])
     return Outcome("no difference", ", ".join(wrong) or "no difference", float(len(wrong)))
 
 
 @case(
     "behind-a-board",
-    what="a camera that moves 0.35 m sideways before a board and a wall, exact visibility: pixels in a wrong class, "
-    "and visible points whose light changed",
+    description="a camera that moves 0.35 m sideways before a board and a wall, exact visibility: pixels in a wrong "
+    "class, and visible points whose light changed",
     elsewhere="disocclusion is guessed from depths, which depends on a tolerance",
     here="a ray to every surface point through the frame before; the light of the same points",
     source="exact: the strip that the board hid is known, and no edge of it meets a pixel center",
@@ -493,12 +500,12 @@ def behind_a_board(bench: Bench) -> Outcome:
     on_board = np.abs(x / scale * board + step) < half
     outside = x + step / np.where(on_board, board, wall) * scale > (width - 1) / 2
     hidden = ~on_board & (np.abs(x / scale * wall + step) < half * wall / board)
-    wanted = {
+    classes = {
         "exact_outside": outside, "occluded": hidden & ~outside, "visible": ~hidden & ~outside,
         "exact_behind": np.zeros(width, dtype=bool),
     }  # fmt: skip
     (row,) = run.frames
-    wrong = sum(abs(row[name] - height * int(columns.sum())) for name, columns in wanted.items())
+    wrong = sum(abs(row[name] - height * int(columns.sum())) for name, columns in classes.items())
     wrong += sum(row[name] for name in ("exact_new", "exact_invalid", "brightened", "darkened", "view_dependent"))
     block = run.summary["exact"]["occluded"]
     wrong += abs(block["mean_percent"] - 100.0 * (hidden & ~outside).mean()) > 1e-9 or row["missed"] > row["occluded"]
@@ -507,7 +514,7 @@ def behind_a_board(bench: Bench) -> Outcome:
 
 @case(
     "orbit",
-    what="a still box of 2 x 4 x 6 m without a camera: its share of the image, its center, the orbit's step",
+    description="a still box of 2 x 4 x 6 m without a camera: its share of the image, its center, the orbit's step",
     elsewhere="a bounding sphere is framed, so a long object fills a part of the image; speed depends on the distance",
     here="the posed corners fill 80 % of the image and are centered; the camera moves 2 % of the diagonal a frame",
     tolerance=1e-6,

@@ -124,10 +124,10 @@ class Bench(GpuOwner):
             pair = pairing.reprojection(view, previous_view, *size)
             textures = renderer.history.current.textures, renderer.history.previous.textures
             drawn = ChannelPair(size, *textures, reprojection=reprojection, cuts=cuts)
-            found = self._compare(drawn, settings, pair)
+            compared = self._compare(drawn, settings, pair)
             current = {n: renderer.read(n) for n in renderer.channels}
             history = {n: renderer.read(n, previous=True) for n in renderer.channels}
-            return PairImages(*found, pair, current, history, view, previous_view)
+            return PairImages(*compared, pair, current, history, view, previous_view)
 
     def frame(
         self,
@@ -154,8 +154,8 @@ class Bench(GpuOwner):
 
         ``extra``: further channels to render; ``settings``: fields of Settings.
         """
-        chosen = self._settings({"columns": ("direct",), "fps": 1.0} | settings)
-        with self._opened(scene, chosen, extra) as source:
+        values = self._settings({"columns": ("direct",), "fps": 1.0} | settings)
+        with self._opened(scene, values, extra) as source:
             out = []
             for frame in frames:
                 view = source.advance(frame)
@@ -164,16 +164,16 @@ class Bench(GpuOwner):
 
     def lit(self, scene: Scene, time: float = 0.0, **settings: Any) -> dict[str, Array]:
         """``direct`` and ``color`` of one frame, shaded by the light stage.  ``settings``: fields of Settings."""
-        chosen = self._settings({"columns": ("direct", "color"), "fps": 1.0} | settings)
-        with self._opened(scene, chosen) as source:
+        values = self._settings({"columns": ("direct", "color"), "fps": 1.0} | settings)
+        with self._opened(scene, values) as source:
             source.advance(time)
             return {n: source.read(n) for n in ("direct", "color")}
 
     def traced(self, scene: Scene, *, extra: Sequence[str] = (), **settings: Any) -> dict[str, Array]:
         """Path-traced ``direct``, ``indirect`` and ``extra`` of the first frame.  ``settings``: fields of Settings."""
         own = {"columns": ("direct", "indirect"), "fps": 1.0, "light": "path-traced", "indirect": "auto"}
-        chosen = self._settings(own | settings)
-        with self._opened(scene, chosen, extra) as source:
+        values = self._settings(own | settings)
+        with self._opened(scene, values, extra) as source:
             source.advance(0)
             return {n: source.read(n) for n in ("direct", "indirect", *extra)}
 
@@ -192,11 +192,11 @@ class Bench(GpuOwner):
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""
         return evaluate_scene(scene, self._settings(settings), camera=choose_camera(scene))
 
-    def _settings(self, given: Mapping[str, Any]) -> Settings:
+    def _settings(self, fields: Mapping[str, Any]) -> Settings:
         # Indirect light takes long on a CPU driver: the cases that test it ask for it.
         own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none", "light": "raster"}
         own |= FIXED_LIGHTING
-        return Settings(**({"width": self.size[0], "height": self.size[1]} | own | dict(given)))
+        return Settings(**({"width": self.size[0], "height": self.size[1]} | own | dict(fields)))
 
     def compare(
         self,
@@ -215,8 +215,8 @@ class Bench(GpuOwner):
         LightingSettings.
         """
         radiance = tuple(n for n in LIGHT_FEATURES if n in current)
-        given = next(iter(current.values()), None)
-        width, height = self.size if given is None else given.shape[1::-1]
+        first = next(iter(current.values()), None)
+        width, height = self.size if first is None else first.shape[1::-1]
         pair = pair or still_pair((width, height))
         wall = self.wall((width, height))
         current, history = {**wall, **current}, {**wall, **history}

@@ -26,7 +26,7 @@ def _activity(*quaternions: Array) -> act.Activity:
 
 @case(
     "angle-wrap",
-    what="yaw from 359 to 1 degree in one frame, and from 179 to 181",
+    description="yaw from 359 to 1 degree in one frame, and from 179 to 181",
     elsewhere="the difference of the angles is 358 degrees at the end of their range",
     here="differences are wrapped to (-180, 180] before the absolute value is taken",
     tolerance=1e-12,
@@ -40,7 +40,7 @@ def angle_wrap(bench: Bench) -> Outcome:
 
 @case(
     "pitch-through-90",
-    what="a camera that pitches from 85 to 95 degrees in steps of 1: total yaw and roll",
+    description="a camera that pitches from 85 to 95 degrees in steps of 1: total yaw and roll",
     elsewhere="yaw and roll each jump by 180 degrees at the pole",
     here="near the pole roll is held, the branch nearest the previous frame is taken, and the pair is flagged",
     tolerance=1e-9,
@@ -59,7 +59,7 @@ def pitch_through_90(bench: Bench) -> Outcome:
 
 @case(
     "still-at-the-pole",
-    what="a still camera that looks straight down",
+    description="a still camera that looks straight down",
     elsewhere="atan2(0, 0) of rounding noise gives an arbitrary yaw",
     here="equal rotations have a change of exactly 0, near the pole too",
     source="exact: the same rotation twice",
@@ -72,7 +72,7 @@ def still_at_the_pole(bench: Bench) -> Outcome:
 
 @case(
     "tiny-rotation",
-    what="a camera that turns by 1e-5 degrees a frame: relative error of the geodesic angle",
+    description="a camera that turns by 1e-5 degrees a frame: relative error of the geodesic angle",
     elsewhere="2 acos(q1 . q2): the dot product rounds to 1, so the angle is 0 or wrong by 10 %",
     here="4 atan2(|q1 - q2|, |q1 + q2|) in float64",
     tolerance=1e-8,
@@ -91,7 +91,7 @@ def tiny_rotation(bench: Bench) -> Outcome:
 
 @case(
     "half-turn-angle",
-    what="a turn of exactly 180 degrees about a skew axis",
+    description="a turn of exactly 180 degrees about a skew axis",
     elsewhere="acos of a trace below -1 is NaN; the quaternion's w is 0 with a random sign",
     here="quaternions on one hemisphere, atan2 of chords",
     tolerance=1e-12,
@@ -103,7 +103,7 @@ def half_turn_angle(bench: Bench) -> Outcome:
 
 @case(
     "tiny-step-far-away",
-    what="a camera 1e6 m from the origin that moves by 2^-20 m a frame (Eq. 1)",
+    description="a camera 1e6 m from the origin that moves by 2^-20 m a frame (Eq. 1)",
     elsewhere="float32 positions have a step of 6 cm there: the camera is still, then jumps",
     here="camera positions stay float64 until they are subtracted",
     source="exact: dyadic numbers within 53 bits",
@@ -119,7 +119,7 @@ def tiny_step(bench: Bench) -> Outcome:
 
 @case(
     "underflowing-step",
-    what="a step of (3, 4, 0) times 1e-170 m",
+    description="a step of (3, 4, 0) times 1e-170 m",
     elsewhere="the squares underflow and the step is 0",
     here="the vector is scaled by its largest component before squaring",
     tolerance=1e-15,
@@ -134,7 +134,8 @@ def underflowing_step(bench: Bench) -> Outcome:
 
 @case(
     "teleport",
-    what="a head-mounted camera with small steps and one jump of 7.163 m (the paper's VR row): pairs that are cuts",
+    description="a head-mounted camera with small steps and one jump of 7.163 m (the paper's VR row): pairs that are "
+    "cuts",
     elsewhere="a fixed limit detects cuts in a running camera, or misses the jump, which then dominates the mean",
     here="a step is compared with the medians around it; every statistic is given with and without cuts",
     source="exact: the list of pairs",
@@ -145,14 +146,14 @@ def teleport(bench: Bench) -> Outcome:
     positions = np.stack([0.02 * np.sin(0.3 * t), 1.7 + 0.01 * np.sin(0.9 * t), 0.03 * np.cos(0.2 * t)], axis=-1)
     positions[jump:] += [7.163, 0.0, 0.0]
     rotations = _rotations(*(turn_y(8.0 * np.sin(0.2 * i)) for i in t))
-    found = np.flatnonzero(act.detect_cuts(act.camera_activity(positions, rotations))) + 1
-    wrong = set(found.tolist()) ^ {jump}
-    return Outcome(str([jump]), str(found.tolist()), float(len(wrong)))
+    cuts = np.flatnonzero(act.detect_cuts(act.camera_activity(positions, rotations))) + 1
+    wrong = set(cuts.tolist()) ^ {jump}
+    return Outcome(str([jump]), str(cuts.tolist()), float(len(wrong)))
 
 
 @case(
     "running-is-not-a-cut",
-    what="a game camera with the paper's largest steps (mean 1.9 m, maximum 5.5 m per frame): cuts detected",
+    description="a game camera with the paper's largest steps (mean 1.9 m, maximum 5.5 m per frame): cuts detected",
     elsewhere="every step above a fixed limit of 1 or 2 m is a cut",
     here="a step is compared with the quartile and the medians of the other steps",
     source="exact: the number of pairs",
@@ -163,14 +164,14 @@ def running(bench: Bench) -> Outcome:
     steps[100] = 5.475
     positions = np.zeros((200, 3))
     positions[1:, 0] = np.cumsum(steps)
-    found = act.detect_cuts(act.camera_activity(positions, np.tile(np.eye(3), (200, 1, 1))))
+    cuts = act.detect_cuts(act.camera_activity(positions, np.tile(np.eye(3), (200, 1, 1))))
     naive = int((steps > 2.0).sum())
-    return count(0, int(found.sum()), Naive("step > 2 m", naive, naive))
+    return count(0, int(cuts.sum()), Naive("step > 2 m", naive, naive))
 
 
 @case(
     "scaled-camera-node",
-    what="a camera below nodes with scale (3, 0.5, -2): deviation of its view from a rotation",
+    description="a camera below nodes with scale (3, 0.5, -2): deviation of its view from a rotation",
     elsewhere="the inverse of the node's matrix stretches or mirrors the image",
     here="the view keeps the direction of -Z and is orthonormal; scale, shear and mirroring are removed",
     tolerance=1e-14,
@@ -194,7 +195,7 @@ def scaled_camera_node(bench: Bench) -> Outcome:
 
 @case(
     "gimbal-flag",
-    what="a pair within 1 degree of straight up is flagged, one at 80 degrees is not",
+    description="a pair within 1 degree of straight up is flagged, one at 80 degrees is not",
     elsewhere="yaw and roll near the pole are reported although they are ill-defined",
     here="flagged pairs are listed, with the geodesic angle",
     source="exact: the flags",

@@ -45,13 +45,13 @@ class Outcome:
 class Case:
     """One hard case with a known answer.
 
-    ``what``: the test.  ``elsewhere``: the common failure.  ``here``: the approach of this package.  ``tolerance``: the
-    largest accepted error; ``source``: where the tolerance comes from.
+    ``description``: the test.  ``elsewhere``: the common failure.  ``here``: the approach of this package.
+    ``tolerance``: the largest accepted error; ``source``: where the tolerance comes from.
     """
 
     name: str
     group: str
-    what: str
+    description: str
     elsewhere: str
     here: str
     tolerance: float
@@ -80,7 +80,7 @@ class CaseResult:
         row: dict[str, Any] = {
             "name": self.case.name,
             "group": self.case.group,
-            "what": self.case.what,
+            "description": self.case.description,
             "expected": _plain(self.expected),
             "measured": _plain(self.measured),
             "error": _plain(self.error),
@@ -104,7 +104,7 @@ REGISTRY: dict[str, Case] = {}
 
 
 def case(
-    name: str, *, what: str, elsewhere: str, here: str, source: str, tolerance: float = 0.0
+    name: str, *, description: str, elsewhere: str, here: str, source: str, tolerance: float = 0.0
 ) -> Callable[[Callable[[Bench], Outcome]], Callable[[Bench], Outcome]]:
     """Register a function as the case ``name``; its group is the name of its module."""
 
@@ -114,7 +114,7 @@ def case(
             raise ValueError(f"{group} is not a group of cases")
         if name in REGISTRY:
             raise ValueError(f"two cases are named {name}")
-        REGISTRY[name] = Case(name, group, what, elsewhere, here, tolerance, source, function)
+        REGISTRY[name] = Case(name, group, description, elsewhere, here, tolerance, source, function)
         return function
 
     return register

@@ -154,8 +154,8 @@ def _cells(image: Array) -> Array:
 
 @case(
     "board-in-a-mirror",
-    what="18 kinds of surfaces seen in a mirror, path-traced, against the rasterized image by the mirrored camera: "
-    "largest difference of the mean colors of a surface, relative",
+    description="18 kinds of surfaces seen in a mirror, path-traced, against the rasterized image by the mirrored "
+    "camera: largest difference of the mean colors of a surface, relative",
     elsewhere="rays find other texels, normals, sides, instances or poses than the rasterizer draws",
     here="materials and vertices are read by the same rules at hits and at pixels",
     tolerance=0.06,
@@ -222,8 +222,8 @@ def _rolled_case(what: str, tolerance: float, source: str, radiance) -> None:
 
     @case(
         f"exchanged-colors-by-{what}",
-        what="a room with textures, vertex colors, emission, three colored lights and a sky, its red, green and blue "
-        f"exchanged: radiance by {what} against the exchanged radiance, mean difference over mean",
+        description="a room with textures, vertex colors, emission, three colored lights and a sky, its red, green "
+        f"and blue exchanged: radiance by {what} against the exchanged radiance, mean difference over mean",
         elsewhere="one of many products takes another channel, which white light and gray walls do not show",
         here="no channel is special",
         tolerance=tolerance,
@@ -277,8 +277,8 @@ def _sliding_room() -> Scene:
 def _explained(reprojection: str, sampling: str) -> None:
     @case(
         f"explained-pixels-{reprojection}-{sampling}",
-        what=f"pixels of a moving room explained, {reprojection} reprojection, {sampling} history: differences of "
-        "words, distances, history positions, values and reasons from the masks and channels",
+        description=f"pixels of a moving room explained, {reprojection} reprojection, {sampling} history: differences "
+        "of words, distances, history positions, values and reasons from the masks and channels",
         elsewhere="an explanation of another pixel, in rows from the bottom, or of the frame before",
         here="distances by the float64 reference of the masks, from the texels of both frames",
         tolerance=1e-3,
@@ -344,8 +344,8 @@ for _reprojection in ("camera", "motion"):
 
 @case(
     "room-by-two-renderers",
-    what="a room with a lamp, a spot and the sun, rasterized with shadow maps and path-traced: share of pixels whose "
-    "direct radiance differs by more than 4 % of the mean",
+    description="a room with a lamp, a spot and the sun, rasterized with shadow maps and path-traced: share of pixels "
+    "whose direct radiance differs by more than 4 % of the mean",
     elsewhere="a map, a cone or a lamp that only one of the two renderers places right",
     here="both read one table of lights; maps and rays hit the same surfaces",
     tolerance=0.04,
@@ -363,8 +363,8 @@ def room_by_two_renderers(bench: Bench) -> Outcome:
 
 @case(
     "part-of-a-picture",
-    what="the middle of a room by a camera of half the extents and pixels: largest difference of position, normal and "
-    "direct light from the middle of the whole picture",
+    description="the middle of a room by a camera of half the extents and pixels: largest difference of position, "
+    "normal and direct light from the middle of the whole picture",
     elsewhere="an object whose box is outside the view, or that seems to be, is left out or darkens what it shadows",
     here="what is not drawn is outside of every pixel; shadow maps do not depend on the camera",
     tolerance=1e-4,
@@ -390,7 +390,7 @@ def part_of_a_picture(bench: Bench) -> Outcome:
 
 @case(
     "share-of-stochastic-alpha",
-    what="a plate whose alpha rises from 0 to 1, drawn with a probability of alpha, still and posed: largest "
+    description="a plate whose alpha rises from 0 to 1, drawn with a probability of alpha, still and posed: largest "
     "difference of the share of pixels from alpha, in 16 columns of 256 pixels",
     elsewhere="mixed hashes are not uniform: too few pixels at low alpha, too many at high",
     here="Wyman and McGuire's distribution of the mix of two levels",
@@ -420,30 +420,30 @@ def share_of_stochastic_alpha(bench: Bench) -> Outcome:
 
 @case(
     "twelve-hundred-instances",
-    what="1,200 boxes as instances of one node, still and moving, and as one mesh: pixels with another position, "
-    "normal, light by a lamp and its shadows, rasterized and path-traced",
+    description="1,200 boxes as instances of one node, still and moving, and as one mesh: pixels with another "
+    "position, normal, light by a lamp and its shadows, rasterized and path-traced",
     elsewhere="tables of instances that end after the first row, or matrices of the instance before",
     here="what one mesh gives, many instances give",
     tolerance=0.003,
     source="share of pixels; coordinates that round differently at edges",
 )
 def twelve_hundred_instances(bench: Bench) -> Outcome:
-    rng, one = np.random.default_rng(9), box((0.09, 0.16, 0.06))
+    rng, small = np.random.default_rng(9), box((0.09, 0.16, 0.06))
     matrices = np.tile(np.eye(4), (1200, 1, 1))
     matrices[:, :3, 3] = np.stack(np.meshgrid(np.arange(40) - 19.5, np.arange(30) - 14.5, [0.0]), -1).reshape(-1, 3) / 4
     for i, q in enumerate(rng.normal(size=(1200, 4))):
         matrices[i, :3, :3] = mat3_from_quat(q)
-    posed = [one.positions @ m[:3, :3].T + m[:3, 3] for m in matrices]
+    posed = [small.positions @ m[:3, :3].T + m[:3, 3] for m in matrices]
     merged = Primitive(
-        np.concatenate(posed).astype(np.float32), np.concatenate([one.triangles + 24 * i for i in range(1200)]),
-        normals=np.concatenate([one.normals @ m[:3, :3].T for m in matrices]).astype(np.float32),
+        np.concatenate(posed).astype(np.float32), np.concatenate([small.triangles + 24 * i for i in range(1200)]),
+        normals=np.concatenate([small.normals @ m[:3, :3].T for m in matrices]).astype(np.float32),
     )  # fmt: skip
     images = []
     for instanced, moves in ((False, False), (True, False), (True, True)):
         b = SceneBuilder()
         material = lambert(b, 0.6)
         fields = {"instances": matrices} if instanced else {}
-        node = b.node(mesh=b.mesh(dataclasses.replace(one if instanced else merged, material=material)), **fields)
+        node = b.node(mesh=b.mesh(dataclasses.replace(small if instanced else merged, material=material)), **fields)
         if moves:  # later: each instance is a tree's own
             b.animate(node, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
         b.node(mesh=b.mesh(quad(9.0, 9.0, material=material)), translation=(0.0, 0.0, -1.0))
@@ -461,8 +461,8 @@ def twelve_hundred_instances(bench: Bench) -> Outcome:
 
 @case(
     "sight-of-a-moving-room",
-    what="a room with 18 kinds of surfaces, a box that slides and a camera that walks: share of pixels whose exact "
-    "visibility differs from that of the posed triangles in float64",
+    description="a room with 18 kinds of surfaces, a box that slides and a camera that walks: share of pixels whose "
+    "exact visibility differs from that of the posed triangles in float64",
     elsewhere="rays to where the point is now, triangles of the pose of now, a surface that hides itself",
     here="a ray from the previous camera to the point's previous place through the previous pose",
     tolerance=0.01,
@@ -508,7 +508,7 @@ def _posed_triangles(scene: Scene, state: FrameState) -> tuple[Array, Array]:
 
 @case(
     "light-that-moves",
-    what="a room in which only the lamp moves, exact visibility: visible points that became brighter and darker "
+    description="a room in which only the lamp moves, exact visibility: visible points that became brighter and darker "
     "against the pixels whose direct light changed, and the counts of black, lit and clipped pixels",
     elsewhere="the light before is taken at another point, or with the lamp of now",
     here="nothing else moves, so the light before is that of the pixel before",
@@ -552,8 +552,8 @@ def light_that_moves(bench: Bench) -> Outcome:
 
 @case(
     "sky-behind-a-room",
-    what="a sky image that is linear in the direction, seen by turned cameras, wide, narrow and parallel: color of its "
-    "pixels, rasterized and path-traced, against 1 + a . d",
+    description="a sky image that is linear in the direction, seen by turned cameras, wide, narrow and parallel: "
+    "color of its pixels, rasterized and path-traced, against 1 + a . d",
     elsewhere="rows from the bottom, a column half a turn away, the direction at the corner of a pixel",
     here="the direction through each pixel's center",
     tolerance=0.01,
@@ -589,15 +589,15 @@ def sky_behind_a_room(bench: Bench) -> Outcome:
             d = local @ shot.view.world_from_view.T
             seen = 0.4 * (1.0 + d / np.linalg.norm(d, axis=-1, keepdims=True) @ slope)
             sky = ~shot.surface
-            for one in (shot, traced):
-                errors.append(worst(one["color"][..., :3][sky] - srgb_encode(np.clip(seen, 0.0, 1.0))[sky]))
+            for frame in (shot, traced):
+                errors.append(worst(frame["color"][..., :3][sky] - srgb_encode(np.clip(seen, 0.0, 1.0))[sky]))
     return field("1 + a . d", errors)
 
 
 @case(
     "light-of-a-textured-emitter",
-    what="two plates with 15 luminous texels, turned and scaled, above a wall: path-traced radiance at five points "
-    "against the sum over their texels",
+    description="two plates with 15 luminous texels, turned and scaled, above a wall: path-traced radiance at five "
+    "points against the sum over their texels",
     elsewhere="texels chosen by number and not by power, an area before its scale, the light of the back",
     here="triangles by power, texels by emission, areas after the transform",
     tolerance=0.03,
@@ -624,7 +624,7 @@ def light_of_a_textured_emitter(bench: Bench) -> Outcome:
         gain = np.maximum(way[..., 2], 0) * np.maximum(-way @ matrix[:, 2], 0) / d2**2
         expected += 0.5 / np.pi * gain @ radiance * 4 * scale[0] * scale[1] / len(on_it)
     errors = []
-    for point, wanted in zip(points, expected, strict=True):
+    for point, radiance in zip(points, expected, strict=True):
         b = SceneBuilder()
         glow = b.material(base_color=(0, 0, 0, 1), metallic=0.0, specular=0.0, emissive=(8.0, 6.0, 4.0),
                           emissive_texture=Texture(0, NEAREST))  # fmt: skip
@@ -636,13 +636,13 @@ def light_of_a_textured_emitter(bench: Bench) -> Outcome:
         image = Image("texels", (5, 3), lambda: texels)
         scene = dataclasses.replace(b.build(), images=(image,))
         traced = bench.traced(scene, spp=256, bounces=1, width=4, height=4, pattern="independent")
-        errors += [*(traced["direct"][..., :3].mean(axis=(0, 1)) / wanted - 1.0)]
+        errors += [*(traced["direct"][..., :3].mean(axis=(0, 1)) / radiance - 1.0)]
     return field("the sum over texels", errors)
 
 
 @case(
     "occlusion-and-metered-exposure",
-    what="an occlusion texture of strength 0.7 and 1, a texel per pixel: its channel; a wall in the sun: the "
+    description="an occlusion texture of strength 0.7 and 1, a texel per pixel: its channel; a wall in the sun: the "
     "metered exposure",
     elsewhere="the strength multiplies the texel, or the exposure is of another size or unit",
     here="1 + strength (texel - 1); 0.18 over the radiance, four digits",

@@ -19,7 +19,8 @@ EXACT = "exact: an unsigned count on the GPU"
 def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
     @case(
         name,
-        what=f"near {znear:g}, far {zfar:g}: two walls at {distance:g} m, 2e-6 of that apart, nearer one drawn last",
+        description=f"near {znear:g}, far {zfar:g}: two walls at {distance:g} m, 2e-6 of that apart, nearer one drawn "
+        "last",
         elsewhere="both walls have the same 24-bit fixed-point depth, and the one drawn first stays visible",
         here="reversed Z in [0, 1] in a 32-bit float depth texture: constant relative precision",
         source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
@@ -50,7 +51,7 @@ _depth_case("depth-infinite-far", 1e7, 1e-4, np.inf)
 
 @case(
     "far-plane",
-    what="near 1e-4, far 1e6: a wall at 0.9999 far is visible, a wall at 1.0001 far is not",
+    description="near 1e-4, far 1e6: a wall at 0.9999 far is visible, a wall at 1.0001 far is not",
     elsewhere="far / (far - near) rounds to 1, so nothing or everything is clipped",
     here="both terms of the reversed-Z matrix are computed in float64",
     source=EXACT,
@@ -81,7 +82,8 @@ def _grazing(bench: Bench, degrees: float):
 def _grazing_case(name: str, degrees: float) -> None:
     @case(
         name,
-        what=f"a plane seen at {degrees:g} degrees from its normal: distance of the stored points from the plane",
+        description=f"a plane seen at {degrees:g} degrees from its normal: distance of the stored points from the "
+        "plane",
         elsewhere="points stored as half floats or reconstructed from 24-bit depth do not lie on the plane",
         here="the interpolated position is stored as float32 relative to the camera",
         tolerance=1e-6,
@@ -106,7 +108,7 @@ _grazing_case("grazing-89.9", 89.9)
 
 @case(
     "grazing-own-pixel",
-    what="points of a plane seen at 89.9 degrees, projected again: distance from their pixel centers",
+    description="points of a plane seen at 89.9 degrees, projected again: distance from their pixel centers",
     elsewhere="mixed pixel-center conventions: every point is off by half a pixel",
     here="one convention: the center of pixel i is at i",
     tolerance=1.0 / 64.0,
@@ -122,7 +124,8 @@ def grazing_own_pixel(bench: Bench) -> Outcome:
 
 @case(
     "previous-near-plane",
-    what="a wall at 1 m, near plane 0.1 now and 2 before, then 0.1 before: pixels that were behind the previous camera",
+    description="a wall at 1 m, near plane 0.1 now and 2 before, then 0.1 before: pixels that were behind the "
+    "previous camera",
     elsewhere="the near plane of the current camera decides: history that was clipped is read",
     here="each camera has its own near plane",
     source=EXACT,
@@ -134,6 +137,6 @@ def previous_near_plane(bench: Bench) -> Outcome:
         return int(bench.compare({}, {}, pair).has(Reason.BEHIND).sum())
 
     pixels = bench.size[0] * bench.size[1]
-    found = behind(2.0), behind(0.1)
-    return Outcome(f"{pixels}, 0", f"{found[0]}, {found[1]}", float(pixels - found[0] + found[1]),
+    counts = behind(2.0), behind(0.1)
+    return Outcome(f"{pixels}, 0", f"{counts[0]}, {counts[1]}", float(pixels - counts[0] + counts[1]),
                    Naive("near plane of now", 0, pixels))  # fmt: skip

@@ -60,7 +60,7 @@ def off_peak(got: Array, expected: Array) -> Array:
 
 @case(
     "inverse-square",
-    what="a wall 6 m from a lamp of 40 cd: radiance of every pixel against albedo I cos / (pi d^2)",
+    description="a wall 6 m from a lamp of 40 cd: radiance of every pixel against albedo I cos / (pi d^2)",
     elsewhere="a factor pi or 4 pi too much, or a smoothed distance",
     here="KHR_lights_punctual: candela over squared meters; the diffuse lobe is albedo / pi",
     tolerance=1e-5,
@@ -75,7 +75,7 @@ def inverse_square(bench: Bench) -> Outcome:
 
 @case(
     "range-window",
-    what="a lamp with a range of 9 m, 6 m from a wall: radiance against 1 - (d / range)^4 over d^2",
+    description="a lamp with a range of 9 m, 6 m from a wall: radiance against 1 - (d / range)^4 over d^2",
     elsewhere="a hard cut at the range, or the window of another engine (squared, or of d^2)",
     here="the window that KHR_lights_punctual recommends",
     tolerance=1e-5,
@@ -93,7 +93,8 @@ def range_window(bench: Bench) -> Outcome:
 
 @case(
     "spot-cone",
-    what="a tilted spot, 15 to 35 degrees: radiance of every pixel against the squared linear falloff of the cosine",
+    description="a tilted spot, 15 to 35 degrees: radiance of every pixel against the squared linear falloff of the "
+    "cosine",
     elsewhere="falloff in the angle, a full cone angle where glTF has the half angle, or smoothstep",
     here="KHR_lights_punctual: ((cos a - cos outer) / (cos inner - cos outer))^2",
     tolerance=1e-5,
@@ -115,7 +116,7 @@ def spot_cone(bench: Bench) -> Outcome:
 
 @case(
     "spot-cone-of-cycles",
-    what="the same spot in watts: radiance against Cycles' cone, a smoothstep over the blend, and 683 lm/W",
+    description="the same spot in watts: radiance against Cycles' cone, a smoothstep over the blend, and 683 lm/W",
     elsewhere="Blender's spots with glTF's falloff, and its watts taken for candela",
     here="light_unit watt: intensity over 683, smoothstep over the share 1 - inner / outer of 1 - cos(outer)",
     tolerance=1e-5,
@@ -138,7 +139,8 @@ def _axis() -> Array:
 
 @case(
     "directional-light",
-    what="a colored directional light, tilted by 25 degrees, on a wall: radiance against albedo E cos / pi per channel",
+    description="a colored directional light, tilted by 25 degrees, on a wall: radiance against albedo E cos / pi per "
+    "channel",
     elsewhere="the light's position or +Z instead of its -Z, or candela where KHR_lights_punctual has lux",
     here="direction and lux of the node's -Z axis",
     tolerance=1e-5,
@@ -153,7 +155,7 @@ def directional_light(bench: Bench) -> Outcome:
 
 @case(
     "light-nearer-than-1-mm",
-    what="a lamp 1/4096 m in front of a wall: radiance at its foot against that of 1 mm",
+    description="a lamp 1/4096 m in front of a wall: radiance at its foot against that of 1 mm",
     elsewhere="no lower limit: one pixel of 1.7e7 times the lamp's intensity flickers as the lamp moves",
     here="distances below 1 mm count as 1 mm",
     tolerance=1e-4,
@@ -172,7 +174,7 @@ def light_nearer_than_1_mm(bench: Bench) -> Outcome:
 
 @case(
     "light-behind-the-triangle",
-    what="a lamp behind a wall whose vertex normals lean towards it: largest radiance of its front",
+    description="a lamp behind a wall whose vertex normals lean towards it: largest radiance of its front",
     elsewhere="n.l of the shading normal alone lights surfaces from behind",
     here="no light where it is behind the triangle, whichever way the interpolated normal points",
     source="exact: the light is multiplied by 0",
@@ -223,7 +225,7 @@ def _sun(elevation: float) -> Array:
 
 @case(
     "brdf-at-grazing-angles",
-    what="floor strips (dielectric, metal, mixed, mirror) against a low sun: each lobe against the float64 BRDF",
+    description="floor strips (dielectric, metal, mixed, mirror) against a low sun: each lobe against the float64 BRDF",
     elsewhere="a Fresnel term that does not reach F90 = 1, a visibility term without height correlation, roughness^4",
     here="glTF 2.0 appendix B: Schlick from 0.04 to 1, Smith with correlated heights, roughness squared",
     tolerance=2e-4,
@@ -248,7 +250,7 @@ def brdf_at_grazing_angles(bench: Bench) -> Outcome:
 
 @case(
     "lobes-add-up",
-    what="the same floor: direct minus the sum of its diffuse and glossy lobes",
+    description="the same floor: direct minus the sum of its diffuse and glossy lobes",
     elsewhere="lobes of separate passes differ from their sum by rounding or by what only one of them has",
     here="one pass writes both lobes and their sum",
     source="exact: one addition in float32",
@@ -262,7 +264,7 @@ def lobes_add_up(bench: Bench) -> Outcome:
 
 @case(
     "sky-on-white",
-    what="a white Lambert wall under a uniform sky of radiance 2: its radiance",
+    description="a white Lambert wall under a uniform sky of radiance 2: its radiance",
     elsewhere="irradiance pi L that is not divided by pi, or a sky that is sampled with noise",
     here="the closed form of the hemisphere",
     tolerance=1e-6,
@@ -275,7 +277,7 @@ def sky_on_white(bench: Bench) -> Outcome:
 
 @case(
     "forty-lights",
-    what="40 lamps with ranges on a wall, culled by tiles with light error 0: radiance against the sum of all",
+    description="40 lamps with ranges on a wall, culled by tiles with light error 0: radiance against the sum of all",
     elsewhere="a fixed number of lights per tile, or a sphere test that loses lights at tile corners",
     here="a light is left out of a tile only while the bounds of all left out stay within the error",
     tolerance=1e-5,
@@ -296,7 +298,8 @@ def forty_lights(bench: Bench) -> Outcome:
 
 @case(
     "lamps-beside-the-sky",
-    what="a far wall in half of the image and 20 lamps around the camera that do not reach it: lamps in lists of tiles",
+    description="a far wall in half of the image and 20 lamps around the camera that do not reach it: lamps in lists "
+    "of tiles",
     elsewhere="pixels of sky count as points at the camera, so lamps there are in every list",
     here="a tile is the box of its surfaces; one without surfaces has no lights",
     source="exact: no lamp reaches the wall",
@@ -322,7 +325,8 @@ def _ball(b: SceneBuilder, **material) -> None:
 
 @case(
     "lamps-on-a-ball",
-    what="a rough half metal ball, a lamp with a range and a tilted spot: both lobes of every pixel against float64",
+    description="a rough half metal ball, a lamp with a range and a tilted spot: both lobes of every pixel against "
+    "float64",
     elsewhere="a light that is right on a wall in front of it is wrong on a curved surface",
     here="KHR_lights_punctual times the lobes of glTF 2.0 appendix B, at the pixel's own place and normal",
     tolerance=2e-4,
@@ -356,7 +360,8 @@ def lamps_on_a_ball(bench: Bench) -> Outcome:
 
 @case(
     "sky-by-both-methods",
-    what="a ball of mixed metal under a uniform sky: mean of each lobe by the table of albedos over that by paths",
+    description="a ball of mixed metal under a uniform sky: mean of each lobe by the table of albedos over that by "
+    "paths",
     elsewhere="the glossy lobe of a sky is taken from a fit whose energy differs from the BRDF of the lamps",
     here="directional albedos are integrals of the same BRDF that paths sample",
     tolerance=0.012,

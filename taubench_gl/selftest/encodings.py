@@ -84,8 +84,8 @@ def _normalized(values: Array) -> Array:
 
 @case(
     "vertices-in-many-forms",
-    what="interleaved, normalized, sparse and indexed vertices of strips, fans and lists, in integers of 8, 16 and 32 "
-    "bits: largest difference from the numbers that were written",
+    description="interleaved, normalized, sparse and indexed vertices of strips, fans and lists, in integers of 8, 16 "
+    "and 32 bits: largest difference from the numbers that were written",
     elsewhere="a stride, an offset or the range of a type is taken for another one's, strips are wound alternately",
     here="glTF 2.0, sections 3.6 and 3.7; KHR_mesh_quantization",
     tolerance=1e-6,
@@ -155,11 +155,11 @@ def vertices_in_many_forms(bench: Bench) -> Outcome:
         worst(scene.skins[0].inverse_bind - bind.reshape(2, 4, 4).swapaxes(1, 2)), len(rest) - 3,
     ]  # fmt: skip
     shown = [first.triangles, second.triangles, *(p.triangles for p in rest)]
-    wanted = [
+    triangles = [
         [[0, 1, 2], [1, 3, 2], [3, 4, 5], [4, 6, 5]], [[0, 1, 6], [1, 2, 6], [2, 3, 6]], [[0, 1, 2], [2, 1, 3]],
         [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4], [4, 5, 6]], [[0, 1, 2], [3, 4, 5]],
     ]  # fmt: skip
-    for triangles_read, expected in zip(shown, wanted, strict=True):
+    for triangles_read, expected in zip(shown, triangles, strict=True):
         errors.append(float(_cyclic(triangles_read) != _cyclic(np.array(expected))))
     return field("as written", errors)
 
@@ -171,7 +171,7 @@ def _cyclic(triangles: Array) -> list[tuple[int, ...]]:
 
 @case(
     "nodes-in-many-forms",
-    what="matrices, parts, instances in floats and shorts, lenses, lights, rotations of shorts and pointers to "
+    description="matrices, parts, instances in floats and shorts, lenses, lights, rotations of shorts and pointers to "
     "properties: world matrices and values against the formulas",
     elsewhere="rows for columns, quaternions of integers that are not unit, angles of a full cone",
     here="glTF 2.0; EXT_mesh_gpu_instancing, KHR_lights_punctual, KHR_animation_pointer",
@@ -274,7 +274,8 @@ def nodes_in_many_forms(bench: Bench) -> Outcome:
 
 @case(
     "lights-of-blender",
-    what="intensity and cone keys as Blender's exporter 4.5 writes them: in watts or lumens and as blends, at each key",
+    description="intensity and cone keys as Blender's exporter 4.5 writes them: in watts or lumens and as blends, at "
+    "each key",
     elsewhere="keys 12.6 or 683 times too large beside lights that are right",
     here="keys are converted to the unit of the light: by version, or by the light's own value",
     tolerance=1e-6,
@@ -331,8 +332,8 @@ def _png(texels: Array) -> bytes:
 
 @case(
     "materials-in-many-forms",
-    what="factors, texture transforms, samplers, emissive strength, specular and unlit; specular-glossiness of metals "
-    "and dielectrics in factors and texels: differences from the definitions",
+    description="factors, texture transforms, samplers, emissive strength, specular and unlit; specular-glossiness of "
+    "metals and dielectrics in factors and texels: differences from the definitions",
     elsewhere="a rotation of coordinates with the other sign, glossiness taken for roughness, sRGB data not decoded",
     here="the definitions of the extensions; specular-glossiness is converted and back again within one code",
     tolerance=0.006,

@@ -79,7 +79,7 @@ class _File:
 
 @case(
     "duplicate-key-times",
-    what="two keys at the same time (a teleport, as many exporters write it): positions at and after it",
+    description="two keys at the same time (a teleport, as many exporters write it): positions at and after it",
     elsewhere="(t - t0) / (t1 - t0) is 0/0 at the key, and the object disappears for a frame",
     here="of keys with equal times the last one holds; a note reports it",
     tolerance=1e-6,
@@ -102,7 +102,7 @@ def duplicate_key_times(bench: Bench) -> Outcome:
 
 @case(
     "decreasing-key-times",
-    what="decreasing key times 0, 2, 1: the file is refused",
+    description="decreasing key times 0, 2, 1: the file is refused",
     elsewhere="binary search in unsorted times returns an arbitrary key",
     here="an error names the file, the JSON pointer and the wrong time",
     source="exact: refused or not",
@@ -130,7 +130,7 @@ def _weighted(weights: list[list[float]]) -> tuple[Scene, Array]:
 
 @case(
     "weights-not-one",
-    what="skin weights that sum to 1.5, joints 10 m away: positions of the vertices",
+    description="skin weights that sum to 1.5, joints 10 m away: positions of the vertices",
     elsewhere="the blend is scaled by 1.5: the mesh grows and moves by 5 m",
     here="weights are normalized on load; a note reports it",
     tolerance=1e-5,
@@ -146,7 +146,7 @@ def weights_not_one(bench: Bench) -> Outcome:
 
 @case(
     "weights-all-zero",
-    what="a vertex whose skin weights are all 0: its position",
+    description="a vertex whose skin weights are all 0: its position",
     elsewhere="the normalization is 0 / 0, or the vertex collapses to the origin",
     here="the vertex follows its first joint; a note reports it",
     tolerance=1e-5,
@@ -161,7 +161,7 @@ def weights_all_zero(bench: Bench) -> Outcome:
 
 @case(
     "duration-from-float-keys",
-    what="last keys at float32(n / fps) s, n = 50, 100, 2000 at 24 fps and 7, 23 at 10 fps: number of frames",
+    description="last keys at float32(n / fps) s, n = 50, 100, 2000 at 24 fps and 7, 23 at 10 fps: number of frames",
     elsewhere="float32(50 / 24) * 24 is 49.999998, float32(0.7) * 10 is 6.9999999: the last frame is lost",
     here="floor(duration * fps * (1 + 2^-23) + 1e-6)",
     source="exact: integers",
@@ -206,8 +206,8 @@ def _furnished(texels: Array) -> Scene:
 
 @case(
     "round-trip",
-    what="a scene written as .glb and read again: matrices at nine times, vertices, triangles, texels, materials, "
-    "lights and lens, largest difference",
+    description="a scene written as .glb and read again: matrices at nine times, vertices, triangles, texels, "
+    "materials, lights and lens, largest difference",
     elsewhere="strides, component types, samplers, key layouts of splines or unit conversions differ",
     here="every value is read as it was written",
     tolerance=2e-7,

@@ -30,7 +30,7 @@ def _show(bench: Bench, primitive: Primitive, **node) -> Scene:
 
 @case(
     "zero-scale",
-    what="a box with scale 0 in front of the sky: pixels that are not sky in both frames",
+    description="a box with scale 0 in front of the sky: pixels that are not sky in both frames",
     elsewhere="the inverse of a singular matrix is NaN, or the object is drawn as a dot",
     here="no matrix is inverted; triangles of area 0 cover no pixel center",
     source=RASTER,
@@ -42,7 +42,7 @@ def zero_scale(bench: Bench) -> Outcome:
 
 @case(
     "zero-scale-to-visible",
-    what="a 20 x 20 m wall that jumps from scale 0 to 1: pixels that now cover sky (reason OCCLUDING)",
+    description="a 20 x 20 m wall that jumps from scale 0 to 1: pixels that now cover sky (reason OCCLUDING)",
     elsewhere="all previous positions coincide, and history is read at that point",
     here="history is sky: POSITION, NORMAL, OCCLUDING, as camera reprojection reads the same pixel",
     source=RASTER,
@@ -60,7 +60,7 @@ def zero_scale_to_visible(bench: Bench) -> Outcome:
 
 @case(
     "negative-scale",
-    what="a box with scale (-1, 1, 1): pixels whose position or normal differ from those of the plain box",
+    description="a box with scale (-1, 1, 1): pixels whose position or normal differ from those of the plain box",
     elsewhere="mirroring swaps front and back faces: culling shows the inside of the box",
     here="the sign of the determinant selects the front face; normals still point outwards",
     source="exact count; the box is its own mirror image, values within 1e-5 (16 float ulps of 5 m) are equal",
@@ -99,7 +99,7 @@ def _placed(mat3: Array) -> Array:
 
 @case(
     "sheared-normal",
-    what="a wall below a rotated node with scale (1, 4, 1): its normal against that of its plane",
+    description="a wall below a rotated node with scale (1, 4, 1): its normal against that of its plane",
     elsewhere="normals are transformed as points and are not perpendicular to the surface",
     here="normals are transformed by the cofactor matrix and normalized",
     tolerance=2e-6,
@@ -116,7 +116,7 @@ def sheared_normal(bench: Bench) -> Outcome:
 
 @case(
     "flattened-normal",
-    what="a sphere with scale (1, 1, 0): normals of the resulting disk",
+    description="a sphere with scale (1, 1, 0): normals of the resulting disk",
     elsewhere="the inverse of a singular matrix is Inf, and products with it NaN",
     here="cofactors need no inverse and give the normal of the disk",
     tolerance=2e-6,
@@ -136,7 +136,7 @@ def flattened_normal(bench: Bench) -> Outcome:
 
 @case(
     "tiny-scale-normal",
-    what="a wall of 1e25 units at scale 1e-25: its normal",
+    description="a wall of 1e25 units at scale 1e-25: its normal",
     elsewhere="products of two scales underflow to 0 in float32, and so does the normal",
     here="matrix rows are divided by their largest element before multiplication",
     tolerance=2e-6,
@@ -155,7 +155,7 @@ def tiny_scale_normal(bench: Bench) -> Outcome:
 
 @case(
     "zero-normals",
-    what="a wall whose vertex normals have length 0: invalid pixels",
+    description="a wall whose vertex normals have length 0: invalid pixels",
     elsewhere="0 / 0 is NaN, which spreads through every blend",
     here="normalizing a vector of length 0 gives 0",
     source="exact: an unsigned count on the GPU",
@@ -172,7 +172,8 @@ def zero_normals(bench: Bench) -> Outcome:
 
 @case(
     "degenerate-triangles",
-    what="a 20 x 20 m wall among triangles of area 0 (points, lines, repeated corners), flat-shaded: pixels drawn",
+    description="a 20 x 20 m wall among triangles of area 0 (points, lines, repeated corners), flat-shaded: pixels "
+    "drawn",
     elsewhere="the face normal of a degenerate triangle is NaN",
     here="its normal is 0, and it covers no pixel center",
     source=RASTER,
@@ -189,7 +190,7 @@ def degenerate_triangles(bench: Bench) -> Outcome:
 def _cut(name: str, cells: tuple[int, int], words: str) -> None:
     @case(
         name,
-        what=f"a 40 x 20 m wall cut into {cells[0]} x {cells[1]} cells, {words}: pixels that show the wall",
+        description=f"a 40 x 20 m wall cut into {cells[0]} x {cells[1]} cells, {words}: pixels that show the wall",
         elsewhere="cracks or double coverage along shared edges; normals from derivatives are NaN",
         here="the same vertex arithmetic in all draws; a zero derivative falls back to the vertex normal",
         source=RASTER + "; depth is exact, as the wall is parallel to the image plane",
@@ -208,7 +209,7 @@ _cut("sub-pixel-triangles", (160, 80), "triangles of a quarter pixel")
 
 @case(
     "many-vertices",
-    what="a wall of 90,601 vertices that fills the image: pixels that show the right point of it",
+    description="a wall of 90,601 vertices that fills the image: pixels that show the right point of it",
     elsewhere="16-bit indices wrap at 65,536 and triangles stretch across the image",
     here="32-bit indices throughout",
     source="exact count of pixels within 1/16 px",
@@ -236,7 +237,7 @@ def _moved_wall(bench: Bench, reprojection: str):
 
 @case(
     "silhouette-camera",
-    what="a wall moves by 4 px in front of the sky, camera reprojection: sky uncovered plus sky covered",
+    description="a wall moves by 4 px in front of the sky, camera reprojection: sky uncovered plus sky covered",
     elsewhere="sky pixels are excluded from the masks, so the outline of every moving object is reusable",
     here="sky against surface is always a discard: uncovered sky is DISOCCLUDED, covered sky OCCLUDING",
     source=RASTER,
@@ -249,7 +250,7 @@ def silhouette_camera(bench: Bench) -> Outcome:
 
 @case(
     "silhouette-motion",
-    what="the same with motion reprojection: only uncovered sky is discarded",
+    description="the same with motion reprojection: only uncovered sky is discarded",
     elsewhere="sky pixels use the motion of the wall",
     here="history of the wall is the wall, 4 px to the left; history of uncovered sky is the wall",
     source=RASTER,
@@ -262,7 +263,7 @@ def silhouette_motion(bench: Bench) -> Outcome:
 
 @case(
     "back-of-a-wall",
-    what="a two-sided wall seen from behind: normals that point away from the viewer",
+    description="a two-sided wall seen from behind: normals that point away from the viewer",
     elsewhere="the normal of the front face is used, so back faces are lit from the wrong side",
     here="normals of back faces are negated",
     source="exact: a count",

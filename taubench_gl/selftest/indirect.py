@@ -51,7 +51,7 @@ def _bounced(bench: Bench, lamps: int = 1, cone: float = 0.0, **settings) -> flo
 def _box_case(name: str, what: str, bounces: int, **how) -> None:
     @case(
         name,
-        what=f"{what} in a closed box of albedo 0.5: mean indirect irradiance of its walls",
+        description=f"{what} in a closed box of albedo 0.5: mean indirect irradiance of its walls",
         elsewhere="a factor pi, a lost cosine, bounces counted twice, lights without shadow maps that bounce nothing",
         here=f"flux (a + .. + a^{bounces}) / area, to which every light adds, whatever has shadow maps",
         tolerance=0.06,
@@ -76,7 +76,8 @@ _box_case(
 
 @case(
     "indirect-of-a-still-box",
-    what="the box in two frames with two cameras that look the same way: largest difference of indirect radiance",
+    description="the box in two frames with two cameras that look the same way: largest difference of indirect "
+    "radiance",
     elsewhere="random rays, or probes that follow the camera, change a still image",
     here="nothing is random; what stands still keeps its light bit for bit",
     source="exact: the same texels",
@@ -126,7 +127,8 @@ def light_of_the_wall(x: float, lamp: np.ndarray, points: np.ndarray) -> float:
 
 @case(
     "lamp-beside-a-wall",
-    what="a lamp 1 m, 0.1 m and 0.05 m from a wall: irradiance of a screen 7 m away, method probes, over its integral",
+    description="a lamp 1 m, 0.1 m and 0.05 m from a wall: irradiance of a screen 7 m away, method probes, over its "
+    "integral",
     elsewhere="points just above the lit wall are inside its voxels or not: its light goes on and off between frames",
     here="beside a lamp its own map tells what hides the wall, and voxels only what is farther away",
     tolerance=0.07,
@@ -148,7 +150,7 @@ def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
 
 @case(
     "exposure-of-thresholds",
-    what="direct and indirect change by 1/16 at exposure 4, threshold 1/8: pixels discarded by each",
+    description="direct and indirect change by 1/16 at exposure 4, threshold 1/8: pixels discarded by each",
     elsewhere="the exposure is applied to one of the radiances, or only to color",
     here="both differences are multiplied by the exposure before they are compared",
     source="exact: powers of two",
@@ -160,15 +162,15 @@ def exposure_of_thresholds(bench: Bench) -> Outcome:
     wrong = 0
     for exposure, expected in ((4.0, width * height), (2.0, 0), (1.0, 0)):
         limits = {"direct": 0.125, "indirect": 0.125}
-        given, then = {"direct": now, "indirect": now}, {"direct": before, "indirect": before}
-        counts = bench.compare(given, then, thresholds=limits, exposure=exposure).counts
+        changed, then = {"direct": now, "indirect": now}, {"direct": before, "indirect": before}
+        counts = bench.compare(changed, then, thresholds=limits, exposure=exposure).counts
         wrong += sum(abs(counts[name] - expected) for name in limits)
     return count(0, wrong, Naive("exposure ignored", 2 * width * height, 2 * width * height))
 
 
 @case(
     "color-with-indirect",
-    what="the box at exposure 2: color against sRGB of direct + indirect",
+    description="the box at exposure 2: color against sRGB of direct + indirect",
     elsewhere="indirect light is measured but not seen",
     here="color is the sum of all light",
     tolerance=1e-5,
@@ -218,8 +220,8 @@ def _turned_case(what: str, tolerance: float, source: str, radiance) -> None:
 
     @case(
         f"turned-room-by-{what}",
-        what=f"a furnished room whose axes are exchanged, X to Y to Z, with its camera: radiance by {what} against "
-        "that of the room as it was, mean difference over mean",
+        description=f"a furnished room whose axes are exchanged, X to Y to Z, with its camera: radiance by {what} "
+        "against that of the room as it was, mean difference over mean",
         elsewhere="a component of a vector is mixed up in one of many formulas, which a symmetric scene does not show",
         here="no axis of the world is special: grids, cubes of maps and sampling directions turn with the scene",
         tolerance=tolerance,

@@ -29,7 +29,7 @@ def _foot(bench: Bench) -> tuple[int, int]:
 
 @case(
     "light-on-the-surface",
-    what="a point light exactly on a wall: pixels of direct radiance that are NaN or Inf",
+    description="a point light exactly on a wall: pixels of direct radiance that are NaN or Inf",
     elsewhere="1 / d^2 is Inf and the direction is 0 / 0: the product is NaN",
     here="distances below 1 mm are clamped to 1 mm, and a direction of length 0 stays 0",
     source="exact: a count",
@@ -43,7 +43,7 @@ def light_on_the_surface(bench: Bench) -> Outcome:
 
 @case(
     "inverse-square-near",
-    what="a light 1 m, 1/8 m and 1/64 m from a wall: radiance at the nearest point against 1 / d^2, relative",
+    description="a light 1 m, 1/8 m and 1/64 m from a wall: radiance at the nearest point against 1 / d^2, relative",
     elsewhere="1 / (d^2 + 1) or a clamp at a few centimeters makes near lights up to 100 times too dark",
     here="1 / d^2 for distances down to 1 mm",
     tolerance=1e-4,
@@ -63,7 +63,7 @@ def inverse_square_near(bench: Bench) -> Outcome:
 
 @case(
     "light-far-from-origin",
-    what="the lit wall at 1e6 m: largest relative difference of direct radiance from that at the origin",
+    description="the lit wall at 1e6 m: largest relative difference of direct radiance from that at the origin",
     elsewhere="a float32 world position of a light is off by up to 6 cm",
     here="light positions are relative to the camera",
     source="exact: dyadic numbers, so float64 holds every difference",
@@ -77,7 +77,7 @@ def light_far_from_origin(bench: Bench) -> Outcome:
 
 @case(
     "light-from-scale-zero",
-    what="a light whose node jumps from scale 0 to 1: pixels of a wall that are LIT",
+    description="a light whose node jumps from scale 0 to 1: pixels of a wall that are LIT",
     elsewhere="the scale of a light's node is ignored, so lights switched by scale are always on",
     here="a light with scale 0 is off",
     source="exact: every pixel of the wall exceeds the threshold",
@@ -92,7 +92,7 @@ def light_from_scale_zero(bench: Bench) -> Outcome:
 
 @case(
     "color-of-1e8",
-    what="direct radiance of about 1e8 as tone-mapped color: values outside [0, 1] or not finite",
+    description="direct radiance of about 1e8 as tone-mapped color: values outside [0, 1] or not finite",
     elsewhere="x / (1 + x) of Inf is NaN; 1e8 in half floats is Inf",
     here="float32 radiance, clamped before the sRGB curve",
     source="exact: a count",
@@ -110,7 +110,7 @@ def color_of_1e8(bench: Bench) -> Outcome:
 
 @case(
     "still-light",
-    what="a still camera and room with four still shadowed lights: pixels with a reason bit",
+    description="a still camera and room with four still shadowed lights: pixels with a reason bit",
     elsewhere="shadow maps that follow the camera, or random sampling, flicker in a still image",
     here="shadow maps do not depend on the camera; nothing is random",
     source="exact: the same arithmetic is done twice",

@@ -56,7 +56,7 @@ def _drawn(bench: Bench, scene_of: Callable[[Bench], Scene], name: str) -> Array
 
 @case(
     "srgb-texture",
-    what="a base color texture with all 256 codes, a texel per pixel: linear base color against IEC 61966-2-1",
+    description="a base color texture with all 256 codes, a texel per pixel: linear base color against IEC 61966-2-1",
     elsewhere="a power of 2.2, no decoding, rows upside down",
     here="an sRGB texture format; the first row of the image is v = 0, the top",
     tolerance=2e-3,
@@ -72,7 +72,7 @@ def srgb_texture(bench: Bench) -> Outcome:
 
 @case(
     "linear-texture",
-    what="the same texture as metallic-roughness: metalness and roughness against code / 255",
+    description="the same texture as metallic-roughness: metalness and roughness against code / 255",
     elsewhere="data textures decoded as color, or the channels of another convention",
     here="linear: roughness from green, metalness from blue",
     tolerance=5e-4,
@@ -88,7 +88,7 @@ def linear_texture(bench: Bench) -> Outcome:
 
 @case(
     "mirrored-wrap",
-    what="a texture repeated with mirrored wrapping over four turns: texels that are wrong",
+    description="a texture repeated with mirrored wrapping over four turns: texels that are wrong",
     elsewhere="mirrored wrapping taken for repeat",
     here="coordinates are folded in the shader, with the gradients of before",
     source="exact: nearest texels",
@@ -122,7 +122,7 @@ SRGB = (
 
 @case(
     "srgb-encoding",
-    what="skies of seven radiances at exposure 1: color against tabulated sRGB values",
+    description="skies of seven radiances at exposure 1: color against tabulated sRGB values",
     elsewhere="a power of 1 / 2.2, or the linear toe left out",
     here="IEC 61966-2-1 with its toe",
     tolerance=1e-5,
@@ -148,7 +148,7 @@ def _sky_color(bench: Bench, radiance: tuple[float, ...], **settings) -> Array:
 
 @case(
     "tone-maps",
-    what="a sky of radiance 0.25, 0.5 and 2 at exposure 4: color by each tone map against its formula",
+    description="a sky of radiance 0.25, 0.5 and 2 at exposure 4: color by each tone map against its formula",
     elsewhere="exposure after the curve, or curves that are not clamped",
     here="linear: clamp; reinhard: x / (1 + x); aces: Narkowicz's fit; then sRGB",
     tolerance=1e-5,
@@ -171,7 +171,8 @@ def tone_maps(bench: Bench) -> Outcome:
 
 @case(
     "color-is-the-sum",
-    what="a wall that glows with 0.125 under a sun that adds 0.25, at exposure 2: its color against sRGB of 0.75",
+    description="a wall that glows with 0.125 under a sun that adds 0.25, at exposure 2: its color against sRGB of "
+    "0.75",
     elsewhere="emission replaces light, or is not exposed",
     here="direct + indirect + emission, times the exposure",
     tolerance=1e-5,
@@ -189,7 +190,7 @@ def color_is_the_sum(bench: Bench) -> Outcome:
 
 @case(
     "texture-transform",
-    what="a texture turned by 90 degrees, scaled and shifted (KHR_texture_transform): texels that are wrong",
+    description="a texture turned by 90 degrees, scaled and shifted (KHR_texture_transform): texels that are wrong",
     elsewhere="the transform is ignored, or applied in the order offset, rotation, scale",
     here="one affine matrix per texture: scale, then rotation, then offset",
     source="exact: nearest texels",
@@ -214,7 +215,7 @@ def texture_transform(bench: Bench) -> Outcome:
 
 @case(
     "alpha-mask",
-    what="a wall with alpha from 0 to 1 and cutoff 0.25: pixels that are drawn",
+    description="a wall with alpha from 0 to 1 and cutoff 0.25: pixels that are drawn",
     elsewhere="a fixed cutoff of 0.5, or masked surfaces drawn whole",
     here="drawn where alpha is not below the material's cutoff",
     source="exact: nearest texels, and no code is within 1/1000 of the cutoff",
@@ -233,7 +234,7 @@ def alpha_mask(bench: Bench) -> Outcome:
 
 @case(
     "normal-scale",
-    what="a normal map with scale 0.5: normals against those of the halved slope",
+    description="a normal map with scale 0.5: normals against those of the halved slope",
     elsewhere="the scale is ignored, or applied after the normal has unit length",
     here="x and y of the texel are scaled, then the normal is normalized (glTF 2.0, 3.9.3)",
     tolerance=1e-5,
@@ -253,7 +254,7 @@ def normal_scale(bench: Bench) -> Outcome:
 
 @case(
     "specular-glossiness",
-    what="gray surfaces of base color 0.1 to 1 and metalness 0 to 1 as specular-glossiness, converted back",
+    description="gray surfaces of base color 0.1 to 1 and metalness 0 to 1 as specular-glossiness, converted back",
     elsewhere="specular is dropped, so metals become dark plastic",
     here="metalness is the root of 0.04 m^2 + b m + c = 0 of Khronos' conversion",
     tolerance=1e-12,

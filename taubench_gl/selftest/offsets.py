@@ -40,7 +40,7 @@ def _in_world_floats(images: PairImages) -> int:
 def _offset_case(name: str, meters: float) -> None:
     @case(
         name,
-        what=f"the busy room {meters:g} m from the origin: pixels whose mask differs from that at the origin",
+        description=f"the busy room {meters:g} m from the origin: pixels whose mask differs from that at the origin",
         elsewhere="float32 world positions have steps of 6e-5 m at 1e3 m, 6 cm at 1e6 m and 64 m at 1e9 m",
         here="matrices are composed in float64 relative to the camera; the GPU gets no world positions",
         source="exact: all keys are dyadic, so float64 holds every difference without rounding",
@@ -59,7 +59,7 @@ _offset_case("offset-1e9", 1e9)
 
 @case(
     "still-far-away",
-    what="a still camera in the still room at 1e9 m: pixels with a reason bit or motion",
+    description="a still camera in the still room at 1e9 m: pixels with a reason bit or motion",
     elsewhere="a few pixels flicker, so a still sequence never has 0 % discards",
     here="equal poses give equal bits in every pass",
     source="exact: the same arithmetic is done twice",
@@ -72,7 +72,7 @@ def still_far_away(bench: Bench) -> Outcome:
 def _scale_case(name: str, scale: float, tolerance: float, source: str) -> None:
     @case(
         name,
-        what=f"the busy room at scale {scale:g} with the same unit_scale: pixels whose mask differs",
+        description=f"the busy room at scale {scale:g} with the same unit_scale: pixels whose mask differs",
         elsewhere="absolute tolerances in meters (1e-3, 1e-4) are too large at one scale and too small at another",
         here="the position threshold is the only length and scales with unit_scale; other tolerances are relative",
         tolerance=tolerance,

@@ -41,7 +41,7 @@ def _floor(b: SceneBuilder, bench: Bench, *, albedo: float = 0.5, half: float = 
 
 @case(
     "furnace-diffuse",
-    what="a diffuse sphere of albedo 0.75 in a uniform sky of radiance 1: direct radiance, largest error",
+    description="a diffuse sphere of albedo 0.75 in a uniform sky of radiance 1: direct radiance, largest error",
     elsewhere="a factor of pi, or a pdf without its cosine, makes the sphere brighter or darker than the sky allows",
     here="the BRDF over the pdf of its own direction is the albedo, in every sample",
     tolerance=1e-5,
@@ -61,7 +61,8 @@ def furnace_diffuse(bench: Bench) -> Outcome:
 
 @case(
     "furnace-glossy",
-    what="a white metal sphere of roughness 0.5 in a uniform sky: mean direct radiance against its directional albedo",
+    description="a white metal sphere of roughness 0.5 in a uniform sky: mean direct radiance against its directional "
+    "albedo",
     elsewhere="the Jacobian of the half vector is left out, or the masking term of one direction only is used",
     here="visible normals are sampled, and the weight is the ratio of both masking terms",
     tolerance=5e-3,
@@ -88,7 +89,7 @@ def _albedo(roughness: float, n_v: float) -> float:
 
 @case(
     "closed-box",
-    what="inside a closed box of albedo 0.5 whose walls emit 1: direct and indirect radiance after 6 bounces",
+    description="inside a closed box of albedo 0.5 whose walls emit 1: direct and indirect radiance after 6 bounces",
     elsewhere="emission that both the light sample and the ray find is counted twice, or not at all",
     here="both are weighted by the power heuristic, whose weights add up to 1",
     tolerance=2e-2,
@@ -105,7 +106,7 @@ def closed_box(bench: Bench) -> Outcome:
 
 @case(
     "mirror-box",
-    what="inside a closed box of perfect mirrors that emit 1: direct radiance, and indirect after 5 bounces",
+    description="inside a closed box of perfect mirrors that emit 1: direct radiance, and indirect after 5 bounces",
     elsewhere="narrow lobes lose the reflected emitter to a clamped pdf, or to roulette without its weight",
     here="the pdf of the narrowest lobe is finite, and paths that survive are weighted up",
     tolerance=2e-2,
@@ -122,7 +123,7 @@ def mirror_box(bench: Bench) -> Outcome:
 
 @case(
     "parallel-planes",
-    what="two planes of 2 km, 1 m apart, albedo 0.5, one emits 1: radiance of the other, direct and indirect",
+    description="two planes of 2 km, 1 m apart, albedo 0.5, one emits 1: radiance of the other, direct and indirect",
     elsewhere="a light sample on a huge emitter is far away and black: the picture is noise",
     here="BRDF sampling finds the emitter in every direction; direct 0.5, indirect 0.5^3 + 0.5^5 + ...",
     tolerance=1e-2,
@@ -150,7 +151,7 @@ def form_factor(a: float, b: float, h: float) -> float:
 
 @case(
     "form-factor",
-    what="a square emitter of 4 m, 3 m above a diffuse wall: radiance below its center against the form factor",
+    description="a square emitter of 4 m, 3 m above a diffuse wall: radiance below its center against the form factor",
     elsewhere="the cosine at the emitter, or its square distance, is left out of the pdf",
     here="the pdf of the emitter's area is converted to solid angle with both",
     tolerance=1e-2,
@@ -167,7 +168,8 @@ def form_factor_of_a_square(bench: Bench) -> Outcome:
 
 @case(
     "sphere-light",
-    what="a luminous sphere of radius 1 m, 5 m above a wall: radiance below it against 1/25 of its own, albedo 0.5",
+    description="a luminous sphere of radius 1 m, 5 m above a wall: radiance below it against 1/25 of its own, albedo "
+    "0.5",
     elsewhere="an emitter's triangles are sampled by number: small ones at the poles get too much of the light",
     here="triangles are sampled in proportion to their power",
     tolerance=1e-2,
@@ -195,7 +197,8 @@ def between_boards(h: float, gap: float, half: float) -> float:
 
 @case(
     "lamp-at-a-board",
-    what="a lamp 1 cm below a board 3 m above a wall: indirect radiance below it, bidirectional, against an integral",
+    description="a lamp 1 cm below a board 3 m above a wall: indirect radiance below it, bidirectional, against an "
+    "integral",
     elsewhere="paths from the camera find the bright spot behind the lamp once in 100,000 samples",
     here="paths from the lamp find it too; the balance heuristic counts nothing twice",
     tolerance=1e-2,
@@ -217,7 +220,7 @@ def lamp_at_a_board(bench: Bench) -> Outcome:
 
 @case(
     "masked-leaf",
-    what="a leaf above a wall, its left half cut out by alpha, below a distant light: shadowed pixels",
+    description="a leaf above a wall, its left half cut out by alpha, below a distant light: shadowed pixels",
     elsewhere="rays do not test alpha, and the whole leaf casts a shadow",
     here="every hit of an alpha-tested material is tested with the rasterizer's cutoff",
     source="exact: edges of the shadow lie on pixel borders",
@@ -239,7 +242,8 @@ def masked_leaf(bench: Bench) -> Outcome:
 
 @case(
     "traced-far-from-origin",
-    what="a room with lamps at 1e6 m: largest difference of direct and indirect radiance from the room at the origin",
+    description="a room with lamps at 1e6 m: largest difference of direct and indirect radiance from the room at the "
+    "origin",
     elsewhere="float32 world positions are 6 cm apart there, so rays start inside walls",
     here="rays, instances and lights are relative to the camera; trees have origins of their own in float64",
     source="exact: dyadic numbers, so float64 holds every difference",
@@ -253,7 +257,8 @@ def traced_far_from_origin(bench: Bench) -> Outcome:
 def _scaled_room(name: str, scale: float) -> None:
     @case(
         name,
-        what=f"the room at scale {scale:g} with lamps that are {scale:g}^2 as strong: radiance, relative to scale 1",
+        description=f"the room at scale {scale:g} with lamps that are {scale:g}^2 as strong: radiance, relative to "
+        "scale 1",
         elsewhere="a fixed distance of rays from their surface is larger than the room, or smaller than its rounding",
         here="that distance is a share of the coordinates",
         tolerance=1e-3,
@@ -274,7 +279,7 @@ _scaled_room("traced-at-1e4", 2.0**13)
 
 @case(
     "edge-without-leak",
-    what="a closed box of 12 triangles in a bright sky, seen from inside: pixels with any light",
+    description="a closed box of 12 triangles in a bright sky, seen from inside: pixels with any light",
     elsewhere="a ray to the common edge of two triangles passes between them",
     here="the edge tests of both triangles use the same numbers, so one of them has the ray",
     source="exact: a count",
@@ -289,7 +294,8 @@ def edge_without_leak(bench: Bench) -> Outcome:
 
 @case(
     "grazing-light",
-    what="a wall of 5,000 triangles under a sun 0.1 degrees above it: pixels that are not lit as the cosine says",
+    description="a wall of 5,000 triangles under a sun 0.1 degrees above it: pixels that are not lit as the cosine "
+    "says",
     elsewhere="shadow rays start below the surface that they leave: the wall shadows itself in spots",
     here="rays start above the rounding of their surface, along its normal",
     source="exact count; values within 1e-4 of the closed form are equal",
@@ -305,7 +311,7 @@ def grazing_light(bench: Bench) -> Outcome:
 
 @case(
     "narrow-gap",
-    what="a board 1e-4 of the camera's distance above a wall, seen through its culled back: shadowed pixels",
+    description="a board 1e-4 of the camera's distance above a wall, seen through its culled back: shadowed pixels",
     elsewhere="the distance that keeps rays off their own surface jumps over the gap",
     here="that distance is 1e-5 of the coordinates at most",
     source="exact: edges of the shadow lie on pixel borders",
@@ -324,7 +330,7 @@ def narrow_gap(bench: Bench) -> Outcome:
 def _mirrored(name: str, scale: tuple[float, float, float], shadowed: int, words: str) -> None:
     @case(
         name,
-        what=f"a moving board with scale {scale} before a distant light: shadowed pixels of a wall",
+        description=f"a moving board with scale {scale} before a distant light: shadowed pixels of a wall",
         elsewhere="the inverse of the instance's matrix is singular or NaN, or its handedness turns hits into misses",
         here=words,
         source="exact: edges of the shadow lie on pixel borders",
@@ -344,7 +350,8 @@ _mirrored("traced-zero-scale", (0.0, 1.0, 1.0), 0, "instances without volume are
 
 @case(
     "traced-light-on-surface",
-    what="a point light exactly on a wall: pixels of radiance that are NaN or Inf, or of a facing wall that are dark",
+    description="a point light exactly on a wall: pixels of radiance that are NaN or Inf, or of a facing wall that "
+    "are dark",
     elsewhere="the shadow ray has length 0, or ends behind the surface that the light lies on",
     here="shadow rays end before the light by the rounding of its position",
     source="exact: a count",
@@ -364,7 +371,8 @@ def traced_light_on_surface(bench: Bench) -> Outcome:
 
 @case(
     "slivers",
-    what="a wall of triangles 20,000 times as long as wide, in sunlight: pixels that are not lit as the cosine says",
+    description="a wall of triangles 20,000 times as long as wide, in sunlight: pixels that are not lit as the cosine "
+    "says",
     elsewhere="the determinant of a sliver underflows: rays pass, or hits are NaN",
     here="edge tests do not divide; degenerate triangles are left out of the tree",
     source="exact count; values within 1e-4 of the closed form are equal",
@@ -381,7 +389,7 @@ def slivers(bench: Bench) -> Outcome:
 
 @case(
     "still-traced-light",
-    what="a still camera and room, lamps and a luminous ceiling, path-traced: pixels with a reason bit",
+    description="a still camera and room, lamps and a luminous ceiling, path-traced: pixels with a reason bit",
     elsewhere="numbers that differ from frame to frame flicker, and noise is counted as change",
     here="pattern `fixed` has the same numbers in every frame",
     source="exact: the same arithmetic is done twice",
@@ -439,8 +447,8 @@ def _below(b: SceneBuilder, bench: Bench, znear: float, **how) -> dict[str, Arra
 
 @case(
     "sky-image",
-    what="a sky image of radiance 2 + 1.5 (a . d) in direction d: walls of albedo 0.5 that face three ways, raster and "
-    "path-traced, against 0.5 (2 + a . n)",
+    description="a sky image of radiance 2 + 1.5 (a . d) in direction d: walls of albedo 0.5 that face three ways, "
+    "raster and path-traced, against 0.5 (2 + a . n)",
     elsewhere="the image is mirrored or turned, or its texels near the poles count as much as those of the horizon",
     here="texels are chosen by solid angle and radiance; equirectangular, +Y up, the center of the image is +X",
     tolerance=0.012,

@@ -42,7 +42,7 @@ def _outside_without_w_test(bench: Bench, images) -> Array:
 
 @case(
     "turn-180",
-    what="a camera in a closed room turns by 180 degrees: every point was behind the previous camera",
+    description="a camera in a closed room turns by 180 degrees: every point was behind the previous camera",
     elsewhere="division by a negative w mirrors the point onto the screen, and it counts as reusable",
     here="previous planar depth <= near is tested before the division: reason BEHIND, counted in frustum",
     source=EXACT,
@@ -60,7 +60,7 @@ def turn_180(bench: Bench) -> Outcome:
 
 @case(
     "turn-180-sky",
-    what="the same turn with only sky in view",
+    description="the same turn with only sky in view",
     elsewhere="sky at a large finite distance passes the w test and projects to the opposite side",
     here="sky is reprojected as a direction (w = 0), and its depth along the previous view is tested",
     source=EXACT,
@@ -93,7 +93,7 @@ def _floor(bench: Bench, backwards: float):
 
 @case(
     "near-plane-crossing",
-    what="a floor below a camera that moves backwards by 4 m: part of it was behind the previous camera",
+    description="a floor below a camera that moves backwards by 4 m: part of it was behind the previous camera",
     elsewhere="points behind the camera appear upside down above the horizon",
     here="previous planar depth is compared with near per pixel",
     source="closed form per pixel in float64; pixels within 0.01 px of the edge of the screen are excluded",
@@ -113,7 +113,7 @@ def near_plane_crossing(bench: Bench) -> Outcome:
 
 @case(
     "near-crossing-motion",
-    what="motion on the same floor, one triangle with two corners behind the previous camera",
+    description="motion on the same floor, one triangle with two corners behind the previous camera",
     elsewhere="a vertex shader divides by w, and the interpolation of the quotient is meaningless",
     here="the position is interpolated; projection and division happen per pixel",
     tolerance=0.01,
@@ -135,7 +135,7 @@ def near_crossing_motion(bench: Bench) -> Outcome:
 
 @case(
     "w-exactly-zero",
-    what="points exactly in the plane of the previous camera, w = 0",
+    description="points exactly in the plane of the previous camera, w = 0",
     elsewhere="0/0 and x/0 are NaN and Inf; comparisons with NaN are false, so the pixel counts as reusable",
     here="reason BEHIND, motion 0, no division",
     source=EXACT,
@@ -154,7 +154,7 @@ def w_exactly_zero(bench: Bench) -> Outcome:
 
 @case(
     "sky-rotation",
-    what="motion of the sky while the camera turns by 7 degrees about a skew axis",
+    description="motion of the sky while the camera turns by 7 degrees about a skew axis",
     elsewhere="sky has no motion vectors, so camera rotation smears it",
     here="the view direction of each pixel is rotated, with w = 0",
     tolerance=1e-3,
@@ -178,7 +178,7 @@ def sky_rotation(bench: Bench) -> Outcome:
 
 @case(
     "sky-translation",
-    what="sky while the camera moves by 40 m: no motion and no discard",
+    description="sky while the camera moves by 40 m: no motion and no discard",
     elsewhere="sky at a finite distance moves against the camera",
     here="sky is a direction: with w = 0 the translation of the camera has no effect",
     source="exact: the same direction is transformed by the same matrix twice",
@@ -199,7 +199,7 @@ def sky_translation(bench: Bench) -> Outcome:
 
 @case(
     "still-jitter",
-    what="a still camera with sub-pixel jitter: motion after subtraction of the jitter",
+    description="a still camera with sub-pixel jitter: motion after subtraction of the jitter",
     elsewhere="the jitter stays in the motion vectors, so a still image is resampled every frame",
     here="motion is the difference of two projections, whose jitters are known",
     tolerance=1e-3,
@@ -228,7 +228,8 @@ def _cockpit(bench: Bench):
 
 @case(
     "screen-edge",
-    what="a camera inside a turning ship: the image is still, and edge pixels lie exactly on the limit of Eq. (3)",
+    description="a camera inside a turning ship: the image is still, and edge pixels lie exactly on the limit of Eq. "
+    "(3)",
     elsewhere="rounding by 1e-6 px moves part of the border outside: 0.1 % to 3 % of the image",
     here="the test for off-screen points has a tolerance of 1/256 px",
     source=EXACT + "; rounding is 1000 times smaller than the tolerance",
@@ -242,7 +243,7 @@ def screen_edge(bench: Bench) -> Outcome:
 
 @case(
     "screen-edge-motion",
-    what="motion inside the same ship",
+    description="motion inside the same ship",
     elsewhere="rounding of world-space positions leaves motion of several 1e-3 px in a still image",
     here="each position is relative to the camera of its frame, composed in float64",
     tolerance=1e-3,
@@ -254,7 +255,7 @@ def screen_edge_motion(bench: Bench) -> Outcome:
 
 @case(
     "on-the-near-plane",
-    what="a still wall exactly on the near plane of a turned camera",
+    description="a still wall exactly on the near plane of a turned camera",
     elsewhere="half of its pixels have depth near - 1 ulp and count as behind the camera",
     here="the near test has a relative tolerance of 1e-5",
     source=EXACT + "; the tolerance is 80 float ulps",
@@ -272,7 +273,7 @@ def on_the_near_plane(bench: Bench) -> Outcome:
 
 @case(
     "declared-first-frame",
-    what="the first frame, which has no history",
+    description="the first frame, which has no history",
     elsewhere="history textures are uninitialized, so the first pair is undefined or all reusable",
     here="every pixel is FIRST, a separate class that is not part of any feature",
     source=EXACT,

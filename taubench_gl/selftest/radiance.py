@@ -22,7 +22,7 @@ def _image(bench: Bench, value: object) -> Array:
 
 @case(
     "radiance-range",
-    what="radiance of 1e-8, 1e-7 .. 1e8 that doubles from one frame to the next: pixels above the threshold",
+    description="radiance of 1e-8, 1e-7 .. 1e8 that doubles from one frame to the next: pixels above the threshold",
     elsewhere="in half floats 1e-8 is 0 and 1e8 is Inf, whose difference is NaN and counts as unchanged",
     here="float32 radiance; the difference is compared, not the quotient",
     source="closed form: sqrt(3) times the value against 32/255; " + COUNT,
@@ -40,7 +40,7 @@ def radiance_range(bench: Bench) -> Outcome:
 
 @case(
     "radiance-histogram",
-    what="the same radiance in the histogram of distances: pixels in a wrong bin",
+    description="the same radiance in the histogram of distances: pixels in a wrong bin",
     elsewhere="log2 on the GPU depends on the driver in its last bits, and values near a bin edge change bins",
     here="bins are computed from the bits of the float, equal on every machine",
     source=COUNT + "; distances differ from every bin edge by more than 1e-5, relative",
@@ -57,7 +57,7 @@ def radiance_histogram(bench: Bench) -> Outcome:
 def _not_finite(name: str, value: float, frame: str) -> None:
     @case(
         name,
-        what=f"{value} in 100 texels of the {frame} frame's radiance: pixels of class INVALID",
+        description=f"{value} in 100 texels of the {frame} frame's radiance: pixels of class INVALID",
         elsewhere="comparisons with NaN are false, so these pixels count as reusable",
         here="the bits of the float are tested, which fast-math cannot remove: reason INVALID",
         source=COUNT,
@@ -83,7 +83,7 @@ _not_finite("inf-history", -np.inf, "previous")
 
 @case(
     "nan-beside-bilinear",
-    what="bilinear history half a pixel away, every second column NaN: pixels that are invalid",
+    description="bilinear history half a pixel away, every second column NaN: pixels that are invalid",
     elsewhere="one NaN tap makes the blend NaN, which spreads by a pixel per frame",
     here="taps that are not finite have weight 0, and the weights are renormalized",
     source=COUNT + "; the other tap of the last column is outside the screen",
@@ -99,7 +99,7 @@ def nan_beside_bilinear(bench: Bench) -> Outcome:
 
 @case(
     "invalid-position",
-    what="NaN in the stored position of 64 pixels: number of INVALID pixels, and the classes add up to w h",
+    description="NaN in the stored position of 64 pixels: number of INVALID pixels, and the classes add up to w h",
     elsewhere="NaN < 0 and NaN > w are both false, so the pixel is on screen",
     here="tested before reprojection; classes are exclusive",
     source=COUNT,
@@ -133,7 +133,7 @@ def _threshold_images(bench: Bench, feature: str, change: float):
 def _on_threshold(feature: str) -> None:
     @case(
         f"on-threshold-{feature}",
-        what=f"{feature} changes by exactly its threshold of 1/8, then by one float step more: wrong pixels",
+        description=f"{feature} changes by exactly its threshold of 1/8, then by one float step more: wrong pixels",
         elsewhere="'>=' discards changes equal to the threshold: a whole gray level in 8-bit data",
         here="strictly greater, in float32",
         source="exact: 1/8 and the next value are floats, the roots of their squares are exact or on the right side",
@@ -154,7 +154,8 @@ for _feature in (feature.name for feature in BY_BIT):
 
 @case(
     "lit-and-shadowed",
-    what="a third of the image gets brighter, a third gets darker, a third is unchanged: LIT and SHADOWED pixels",
+    description="a third of the image gets brighter, a third gets darker, a third is unchanged: LIT and SHADOWED "
+    "pixels",
     elsewhere="only |change| is stored, so appearing and disappearing shadows cannot be distinguished",
     here="LIT where luminance rose, SHADOWED where it fell, neither where it is equal",
     source=COUNT,
@@ -174,7 +175,7 @@ def lit_and_shadowed(bench: Bench) -> Outcome:
 
 @case(
     "not-compared-not-counted",
-    what="all features differ, but the frame is declared a cut: pixels with a feature bit",
+    description="all features differ, but the frame is declared a cut: pixels with a feature bit",
     elsewhere="pixels discarded for one reason are counted again for others, and percentages exceed 100",
     here="FIRST, CUT, INVALID and frustum pixels are not compared",
     source=COUNT,
@@ -191,15 +192,15 @@ def not_compared(bench: Bench) -> Outcome:
 
 @case(
     "each-color-channel",
-    what="red, then green, then blue alone change by 0.25, threshold 0.125: pixels with reason COLOR",
+    description="red, then green, then blue alone change by 0.25, threshold 0.125: pixels with reason COLOR",
     elsewhere="luminance is compared, in which blue weighs 7 %",
     here="a pixel is discarded where any channel differs by more than the threshold",
     source=COUNT,
 )
 def each_color_channel(bench: Bench) -> Outcome:
-    pixels, found = bench.size[0] * bench.size[1], []
+    pixels, counts = bench.size[0] * bench.size[1], []
     for channel in np.eye(3):
         now, then = {"color": _image(bench, 0.5 + 0.25 * channel)}, {"color": _image(bench, 0.5)}
-        found.append(int(bench.compare(now, then, thresholds={"color": 0.125}).counts["color"]))
+        counts.append(int(bench.compare(now, then, thresholds={"color": 0.125}).counts["color"]))
     naive = Naive("change of luminance", "blue is kept", pixels)
-    return Outcome(f"{pixels} each", ", ".join(map(str, found)), float(sum(pixels - n for n in found)), naive)
+    return Outcome(f"{pixels} each", ", ".join(map(str, counts)), float(sum(pixels - n for n in counts)), naive)

@@ -24,15 +24,15 @@ def cases(only: Sequence[str] | None = None) -> list[Case]:
     return [c for c in ordered if any(word == c.group or word in c.name for word in only)]
 
 
-def run_case(one: Case, bench: Bench) -> CaseResult:
+def run_case(case: Case, bench: Bench) -> CaseResult:
     """Run one case.  An exception gives a failed row and does not stop the other cases."""
     try:
-        outcome = one.run(bench)
-        bench.gpu.check(f"case {one.name}")
+        outcome = case.run(bench)
+        bench.gpu.check(f"case {case.name}")
     except Exception as error:  # a driver may fail in any way
-        return CaseResult(one, None, None, math.nan, False, failure=f"{type(error).__name__}: {error}")
-    passed = bool(outcome.error <= one.tolerance)  # False for NaN
-    return CaseResult(one, outcome.expected, outcome.measured, float(outcome.error), passed, outcome.naive)
+        return CaseResult(case, None, None, math.nan, False, failure=f"{type(error).__name__}: {error}")
+    passed = bool(outcome.error <= case.tolerance)  # False for NaN
+    return CaseResult(case, outcome.expected, outcome.measured, float(outcome.error), passed, outcome.naive)
 
 
 def run_selftest(
@@ -49,8 +49,8 @@ def run_selftest(
     """
     results = []
     with gpu, Bench(gpu, size, device) as bench:
-        for one in cases(only):
-            results.append(run_case(one, bench))
+        for case in cases(only):
+            results.append(run_case(case, bench))
             if on_result is not None:
                 on_result(results[-1])
     return results

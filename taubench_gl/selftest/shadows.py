@@ -94,7 +94,7 @@ def _six_views(lamps: int) -> Scene:
 def _cube_case(name: str, lamps: int, how: str) -> None:
     @case(
         name,
-        what=f"{how} amid six plates in a closed room, seen in six directions: pixels wrongly lit or dark",
+        description=f"{how} amid six plates in a closed room, seen in six directions: pixels wrongly lit or dark",
         elsewhere="cube-map faces swapped, mirrored or rotated; axes that the API flips; seams between faces",
         here="faces along the world's axes, chosen by the largest component; no driver cube map",
         source=EXACT,
@@ -135,7 +135,7 @@ def _table(bench: Bench, **light) -> tuple[SceneBuilder, list[Block]]:
 def _table_case(name: str, what: str, lamp: tuple[float, float, float], texel: float, **light) -> None:
     @case(
         name,
-        what=f"{what} over a box that stands on a floor and plates above it: pixels wrongly lit or dark",
+        description=f"{what} over a box that stands on a floor and plates above it: pixels wrongly lit or dark",
         elsewhere="a constant bias detaches shadows from what casts them, or surfaces shadow themselves",
         here="each filter tap is compared with the receiver's plane; half a texel of bias",
         source=EXACT,
@@ -146,8 +146,8 @@ def _table_case(name: str, what: str, lamp: tuple[float, float, float], texel: f
         for shadow_filter in ("hard", "bilinear"):
             shot = bench.shots(b.build(), shadow_size=TEXELS, shadow_filter=shadow_filter)[0]
             on_floor = shot.surface & (np.abs(shot.points[..., 1]) < 1e-3)
-            found = wrong_pixels(shot, blocks, np.array(lamp), texel, where=on_floor & _in_cone(shot, lamp, light))
-            wrong = -1 if min(found, wrong) < 0 else wrong + found
+            pixels = wrong_pixels(shot, blocks, np.array(lamp), texel, where=on_floor & _in_cone(shot, lamp, light))
+            wrong = -1 if min(pixels, wrong) < 0 else wrong + pixels
         return count(0, wrong, Naive("no shadows", 300, 300))
 
 
@@ -173,7 +173,7 @@ _table_case(
 
 @case(
     "grazing-plane",
-    what="a wall under a sun 2 degrees above its plane and a lamp close to it: pixels that shadow themselves",
+    description="a wall under a sun 2 degrees above its plane and a lamp close to it: pixels that shadow themselves",
     elsewhere="a bias large enough for 45 degrees leaves stripes at 2",
     here="planes need no bias: every tap is compared with the plane itself",
     source="exact: nothing else can cast",
@@ -187,8 +187,8 @@ def grazing_plane(bench: Bench) -> Outcome:
         b = lambert_wall(bench)
         b.light(**light)
         for shadow_filter in ("hard", "bilinear"):
-            given = {"shadow_size": 64, "shadow_filter": shadow_filter}
-            with_maps, without = (bench.shots(b.build(), shadow_lights=n, **given)[0].direct for n in (1, 0))
+            maps = {"shadow_size": 64, "shadow_filter": shadow_filter}
+            with_maps, without = (bench.shots(b.build(), shadow_lights=n, **maps)[0].direct for n in (1, 0))
             darker = (with_maps < (1.0 - 1e-5) * without).any(axis=-1)
             wrong += int(darker.sum()) if without.max() > 0.0 else -10_000
     return count(0, wrong, Naive("no bias, one depth per texel", 3000, 3000))
@@ -196,7 +196,7 @@ def grazing_plane(bench: Bench) -> Outcome:
 
 @case(
     "creases-in-a-room",
-    what="a lamp in a room of eight sides with 16-texel maps: pixels darker than without shadow maps",
+    description="a lamp in a room of eight sides with 16-texel maps: pixels darker than without shadow maps",
     elsewhere="the texel beside a crease shows the nearer wall, and a dark line runs along every edge of the room",
     here="half a texel of bias",
     source="exact: the room is convex, so nothing in it casts",
@@ -210,14 +210,15 @@ def creases_in_a_room(bench: Bench) -> Outcome:
         b.node(mesh=wall, translation=(-reach * np.sin(angle), 0.0, -reach * np.cos(angle)), rotation=turn_y(45.0 * i))
     b.camera(translation=(0.0, 0.0, 1.0), yfov=np.radians(80.0), znear=0.05)
     b.light(translation=(0.4, 0.2, -0.3), intensity=20.0)
-    given = {"shadow_size": 16, "shadow_filter": "hard"}
-    with_maps, without = (bench.shots(b.build(), shadow_lights=n, **given)[0].direct[..., 0] for n in (1, 0))
+    maps = {"shadow_size": 16, "shadow_filter": "hard"}
+    with_maps, without = (bench.shots(b.build(), shadow_lights=n, **maps)[0].direct[..., 0] for n in (1, 0))
     return count(0, int((with_maps < 0.99 * without).sum()) if without.max() > 0.0 else -1)
 
 
 @case(
     "filter-weights",
-    what="the corner of a shadow in a map of 16 texels: every pixel against the bilinear weights of its four texels",
+    description="the corner of a shadow in a map of 16 texels: every pixel against the bilinear weights of its four "
+    "texels",
     elsewhere="weights or texels in another order, or a filter half a texel off: blurred edges that are shifted",
     here="the four texels about the point, compared first and then weighted",
     tolerance=1e-4,
@@ -253,7 +254,7 @@ def filter_weights(bench: Bench) -> Outcome:
 
 @case(
     "shadow-of-a-masked-leaf",
-    what="a leaf whose alpha mask cuts out every other column: pixels of its shadow wrongly lit or dark",
+    description="a leaf whose alpha mask cuts out every other column: pixels of its shadow wrongly lit or dark",
     elsewhere="the shadow of the whole quad: foliage casts blocks",
     here="the shadow pass tests alpha with the material's cutoff",
     source=EXACT,
@@ -280,8 +281,8 @@ def shadow_of_a_masked_leaf(bench: Bench) -> Outcome:
 
 @case(
     "shadow-cache",
-    what="a plate that moves, then stands still, and one that vanishes and returns: direct light against that of maps "
-    "drawn from scratch, to the last bit",
+    description="a plate that moves, then stands still, and one that vanishes and returns: direct light against that "
+    "of maps drawn from scratch, to the last bit",
     elsewhere="a cached map keeps the shadow of where the object was, or of a part of it",
     here="only texels that a caster can have left or entered are redrawn, with everything else there",
     source="exact: the same texels",

@@ -32,7 +32,7 @@ def _one_joint(primitive, joint_path: str, keys, bench: Bench, camera_keys=None)
 
 @case(
     "skinned-motion",
-    what="a skinned wall whose joint moves by 5 px, camera still: motion of its pixels",
+    description="a skinned wall whose joint moves by 5 px, camera still: motion of its pixels",
     elsewhere="the current pose is projected with the previous camera: motion 0 on every character",
     here="the previous pose is skinned at the previous time, in the same dispatch",
     tolerance=1e-3,
@@ -48,7 +48,7 @@ def skinned_motion(bench: Bench) -> Outcome:
 
 @case(
     "skinned-with-camera",
-    what="a joint and the camera both move by 6 px: motion of the pixels on the skinned wall",
+    description="a joint and the camera both move by 6 px: motion of the pixels on the skinned wall",
     elsewhere="with the current pose, the whole camera motion appears as motion of the wall",
     here="the pose of each frame is relative to the camera of that frame",
     tolerance=1e-3,
@@ -65,7 +65,7 @@ def skinned_with_camera(bench: Bench) -> Outcome:
 
 @case(
     "skinned-rotation",
-    what="a joint that turns by 60 degrees: previous positions, rotated, against the current positions",
+    description="a joint that turns by 60 degrees: previous positions, rotated, against the current positions",
     elsewhere="previous positions are interpolated in time, or taken from the bind pose",
     here="the same vertices are skinned with the previous palette",
     tolerance=2e-5,
@@ -84,7 +84,7 @@ def skinned_rotation(bench: Bench) -> Outcome:
 
 @case(
     "morph-motion",
-    what="a morph target that moves a wall by 3 px as its weight goes from 0 to 1: motion of its pixels",
+    description="a morph target that moves a wall by 3 px as its weight goes from 0 to 1: motion of its pixels",
     elsewhere="morph weights have no history: motion 0 on animated faces",
     here="the GPU gets current and previous weights; a target with current weight 0 still moves previous positions",
     tolerance=1e-3,
@@ -106,7 +106,8 @@ def morph_motion(bench: Bench) -> Outcome:
 
 @case(
     "weights-of-thirds",
-    what="three equal joints at 1e6 m with float32 weights of 1/3, which sum to 1 + 3e-8: shift against the origin",
+    description="three equal joints at 1e6 m with float32 weights of 1/3, which sum to 1 + 3e-8: shift against the "
+    "origin",
     elsewhere="blending world matrices scales the world offset by that sum: an error of 3 cm",
     here="palettes are relative to the camera before they are blended",
     tolerance=1e-5,
@@ -131,7 +132,7 @@ def weights_of_thirds(bench: Bench) -> Outcome:
 
 @case(
     "skinned-reference",
-    what="a strip of two joints at half time between keys: GPU points against the float64 pose",
+    description="a strip of two joints at half time between keys: GPU points against the float64 pose",
     elsewhere="dual quaternions, normalized blends or half-float palettes give a different surface",
     here="linear blend skinning in float32 on the GPU, with a float64 reference",
     tolerance=2e-5,
@@ -197,7 +198,7 @@ def _leaning(tangent: tuple[float, ...], bitangent: tuple[float, ...]) -> Array:
 
 @case(
     "morphed-tangents",
-    what="a morph target that turns the tangents of a normal-mapped wall by 90 degrees: its normals",
+    description="a morph target that turns the tangents of a normal-mapped wall by 90 degrees: its normals",
     elsewhere="positions and normals are morphed, tangents stay: bumps light from the wrong side",
     here="tangents are morphed with their own displacements",
     tolerance=1e-5,
@@ -219,7 +220,7 @@ def morphed_tangents(bench: Bench) -> Outcome:
 def _mirror_case(name: str, what: str, joint: bool) -> None:
     @case(
         name,
-        what=f"a normal-mapped wall {what}: its normals",
+        description=f"a normal-mapped wall {what}: its normals",
         elsewhere="the bitangent keeps its side, so bumps turn into dents along one axis",
         here="the handedness of tangents is multiplied by the sign of the determinant",
         tolerance=1e-5,
@@ -248,7 +249,7 @@ _mirror_case("mirrored-node", "whose node is mirrored", False)
 
 @case(
     "morphed-normals",
-    what="a morph target that leans the normals of a wall by 45 degrees at weight 1: its normals",
+    description="a morph target that leans the normals of a wall by 45 degrees at weight 1: its normals",
     elsewhere="normals are those of the bind pose, so the shape moves and its shading stays",
     here="normals are morphed with their own displacements and have unit length again",
     tolerance=1e-5,
@@ -269,7 +270,7 @@ def morphed_normals(bench: Bench) -> Outcome:
 
 @case(
     "mirrored-flat-normals",
-    what="a wall without normals whose only joint is mirrored: its normals",
+    description="a wall without normals whose only joint is mirrored: its normals",
     elsewhere="the posed triangle is wound the other way, so its computed normal points away from the viewer",
     here="flat normals of a mirrored pose are turned over",
     source="exact: an axis",

@@ -40,7 +40,7 @@ def _against_one_pass(values: Array, exact: float, variance: float) -> Outcome:
 
 @case(
     "variance-stream",
-    what="population variance of 1e5 values 1000 +- 0.01, added one by one",
+    description="population variance of 1e5 values 1000 +- 0.01, added one by one",
     elsewhere="E[x^2] - E[x]^2 subtracts two numbers near 1e6 that agree in ten digits; in float32 it is negative",
     here="Welford (1962) in float64",
     tolerance=1e-9,
@@ -56,7 +56,7 @@ def variance_stream(bench: Bench) -> Outcome:
 
 @case(
     "variance-blocks",
-    what="1e6 of these values in 1000 blocks of unequal size, merged",
+    description="1e6 of these values in 1000 blocks of unequal size, merged",
     elsewhere="the variances of blocks are averaged",
     here="the update of Chan, Golub and LeVeque (1979) with two-pass blocks",
     tolerance=1e-9,
@@ -72,7 +72,7 @@ def variance_blocks(bench: Bench) -> Outcome:
 
 @case(
     "mean-far-from-zero",
-    what="mean of the 2^20 values 1e9 + i / 2^20",
+    description="mean of the 2^20 values 1e9 + i / 2^20",
     elsewhere="a float32 sum stops growing at 1.7e7 times the addend",
     here="running mean of differences in float64",
     tolerance=3e-7,
@@ -90,7 +90,7 @@ def mean_far(bench: Bench) -> Outcome:
 
 @case(
     "more-than-2^24-pixels",
-    what="4096 x 4097 pixels of sky counted on the GPU: 16,781,312",
+    description="4096 x 4097 pixels of sky counted on the GPU: 16,781,312",
     elsewhere="a float32 counter stops at 2^24 = 16,777,216, where adding 1 has no effect",
     here="unsigned integers on the GPU, summed in 64 bits",
     source="exact: an unsigned count on the GPU",
@@ -107,7 +107,7 @@ def many_pixels(bench: Bench) -> Outcome:
 
 @case(
     "counts-past-32-bits",
-    what="the sum of 2^32 - 1 pixels of each of two reason words (a long sequence)",
+    description="the sum of 2^32 - 1 pixels of each of two reason words (a long sequence)",
     elsewhere="32-bit sums wrap around",
     here="counts are converted to 64 bits before they are added",
     source="exact: integers",
@@ -122,7 +122,7 @@ def past_32_bits(bench: Bench) -> Outcome:
 
 @case(
     "classes-add-up",
-    what="the busy room, both reprojections, three pairs: pixels in no class or in two",
+    description="the busy room, both reprojections, three pairs: pixels in no class or in two",
     elsewhere="invalid pixels are silently replaced by 0, and the total is still 100 %",
     here="first, cut, invalid, frustum and comparable are exclusive and add up to w h",
     source="exact: integers",
@@ -138,7 +138,7 @@ def classes_add_up(bench: Bench) -> Outcome:
 
 @case(
     "discards-are-surfaces",
-    what="the busy room: pixels that are DISOCCLUDED or OCCLUDING but not POSITION",
+    description="the busy room: pixels that are DISOCCLUDED or OCCLUDING but not POSITION",
     elsewhere="disocclusion is a separate test with another tolerance, which contradicts the first",
     here="both are set for position discards only",
     source="exact: integers",
@@ -151,7 +151,7 @@ def discards_are_surfaces(bench: Bench) -> Outcome:
 
 @case(
     "frames-and-pairs",
-    what="a scene of exactly 1 s at 24 frames per second: number of pairs",
+    description="a scene of exactly 1 s at 24 frames per second: number of pairs",
     elsewhere="frame 0 is paired with itself, which lowers every mean",
     here="frames i = 0 .. floor(duration * fps * (1 + 2^-23) + 1e-6); N frames give N - 1 pairs; means are over pairs",
     source="exact: integers",
@@ -163,7 +163,8 @@ def frames_and_pairs(bench: Bench) -> Outcome:
 
 @case(
     "still-scene",
-    what="a still camera in a still room, both reprojections, both history filters: pixels with a reason bit or motion",
+    description="a still camera in a still room, both reprojections, both history filters: pixels with a reason bit "
+    "or motion",
     elsewhere="0.1 % of a still image is discarded at its border, more with bilinear history",
     here="zero motion is exactly zero",
     source="exact: integers",

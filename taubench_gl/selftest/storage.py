@@ -28,7 +28,7 @@ def _fast_turn(bench: Bench):
 
 @case(
     "motion-storage",
-    what="motion of 1200 to 8000 px (a fast turn, 10-degree lens): relative error of the stored motion",
+    description="motion of 1200 to 8000 px (a fast turn, 10-degree lens): relative error of the stored motion",
     elsewhere="half floats have steps of 1 px above 1024 and 2 px above 2048",
     here="float32 motion in pixels",
     tolerance=1e-5,
@@ -47,7 +47,8 @@ def motion_storage(bench: Bench) -> Outcome:
 
 @case(
     "position-storage",
-    what="stored positions on the back wall of the busy room: distance from the wall, relative to the camera distance",
+    description="stored positions on the back wall of the busy room: distance from the wall, relative to the camera "
+    "distance",
     elsewhere="half-float positions are off by 1/2048: 2 mm at 4 m, 5 cm at 100 m, as large as many thresholds",
     here="float32 relative to the camera: 4e-7 m at 4 m",
     tolerance=1e-5,
@@ -68,7 +69,8 @@ def position_storage(bench: Bench) -> Outcome:
 def _reference_case(name: str, mode: str, sampling: str) -> None:
     @case(
         name,
-        what=f"the busy room, {mode} reprojection, {sampling} history: pixels that differ from the float64 reference",
+        description=f"the busy room, {mode} reprojection, {sampling} history: pixels that differ from the float64 "
+        "reference",
         elsewhere="the difference between the GPU and the paper's equations is unknown",
         here="every formula has a float64 reference in NumPy",
         tolerance=12.0,
@@ -89,7 +91,7 @@ _reference_case("reference-bilinear", "motion", "bilinear")
 
 @case(
     "masks-in-half-floats",
-    what="a wall 100 m away that moves sideways by 1 mm per frame, threshold 1 cm: position discards",
+    description="a wall 100 m away that moves sideways by 1 mm per frame, threshold 1 cm: position discards",
     elsewhere="half-float positions have steps of 6 cm at 100 m, so the wall is discarded",
     here="float32 positions: steps of 8 micrometers",
     source="exact: an unsigned count on the GPU",
@@ -108,7 +110,7 @@ def masks_in_half_floats(bench: Bench) -> Outcome:
 
 @case(
     "motion-reference",
-    what="the busy room: motion on the GPU against float64",
+    description="the busy room: motion on the GPU against float64",
     elsewhere="differences of projected world-space positions lose three digits",
     here="clip positions are relative to the camera of each frame",
     tolerance=1e-3,

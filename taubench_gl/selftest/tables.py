@@ -48,7 +48,8 @@ def _lamps(points: int, suns: int = 0, **material) -> Scene:
 
 @case(
     "sizes-of-indirect-light",
-    what="lamps and suns with fewer and fewer virtual point lights: which have maps, their texels, patches, probes",
+    description="lamps and suns with fewer and fewer virtual point lights: which have maps, their texels, patches, "
+    "probes",
     elsewhere="lights count alike although a lamp has six maps and a sun one of four times the side",
     here="maps while each side has 4 texels; all together give the number that was asked for",
     source=EXACT,
@@ -97,7 +98,8 @@ def _room_of_lights() -> Scene:
 
 @case(
     "faces-of-lights",
-    what="shadow maps of a lamp, two spots and a sun: corners of their volumes, points they see and cover, atlases",
+    description="shadow maps of a lamp, two spots and a sun: corners of their volumes, points they see and cover, "
+    "atlases",
     elsewhere="a side plane is tested along the axis, a map is cut at its edge, two maps share texels",
     here="every point inside a volume is seen and covered by its sphere; maps of an atlas are apart",
     tolerance=1e-9,
@@ -164,7 +166,8 @@ def faces_of_lights(bench: Bench) -> Outcome:
 
 @case(
     "patches-by-area-and-light",
-    what="patches of a still, a scaled and a growing plate: their area, normals and albedo, and the light on them",
+    description="patches of a still, a scaled and a growing plate: their area, normals and albedo, and the light on "
+    "them",
     elsewhere="a patch keeps the area of its triangle at rest, or of a primitive that has another scale",
     here="patches add up to the area of what is drawn, in every frame",
     tolerance=1e-6,
@@ -231,7 +234,8 @@ def _boxes_of(kind: str, count: int) -> tuple[Array, Array]:
 
 @case(
     "trees-of-boxes",
-    what="trees over random boxes: boxes in no leaf or in two, bounds, skip pointers, words of nodes and triangles",
+    description="trees over random boxes: boxes in no leaf or in two, bounds, skip pointers, words of nodes and "
+    "triangles",
     elsewhere="a skip that lands inside the subtree it skips, or a bound that is rounded inwards",
     here="leaves hold every box once; a node's bounds are those of its children; grids round outwards",
     source=EXACT,
@@ -277,7 +281,8 @@ def trees_of_boxes(bench: Bench) -> Outcome:
 
 @case(
     "tables-of-hits",
-    what="emitters, texture modes, atlases, texels in rows and the classes of draws: differences from definitions",
+    description="emitters, texture modes, atlases, texels in rows and the classes of draws: differences from "
+    "definitions",
     elsewhere="a number on the border of two cells finds the emitter of neither, or two textures share texels",
     here="every number finds its row between the bounds of its cell; classes follow from the animation alone",
     source=EXACT,
@@ -353,7 +358,7 @@ def _classes_of_draws() -> list[float]:
 
 @case(
     "vertices-made-ready",
-    what="flat normals, made tangents and joined vertices of plates and boxes: differences from geometry",
+    description="flat normals, made tangents and joined vertices of plates and boxes: differences from geometry",
     elsewhere="the tangent of a mirrored map keeps its hand, a flat triangle shares its corners, pools overlap",
     here="tangents along u on the surface; corners of flat triangles are apart; draws name their place in the pool",
     tolerance=1e-6,
@@ -399,7 +404,8 @@ def vertices_made_ready(bench: Bench) -> Outcome:
 
 @case(
     "bounds-of-draws",
-    what="still, scaled, skinned and morphed plates at ten times: vertices outside their spheres, spheres out of view",
+    description="still, scaled, skinned and morphed plates at ten times: vertices outside their spheres, spheres out "
+    "of view",
     elsewhere="a sphere of the rest pose: what a joint or a morph target moves is culled",
     here="every vertex is in the sphere of its draw, every draw with a vertex in view is in view",
     tolerance=1e-6,
@@ -465,7 +471,7 @@ def bounds_of_draws(bench: Bench) -> Outcome:
 
 @case(
     "schedules-and-notes",
-    what="frames to draw, pairs within a budget of samples, frames that are checked, noise and shares of notes",
+    description="frames to draw, pairs within a budget of samples, frames that are checked, noise and shares of notes",
     elsewhere="a pair is evaluated although its first frame was not drawn, or a deviation lacks the root of 2",
     here="sets of pairs by definition; sqrt(2 n v) times the exposure over the threshold",
     tolerance=1e-6,
@@ -486,8 +492,8 @@ def schedules_and_notes(bench: Bench) -> Outcome:
         (glowing, (64, 64), 33, "strata:8"), (glowing, (4096, 4096), 50, "strata:2"),
         (glowing, (8, 8), 500, "strata:36"),
     ):  # fmt: skip
-        given = Settings(width=size[0], height=size[1], spp=64, light="auto", **FIXED_LIGHTING)
-        errors.append(float(schedule.with_pairs(drawn, given, range(frames)).metrics.pairs != pairs))
+        settings = Settings(width=size[0], height=size[1], spp=64, light="auto", **FIXED_LIGHTING)
+        errors.append(float(schedule.with_pairs(drawn, settings, range(frames)).metrics.pairs != pairs))
     width, height = 4, 3
     position, info = np.ones((height, width, 4)), np.zeros((height, width, 4))
     info[..., 1], info[..., 2], info[..., 3] = 16.0, np.arange(12.0).reshape(3, 4), 2.0

@@ -35,7 +35,7 @@ class Guard:
     """``disabled()``: a context manager without it; ``detected_by``: cases of which at least one must then fail."""
 
     name: str
-    what: str
+    description: str
     disabled: Callable[[], AbstractContextManager[None]]
     detected_by: tuple[str, ...]
 

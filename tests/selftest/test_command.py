@@ -73,7 +73,7 @@ def test_json(run, broken):
     assert report["failed"] == 3 and report["passed"] == 1
     assert {"backend", "renderer", "driver", "version"} <= report["provenance"].keys()
     for row in rows.values():
-        assert {"name", "what", "expected", "measured", "error", "tolerance", "passed"} <= row.keys()
+        assert {"name", "description", "expected", "measured", "error", "tolerance", "passed"} <= row.keys()
 
 
 def test_unknown_names(run):
