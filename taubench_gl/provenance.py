@@ -6,6 +6,7 @@ import platform
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -27,6 +28,12 @@ def provenance(gpu: Gpu, clock: str) -> dict[str, Any]:
         "python": platform.python_version(),
         "machine": platform.machine(),
     }
+
+
+def combined(provenances: Sequence[Mapping[str, Any]], names: Iterable[str]) -> dict[str, str]:
+    """Entries of several blocks: where they differ, every value, sorted."""
+    values_of = {name: sorted({str(provenance.get(name)) for provenance in provenances}) for name in names}
+    return {name: " + ".join(values) for name, values in values_of.items()}
 
 
 @lru_cache(maxsize=1)

@@ -36,6 +36,7 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.outputs import plain_text, write_atomically
+from taubench_gl.provenance import combined
 from taubench_gl.report import run_tables
 from taubench_gl.report.table import write_tables as write_table_files
 from taubench_gl.run import SUMMARY_FILE, Run, RunWriter, load_run
@@ -46,6 +47,8 @@ from taubench_gl.study.store import Store
 SCHEMA = "taubench-gl/batch/3"
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
 PROVENANCE_FILE = "provenance.json"
+WORKERS = ("version", "backend", "renderer", "driver", "git", "python", "machine")
+"""Entries of the provenance of a job: of all its workers together."""
 
 
 def require_pyarrow() -> Any:
@@ -105,17 +108,10 @@ def merge_job(
     if settings.metrics.exact:
         summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
-    summary["provenance"] = _common([report["provenance"] for report in reports])
+    workers = combined([report["provenance"] for report in reports], WORKERS)
+    summary["provenance"] = workers | {"command": None, "clock": None, "reason": IN_PROVENANCE}
     mark_cuts(rows, summary)
     return Run(summary, rows)
-
-
-def _common(provenances: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Provenance of all workers together; where they differ, every value, sorted."""
-    names = ("version", "backend", "renderer", "driver", "git", "python", "machine")
-    values_of = {name: sorted({str(provenance.get(name)) for provenance in provenances}) for name in names}
-    out: dict[str, Any] = {name: " + ".join(values) for name, values in values_of.items()}
-    return out | {"command": None, "clock": None, "reason": IN_PROVENANCE}
 
 
 def write_job(store: Store, job: Job, head: Mapping[str, Any], run: Run, reports: Sequence[Mapping[str, Any]]) -> None:

@@ -40,6 +40,7 @@ from taubench_gl.settings import Settings
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.run import run_study
 from taubench_gl.study.store import STUDY_FILE, Store
+from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine, Unit
 
 SCHEMA = "taubench-gl/batch-study/1"
@@ -72,17 +73,17 @@ class Outcome:
     failed: dict[str, str]
 
 
-class BatchStudy:
+class BatchStudy(Study):
     """The jobs of a batch in a folder."""
 
     def __init__(self, spec: BatchSpec, store: Store, chunk: int | None = None):
         """``chunk``: pairs per unit; None: chosen by the number of workers.  It does not change results."""
         if chunk is not None and chunk < 1:
             raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
-        self.spec, self.store, self._chunk = spec, store, chunk
+        super().__init__(store)
+        self.spec, self._chunk = spec, chunk
         self._jobs = {job.id: job for job in spec.jobs}
         self._heads: dict[str, dict[str, Any] | None] = {}  # asked for; None: not yet there
-        self._failed: dict[str, str] = {}
 
     def jobs(self) -> Mapping[str, str]:
         return {job.id: job.label for job in self.spec.jobs}
@@ -107,9 +108,6 @@ class BatchStudy:
             chunks = [()]
         return [pairs_unit(resolved, chunk, head) for chunk in chunks], len(positions)
 
-    def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
-        return (unit,)
-
     def finish(self, job: str) -> None:
         head = self._heads[job]
         resolved = resolved_job(self._jobs[job], head)
@@ -117,13 +115,8 @@ class BatchStudy:
             reports, pairs = stored_pairs(self.store, job, head)
             write_job(self.store, resolved, head, merge_job(resolved, head, pairs, reports), reports)
 
-    def fail(self, unit: Unit, message: str, details: str) -> bool:
-        self._failed[unit.job] = message
-        self.store.log_failure(unit.job, message, details)
-        return False
-
     def merge(self) -> Outcome:
-        return Outcome(write_batch(self.store, self.spec, self._failed), self._failed)
+        return Outcome(write_batch(self.store, self.spec, self.failed), self.failed)
 
     def _head(self, job: str) -> dict[str, Any] | None:
         """The job's head; None if it is missing, or made before the scene may have changed."""

@@ -20,11 +20,12 @@ from taubench_gl.benchmark.values import (
     GEOMETRIC,
     HEADLINES,
     by_seed,
-    interval_over_seeds,
+    ends_over_seeds,
     of_scale,
     over_cases,
     to_scale,
 )
+from taubench_gl.provenance import combined
 from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES
@@ -57,6 +58,7 @@ def merge(
         rankings[track] = {
             name: ranked(name, _values(name, tracks[track], of_case, methods), methods, track) for name in headlines
         }
+    provenances = [result["provenance"] for result in of_case.values() if "provenance" in result]
     return {
         "schema": SCHEMA,
         "suite": suite.describe(),
@@ -69,7 +71,7 @@ def merge(
         "rankings": rankings,
         "speeds": speed_curves(suite, of_case, list(methods), headlines),
         "times": _times(suite, of_case, entries, tracks),
-        "provenance": _provenance(of_case),
+        "provenance": combined(provenances, dict.fromkeys(name for block in provenances for name in block)),
     }  # fmt: skip
 
 
@@ -138,7 +140,7 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
         return {"state": method["state"], "reason": method["reason"]}
     classes = {name: entry.get("flip") for name, entry in method["classes"].items()}
     mean = {name: method["mean"].get(name) for name in measures}
-    found = {name: interval_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
+    found = {name: ends_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
     seeds = {name: ends for name, ends in found.items() if ends is not None} or None
     reasons = {name: why for name, why in method["reasons"].items() if name not in MEASURES or name in measures}
     if seeds is None:
@@ -198,10 +200,9 @@ def _values(
         if None in means:
             continue
         values[label] = to_scale(measure, np.array(means))
-        each = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
-        counts = {len(one) for one in each if one is not None}
-        if None not in each and len(counts) == 1 and min(counts) >= MIN_SEEDS:
-            seeds[label] = np.mean(to_scale(measure, np.array(each)), axis=0)
+        own = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
+        if all(by_case is not None for by_case in own) and len(set(map(len, own))) == 1 and len(own[0]) >= MIN_SEEDS:
+            seeds[label] = np.mean(to_scale(measure, np.array(own)), axis=0)
     return CaseValues(values, seeds if len(seeds) == len(values) else {}, lambda value: float(of_scale(measure, value)))
 
 
@@ -218,10 +219,3 @@ def _times(
             methods[entry.label][track] = float(np.median(known)) if known else None
     seconds = {case.id: of_case[case.id]["times"]["seconds"] for case in suite.cases}
     return {"unit": "ms per frame, median; seconds per case", "seconds": seconds, "methods": methods}
-
-
-def _provenance(of_case: Mapping[str, Result]) -> dict[str, Any]:
-    """What ran the units; where they differ, every value, sorted."""
-    found = [result["provenance"] for result in of_case.values() if "provenance" in result]
-    names = dict.fromkeys(name for one in found for name in one)
-    return {name: " + ".join(sorted({str(one.get(name)) for one in found})) for name in names}

@@ -16,8 +16,7 @@ import numpy as np
 
 from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE
 from taubench_gl.metrics.bootstrap import student_interval
-from taubench_gl.metrics.significance import holm_adjusted
-from taubench_gl.reuse.comparison import MIN_SEEDS, ranking
+from taubench_gl.reuse.comparison import MIN_SEEDS, ranking, with_holm
 from taubench_gl.reuse.quality import MEASURES
 
 Array = np.ndarray
@@ -81,18 +80,13 @@ def _not_ranked(label: str, method: Mapping[str, Any], track: str, values: CaseV
     return method["yardstick"] or (None if label in values.cases else "not measured in every case")
 
 
-def _differences(values: Mapping[str, Array], known: bool) -> list[dict[str, Any]]:
+def _differences(values: Mapping[str, Array], has_intervals: bool) -> list[dict[str, Any]]:
     """a - b of every pair: interval and p-value, with and without Holm's correction."""
     out = []
     for a, b in combinations(values, 2):
-        entry: dict[str, Any] = {"a": a, "b": b, "low": None, "high": None, "p_value": None, "p_holm": None}
         difference = values[a] - values[b]
-        entry["difference"] = float(np.mean(difference))
-        if known:
-            found = student_interval(difference)
-            entry |= {"low": found.low, "high": found.high, "p_value": found.p_value}
-        out.append(entry)
-    if known and out:
-        for entry, p_holm in zip(out, holm_adjusted(np.array([e["p_value"] for e in out])).tolist(), strict=True):
-            entry["p_holm"] = p_holm
-    return out
+        interval = student_interval(difference) if has_intervals else None
+        ends = (None, None, None) if interval is None else (interval.low, interval.high, interval.p_value)
+        out.append({"a": a, "b": b, **dict(zip(("low", "high", "p_value"), ends)), "p_holm": None,
+                    "difference": float(np.mean(difference))})  # fmt: skip
+    return with_holm(out)

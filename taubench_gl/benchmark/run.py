@@ -6,7 +6,7 @@ into one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store
+from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine
 
 SCHEMA = "taubench-gl/benchmark-study/1"
@@ -45,15 +46,15 @@ def _expanded(text: str) -> list[str]:
     return [text] if is_sequence(text) else [spec.label for spec in expand_methods([text])]
 
 
-class BenchmarkStudy:
+class BenchmarkStudy(Study):
     """The cases of a suite in a folder."""
 
     def __init__(self, suite: Suite, entries: Sequence[Entry], out: str | Path, limit: float | None = None):
         """``limit``: seconds that a frame of all methods may take in a worker process."""
-        self.suite, self.entries, self.store = suite, tuple(entries), Store(out, "benchmark", SCHEMA)
-        self._limit = limit
+        super().__init__(Store(out, "benchmark", SCHEMA))
+        self.suite, self.entries, self._limit = suite, tuple(entries), limit
         self._deadly: set[str] = set()  # methods in which a worker has died: they run alone
-        self._failed: dict[tuple[str, str], str] = {}  # job and method -> reason
+        self._failed: dict[tuple[str, str], str] = {}  # job and method -> why it failed
 
     @cached_property
     def scenes(self) -> dict[SceneRecipe, str]:
@@ -70,9 +71,6 @@ class BenchmarkStudy:
             units.setdefault(unit.identity, unit)
         return {unit.job: unit for unit in sorted(units.values(), key=lambda unit: -unit.weight)}
 
-    def jobs(self) -> Mapping[str, str]:
-        return dict(zip(self.units, self.units))
-
     def missing(self, job: str, width: int) -> tuple[Sequence[BenchmarkUnit], int]:
         unit = self.units[job]
         known = self.result(unit)["methods"]
@@ -86,9 +84,6 @@ class BenchmarkStudy:
         alone = [entry for entry in unit.entries if died or entry.label in self._deadly]
         others = tuple(entry for entry in unit.entries if entry not in alone)
         return [unit.part(part) for part in (*((entry,) for entry in alone), others) if part]
-
-    def finish(self, job: str) -> None:
-        """Nothing: a case has no file of its own."""
 
     def fail(self, unit: BenchmarkUnit, message: str, details: str) -> bool:
         if OTHER_SCENE in message:

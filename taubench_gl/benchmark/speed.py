@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.benchmark.suite import CUT, Case, Suite
-from taubench_gl.benchmark.values import by_seed
-from taubench_gl.metrics.bootstrap import student_interval
-from taubench_gl.reuse.comparison import MIN_SEEDS
+from taubench_gl.benchmark.values import by_seed, ends_over_seeds
 from taubench_gl.reuse.quality import MEASURES
 
 BASELINE = "none"
@@ -55,11 +53,9 @@ def _curve(measure: str, label: str, cases: Sequence[Case], of_case: Mapping[str
         own, base = (by_seed(methods[one], measure) for one in (label, BASELINE))
         if own is None or base is None:
             return None
-        gain = sign * (np.array(own) - np.array(base))
-        found = student_interval(gain) if len(gain) >= MIN_SEEDS else None
-        ends = (None, None) if found is None else (found.low, found.high)
-        steps.append({"value": case.value, "mean": float(np.mean(own)), "gain": float(gain.mean()),
-                      "low": ends[0], "high": ends[1]})  # fmt: skip
+        gain = sign * (own - base)
+        ends = ends_over_seeds(gain) or {"low": None, "high": None}
+        steps.append({"value": case.value, "mean": float(np.mean(own)), "gain": float(gain.mean()), **ends})
     return {"steps": steps, "crossing": None if label == BASELINE else crossing_of(steps)}
 
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.metrics.bootstrap import student_interval
-from taubench_gl.reuse.comparison import MIN_SEEDS
-from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.reuse.comparison import interval_over_seeds, series_of
 
+Array = np.ndarray
 Result = Mapping[str, Any]
 
 HEADLINES = ("flip", "psnr_db", "relmse_trimmed", "flicker")
@@ -40,25 +39,15 @@ def of_scale(measure: str, value: Any) -> Any:
     return np.exp(value) if measure in GEOMETRIC else value
 
 
-def by_seed(method: Result, measure: str) -> list[float] | None:
-    """The mean of a measure over the counted frames of each seed; None where a frame has no value."""
-    seeds: dict[int, list[float | None]] = {}
-    for row in method["rows"]:
-        seeds.setdefault(row["seed"], []).append(row[measure])
-    out = []
-    for values in seeds.values():
-        counted = values[method["warmup"] :]
-        if any(value is None for value in counted):
-            return None
-        array = np.array(counted, dtype=np.float64)
-        decibels = MEASURES[measure].unit == "dB"
-        out.append(float(-10.0 * np.log10(np.mean(10.0 ** (-array / 10.0))) if decibels else array.mean()))
-    return out
+def by_seed(method: Result, measure: str) -> Array | None:
+    """The mean of a measure over the counted frames of each seed, (seeds,); None where a frame has no value."""
+    frames = sorted({row["frame"] for row in method["rows"]})[method["warmup"] :]
+    rows = [row | {"method": ""} for row in method["rows"] if row["frame"] in frames]
+    series = series_of(rows, measure)
+    return series.by_seed("") if series.values else None
 
 
-def interval_over_seeds(values: Sequence[float] | None) -> dict[str, float] | None:
-    """``low`` and ``high``: 95 % interval over the seeds, Student's t; None for fewer than five"""
-    if values is None or len(values) < MIN_SEEDS:
-        return None
-    found = student_interval(np.array(values))
-    return {"low": found.low, "high": found.high}
+def ends_over_seeds(values: Array | None) -> dict[str, float] | None:
+    """``low`` and ``high``: 95 % interval over the seeds, Student's t; None for fewer than five."""
+    interval = None if values is None else interval_over_seeds(values)
+    return None if interval is None else {"low": interval.low, "high": interval.high}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -30,6 +30,7 @@ from taubench_gl.settings import SequenceSettings, Settings
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store, content_hash, json_bytes
+from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Unit, Worker
 from taubench_gl.study.worker import open_context
 
@@ -81,31 +82,19 @@ class SweepUnit(Unit):
         return json_bytes({"camera": summary["camera"], "discard": summary["discard"]})
 
 
-class SweepStudy:
+class SweepStudy(Study):
     """A job per speed, in the order of the speeds."""
 
     def __init__(self, out: str | Path, sweep: Sweep, units: Sequence[SweepUnit]):
-        self.store, self._sweep, self._units = Store(out, "stress", SCHEMA), sweep, {unit.job: unit for unit in units}
-
-    def jobs(self) -> Mapping[str, str]:
-        return {job: job for job in self._units}
-
-    def missing(self, job: str, width: int) -> tuple[Sequence[Unit], int]:
-        unit = self._units[job]
-        return [] if self.store.load(unit.key) else [unit], unit.weight
-
-    def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
-        return (unit,)
-
-    def finish(self, job: str) -> None:
-        """Nothing: a speed has no file of its own."""
+        super().__init__(Store(out, "stress", SCHEMA))
+        self._sweep, self.units = sweep, {unit.job: unit for unit in units}
 
     def fail(self, unit: Unit, message: str, details: str) -> bool:
         raise SceneError(message)
 
     def merge(self) -> list[dict[str, Any]]:
         """Write the table; a row per speed."""
-        summaries = [self.store.load(unit.key) for unit in self._units.values()]
+        summaries = [self.store.load(unit.key) for unit in self.units.values()]
         rows = [_row(self._sweep, value, summary) for value, summary in zip(self._sweep.values, summaries, strict=True)]
         text = csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
         write_atomically(self.store.out / CSV_NAME, text)

@@ -18,6 +18,7 @@ from taubench_gl.metrics.bootstrap import (
     CONFIDENCE,
     MIN_FRAMES,
     RESAMPLES,
+    Interval,
     block_length,
     interval,
     student_interval,
@@ -57,6 +58,10 @@ class Series:
     def of_mean(self, mean: Array) -> Array:
         """The measure from a mean of values."""
         return -10.0 * np.log10(mean) if self.decibels else mean
+
+    def by_seed(self, label: str) -> Array:
+        """The measure of each seed, (seeds,)."""
+        return self.of_mean(self.values[label].mean(axis=1))
 
 
 def compare_methods(rows: Sequence[Row], frames: Collection[int], cuts: Collection[int] = ()) -> dict[str, Any]:
@@ -134,12 +139,16 @@ def _over_frames(series: Series, *labels: str) -> dict[str, Any]:
 
 def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
     """Mean and interval over seeds, each seed averaged over frames: what other random numbers would change."""
-    by_seed = [series.of_mean(series.values[label].mean(axis=1)) for label in labels]
-    values = by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1]
-    if len(values) < MIN_SEEDS:
+    by_seed = [series.by_seed(label) for label in labels]
+    bounds = interval_over_seeds(by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1])
+    if bounds is None:
         return {"over_seeds": None, "over_seeds_reason": FEW_SEEDS}
-    bounds = student_interval(values)
     return {"over_seeds": {"mean": bounds.estimate, "low": bounds.low, "high": bounds.high}, "over_seeds_reason": None}
+
+
+def interval_over_seeds(values: Array) -> Interval | None:
+    """Of values (seeds,); None for fewer than ``MIN_SEEDS``."""
+    return student_interval(values) if len(values) >= MIN_SEEDS else None
 
 
 def _differences(series: Series) -> list[dict[str, Any]]:
@@ -149,13 +158,15 @@ def _differences(series: Series) -> list[dict[str, Any]]:
         {"a": a, "b": b, "difference": mean[a] - mean[b]} | _over_frames(series, a, b) | _over_seeds(series, a, b)
         for a, b in combinations(series.values, 2)
     ]
-    p_values = [entry["p_value"] for entry in out]
-    has_p_values = None not in p_values
-    adjusted = holm_adjusted(np.array(p_values)).tolist() if has_p_values else [None] * len(out)
-    for entry, p_holm in zip(out, adjusted, strict=True):
-        entry["p_holm"] = p_holm
-        entry["verdict"] = verdict(series.measure, entry)
-    return out
+    return [entry | {"verdict": verdict(series.measure, entry)} for entry in with_holm(out)]
+
+
+def with_holm(differences: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """``differences`` with ``p_holm``, the p-value after Holm's correction for all of them; None without p-values."""
+    p_values = [entry["p_value"] for entry in differences]
+    known = bool(p_values) and None not in p_values
+    adjusted = holm_adjusted(np.array(p_values)).tolist() if known else [None] * len(p_values)
+    return [entry | {"p_holm": p_holm} for entry, p_holm in zip(differences, adjusted, strict=True)]
 
 
 def verdict(measure: str, entry: Mapping[str, Any]) -> str:

@@ -3,41 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.store import Store
+from taubench_gl.study.study import Study
 from taubench_gl.study.unit import ATTEMPTS, Advanced, Engine, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
-
-
-class Study(Protocol):
-    """What a driver runs: its jobs, and the units that each of them lacks."""
-
-    store: Store
-
-    def jobs(self) -> Mapping[str, str]:
-        """Job -> label for messages, in the order of the work."""
-
-    def missing(self, job: str, width: int) -> tuple[Sequence[Unit], int]:
-        """Units of a job that have no record, and the weight of all its units; 0 while it is not known.
-
-        ``width``: units that run at the same time.  When these are done the driver asks again, until there are none.
-        """
-
-    def instead(self, unit: Unit, died: bool) -> Sequence[Unit]:
-        """Units in place of one that is about to run, or whose worker ``died``; ``(unit,)`` to run it as it is."""
-
-    def finish(self, job: str) -> None:
-        """No unit of the job is missing."""
-
-    def fail(self, unit: Unit, message: str, details: str) -> bool:
-        """The unit has no result.  -> whether the other units of its job are still of use."""
-
-    def merge(self) -> Any:
-        """Write the results of all jobs, after the last one has ended."""
 
 
 @dataclass(slots=True)

@@ -8,10 +8,11 @@ from typing import Any
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.study.driver import Driver, Study
+from taubench_gl.study.driver import Driver
 from taubench_gl.study.engines import InProcess, Processes, available_cores
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.store import LOGS
+from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine
 
 ENGINES = "dask://HOST:PORT, dask-local"

@@ -242,7 +242,7 @@ def test_series_of_other_noise_are_apart_and_cross_where_their_own_gain_is_zero(
 def test_means_by_seed_leave_the_warmup_out_and_average_decibels_as_errors():
     rows = [{"seed": s, "frame": f, "flip": v, "psnr_db": v} for s in (0, 1) for f, v in enumerate((99.0, 10.0, 20.0))]
     method = {"warmup": 1, "rows": rows}
-    assert by_seed(method, "flip") == [15.0, 15.0]
+    assert by_seed(method, "flip").tolist() == [15.0, 15.0]
     assert by_seed(method, "psnr_db") == pytest.approx([-10 * np.log10((0.1 + 0.01) / 2)] * 2)
     rows[-1]["flip"] = None
     assert by_seed(method, "flip") is None
