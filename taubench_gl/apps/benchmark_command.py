@@ -145,8 +145,8 @@ def compare(
     from taubench_gl.benchmark.output import load_benchmark
     from taubench_gl.report.benchmark import comparison_tables
 
-    one, other = load_benchmark(a), load_benchmark(b)
-    show_tables(comparison_tables(compared(one, other), one["measures"]), form)
+    result_a, result_b = load_benchmark(a), load_benchmark(b)
+    show_tables(comparison_tables(compared(result_a, result_b), result_a["measures"]), form)
 
 
 def _failures(summary: dict[str, Any]) -> list[str]:

@@ -86,8 +86,8 @@ def demo(
 
 
 def _list(selected: list[Demo]) -> None:
-    for one in selected:
-        click.echo(f"{one.number:>2}  {one.name:<12} {one.title}")
+    for lesson in selected:
+        click.echo(f"{lesson.number:>2}  {lesson.name:<12} {lesson.title}")
 
 
 def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
@@ -96,20 +96,20 @@ def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None
 
     if len(selected) > 1:
         raise SettingsError(f"{len(selected)} demos were named", hint="--scene and --view take one")
-    (one,) = selected
+    (lesson,) = selected
     if path is not None:
-        write_scene(one.scene(), path)
+        write_scene(lesson.scene(), path)
         click.echo(f"written to {path}; open it with: taubench-gl view {path}")
         return
     from taubench_gl.apps.view_command import view
 
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / f"{one.stem}.glb"
-        write_scene(one.scene(), file)
-        view.main(args=[str(write_session(one, file, size))], standalone_mode=False)
+        file = Path(folder) / f"{lesson.stem}.glb"
+        write_scene(lesson.scene(), file)
+        view.main(args=[str(write_session(lesson, file, size))], standalone_mode=False)
 
 
-def write_session(one: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
+def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
     """A session file beside ``scene`` that opens the lesson: its pair, its masks and its text."""
     from taubench_gl.demos.opening import opening_settings
     from taubench_gl.demos.stage import SIZE
@@ -120,22 +120,22 @@ def write_session(one: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
 
     width, height = size or SIZE
     defaults = {"width": width, "height": height, "indirect": "none", **FIXED_LIGHTING}
-    settings = Settings(**(defaults | opening_settings(one)))
-    masks = {key_of(mask) for mask in one.opening.masks}
+    settings = Settings(**(defaults | opening_settings(lesson)))
+    masks = {key_of(mask) for mask in lesson.opening.masks}
     opened = {"lesson", "compare", "masks", "thresholds", "playback"}
-    values = {"frame": one.opening.frame, "channel": "color", "against": "history", "overlays": 1, "panels": 1,
+    values = {"frame": lesson.opening.frame, "channel": "color", "against": "history", "overlays": 1, "panels": 1,
               "samples": 0}  # fmt: skip
     values |= {f"show.{name}": int(name in masks) for name in OVERLAYS}
     values |= {f"section.{name}": int(name in opened) for name in SECTIONS}
-    look_for = (f"- {item}" for item in one.look_for)
+    look_for = (f"- {item}" for item in lesson.look_for)
     lesson = [
-        f"{one.number}. {one.title}",
-        one.idea,
+        f"{lesson.number}. {lesson.title}",
+        lesson.idea,
         "The page of this demo shows:",
         *look_for,
         "Press Y twice: the previous frame in turn with this one.",
     ]
-    path = scene.with_name(f"{one.stem}{SUFFIX}")
+    path = scene.with_name(f"{lesson.stem}{SUFFIX}")
     save_lesson(path, str(scene), settings, values, "\n".join(lesson))
     return path
 
@@ -145,8 +145,8 @@ def _notebooks(selected: list[Demo], out: Path, size: tuple[int, int] | None) ->
     from taubench_gl.outputs import output_folder
 
     folder = output_folder(out)
-    for one in selected:
-        click.echo(f"written to {write_notebook(one, folder, size or NOTEBOOK_SIZE)}")
+    for lesson in selected:
+        click.echo(f"written to {write_notebook(lesson, folder, size or NOTEBOOK_SIZE)}")
 
 
 def _run(selected: list[Demo], out: Path, every: bool, size: tuple[int, int] | None, machine: DeviceSettings) -> int:
@@ -165,10 +165,10 @@ def _run(selected: list[Demo], out: Path, every: bool, size: tuple[int, int] | N
 
 def _show(shown: Shown) -> None:
     """Print idea, things to look for and numbers of a demo."""
-    one, result = shown.demo, shown.result
-    click.secho(f"\n{one.number}. {one.title}", bold=True)
-    click.echo(textwrap.fill(one.idea, 110))
-    for item in one.look_for:
+    lesson, result = shown.demo, shown.result
+    click.secho(f"\n{lesson.number}. {lesson.title}", bold=True)
+    click.echo(textwrap.fill(lesson.idea, 110))
+    for item in lesson.look_for:
         click.echo(textwrap.fill(item, 110, initial_indent="  - ", subsequent_indent="    "))
     for f in result.findings:
         click.secho(f"  {'PASS' if f.as_expected else 'FAIL'} ", fg="green" if f.as_expected else "red", nl=False)

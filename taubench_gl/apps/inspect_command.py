@@ -61,8 +61,8 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     poser, camera = Poser(scene), camera_of_run(scene, settings.sequence)
     frames = frame_total(scene, camera, settings)
     inspected = min(frames, MAX_INSPECTED)
-    chosen = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))
-    counts = census(scene, (i / settings.sequence.fps for i in chosen), poser)
+    inspected_frames = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))
+    counts = census(scene, (i / settings.sequence.fps for i in inspected_frames), poser)
     center, radius = bounding_sphere(poser, [0.0])
     nodes, unit = scene.nodes, settings.metrics.unit_scale
     animated, drawn = AnimatedScene(scene, camera, poser), without_auto(scene, settings)

@@ -150,9 +150,9 @@ class Part:
 
     def build(self, values: dict[str, Any]) -> Any:
         """The object, from the values of its options, which are removed.  Raises SettingsError."""
-        given = given_options(self.fields) | self.changed
+        names = given_options(self.fields) | self.changed
         picked = {name: values.pop(name) for name in self.fields}
-        settings = self.kind(**{name: value for name, value in picked.items() if name in given})
+        settings = self.kind(**{name: value for name, value in picked.items() if name in names})
         if self.kind is Settings:
             require_samples(settings)
         return settings

@@ -51,10 +51,10 @@ def paper(
     from taubench_gl.study.run import make_engine
 
     make_engine(engine.engine, engine.workers, out)  # refuses what there is not before anything is drawn
-    found = find_scenes(scenes, resolve)
-    for name, why in found.missing.items():
+    available = find_scenes(scenes, resolve)
+    for name, why in available.missing.items():
         warn(f"not measured: {name}: {why}")
-    jobs = plan(found.scenes, options)
+    jobs = plan(available.scenes, options)
     times = estimate(jobs, out)
     announce(times, "pairs", engine.workers, warn)
     if only_estimate:
@@ -63,7 +63,7 @@ def paper(
     with interruptible(lambda: "finished pairs are kept: repeat the command to continue"):
         with StudyScreen() as screen:
             results = run_jobs(jobs, out, slowest, **asdict(engine), listener=screen)
-        tables, files = write_study(results, jobs, found, options, out)
+        tables, files = write_study(results, jobs, available, options, out)
     show_tables(tables)
     click.echo(f"written to {', '.join(map(str, files))}; open {out / PAGE}")
     for result in results:

@@ -129,9 +129,9 @@ def stress(
 
     choice = camera or "fps"
     if Path(choice).suffix.lower() in SUFFIXES:
-        given = [name for name in (*AXES, "seconds", "fps") if options[name] is not None]
-        if given:
-            raise click.UsageError(f"--{given[0]} is for generated cameras, {choice} is a recorded one")
+        without_effect = [name for name in (*AXES, "seconds", "fps") if options[name] is not None]
+        if without_effect:
+            raise click.UsageError(f"--{without_effect[0]} is for generated cameras, {choice} is a recorded one")
         path = read_recorded(choice)
     else:
         path = _spec(choice, options, 6.0)
@@ -144,11 +144,11 @@ def stress(
 
 def _require_effect(sweep: bool, *, moving: bool) -> None:
     """Refuse options without effect.  Raises SettingsError."""
-    given = given_options(("size", "columns", "motion"))
+    by_user = given_options(("size", "columns", "motion"))
     for name in ("size", "columns"):
-        if name in given and not sweep:
+        if name in by_user and not sweep:
             raise SettingsError(f"--{name} has no effect here", hint="it is for --sweep; leave it out")
-    if "motion" in given and not moving:
+    if "motion" in by_user and not moving:
         hint = "a sweep moves only the camera; leave it out" if sweep else "it is for --move-lights and --move-objects"
         raise SettingsError("--motion has no effect here", hint=hint)
 
@@ -167,9 +167,9 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     if not 0 < seconds * fps < 1e6:
         hint = "give a length and a rate above 0, and less than 1,000,000 frames"
         raise SettingsError(f"{seconds:g} s at {fps:g} fps", hint=hint)
-    given = {name: MotionStats(*options[name]) for name in AXES if options[name] is not None}
+    changed = {name: MotionStats(*options[name]) for name in AXES if options[name] is not None}
     spec = dataclasses.replace(PRESETS[choice], frames=round(seconds * fps) + 1, fps=fps, seed=options["seed"])
-    return with_stats(spec, **given)
+    return with_stats(spec, **changed)
 
 
 def _sweep(

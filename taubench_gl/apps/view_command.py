@@ -106,10 +106,10 @@ def _restored(source: str) -> Any:
     """The request of a session file.  Raises SettingsError for options that it has itself."""
     from taubench_gl.viewer.session_file import load
 
-    given = sorted(given_options() - {"source", "lit", "window", "screenshots", "script", "bench"})
-    if given:
-        what = f"a session file has its own {given[0].replace('_', ' ')}"
-        raise SettingsError(what, hint=f"leave --{given[0].replace('_', '-')} out")
+    conflicting = sorted(given_options() - {"source", "lit", "window", "screenshots", "script", "bench"})
+    if conflicting:
+        what = f"a session file has its own {conflicting[0].replace('_', ' ')}"
+        raise SettingsError(what, hint=f"leave --{conflicting[0].replace('_', '-')} out")
     return load(source, _resolve)
 
 

@@ -137,9 +137,9 @@ def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
     """
     folder, frames = job_folder(store, job.id), range(*head["frames"])
     try:
-        known = read_json(folder / PROVENANCE_FILE, dict[str, Any]).get("head") == head_hash(head)
+        same_head = read_json(folder / PROVENANCE_FILE, dict[str, Any]).get("head") == head_hash(head)
         rows = load_run(folder).frames
-        if known and [row.get("frame") for row in rows] == [frames[p + 1] for p in job_positions(job, head)]:
+        if same_head and [row.get("frame") for row in rows] == [frames[p + 1] for p in job_positions(job, head)]:
             return True
     except OutputError:
         pass

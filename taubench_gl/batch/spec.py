@@ -75,10 +75,14 @@ def read_spec(path: str | Path, resolve: Resolver = lambda text: (text, {})) -> 
         )
     jobs: dict[str, Job] = {}
     for entry in scenes:
-        given = choices | entry.choices
+        choices_here = choices | entry.choices
         # Frame numbers of a registry entry count at its own rate.
-        row = {k: v for k, v in entry.row.items() if k not in given and not (k == "frames" and "fps" in given)}
-        for job in _combine(entry.written, entry.scene, row, given):
+        row = {
+            k: v
+            for k, v in entry.row.items()
+            if k not in choices_here and not (k == "frames" and "fps" in choices_here)
+        }
+        for job in _combine(entry.written, entry.scene, row, choices_here):
             jobs.setdefault(job.id, job)
     return BatchSpec(str(name), with_differences(jobs.values()))
 
@@ -113,8 +117,11 @@ def read_choices(values: Mapping[str, Any], where: str, errors: list[str]) -> di
         alternatives = value if sweeps else [value]
         if not alternatives:
             errors.append(f"{name} is empty (leave it out, or give at least one value)")
-        found = [_checked(field, one, f"{name}[{i}]" if sweeps else name, errors) for i, one in enumerate(alternatives)]
-        out[field] = [one for one in found if one is not None]
+        settings = [
+            _checked(field, alternative, f"{name}[{i}]" if sweeps else name, errors)
+            for i, alternative in enumerate(alternatives)
+        ]
+        out[field] = [fields for fields in settings if fields is not None]
     return out
 
 
@@ -122,7 +129,7 @@ def _sweep_table(name: str, table: Mapping[str, Any], errors: list[str]) -> list
     """Alternatives of ``thresholds``; each entry is a number or a list of numbers to sweep."""
     lists = [value if isinstance(value, list) else [value] for value in table.values()]
     out = [_checked("thresholds", dict(zip(table, row)), name, errors) for row in itertools.product(*lists)]
-    return [one for one in out if one is not None]
+    return [fields for fields in out if fields is not None]
 
 
 def _checked(field: str, value: Any, name: str, errors: list[str]) -> dict[str, Any] | None:
@@ -178,11 +185,11 @@ def _one_scene(text: str, folder: Path, resolve: Resolver) -> Iterator[tuple[str
         yield text, str(folder.absolute() / text), {}
         return
     if any(c in text for c in "*?["):
-        found = sorted(p for p in glob.glob(text, root_dir=folder, recursive=True) if (folder / p).is_file())
-        if not found:
+        files = sorted(p for p in glob.glob(text, root_dir=folder, recursive=True) if (folder / p).is_file())
+        if not files:
             raise SettingsError(f"no file matches {text!r}", where=str(folder))
-        for one in found:
-            yield one, str((folder / one).absolute()), {}
+        for file in files:
+            yield file, str((folder / file).absolute()), {}
         return
     if (folder / plain).exists():
         yield text, str((folder / text).absolute()), {}

@@ -17,8 +17,10 @@ DRIVER = ("renderer", "driver")
 def require_comparable(a: Summary, b: Summary) -> None:
     """Raises OutputError for other suites, and for cases whose scenes or settings differ."""
     if any(a["suite"][name] != b["suite"][name] for name in SAME_SUITE):
-        one, other = (f"{s['suite']['version']} {s['suite']['name']} ({s['suite']['sha256'][:8]})" for s in (a, b))
-        raise OutputError(f"the suites are {one} and {other}", hint="run the same suite for both")
+        suite_a, suite_b = (
+            f"{s['suite']['version']} {s['suite']['name']} ({s['suite']['sha256'][:8]})" for s in (a, b)
+        )
+        raise OutputError(f"the suites are {suite_a} and {suite_b}", hint="run the same suite for both")
     if set(a["cases"]) != set(b["cases"]):
         raise OutputError("the cases are not the same in both", hint="is one of the files damaged?")
     for case, entry in a["cases"].items():
@@ -46,21 +48,21 @@ def compared(a: Summary, b: Summary) -> dict[str, Any]:
             notes.append(f"in {name} only: {', '.join(only)}")
     rows = []
     for label in labels:
-        both = [s["methods"].get(label) for s in (a, b)]
-        if None in both:
+        results = [s["methods"].get(label) for s in (a, b)]
+        if None in results:
             continue
-        if both[0]["sha256"] != both[1]["sha256"]:
+        if results[0]["sha256"] != results[1]["sha256"]:
             notes.append(f"{label} has other files in A and B")
-        for track, one in both[0]["tracks"].items():
-            rows.append(_row(label, track, one, both[1]["tracks"][track], a["measures"]))
+        for track, of_a in results[0]["tracks"].items():
+            rows.append(_row(label, track, of_a, results[1]["tracks"][track], a["measures"]))
     return {"rows": rows, "notes": notes, "other_driver": drivers[0] != drivers[1]}
 
 
-def _row(label: str, track: str, one: Summary, other: Summary, measures: Summary) -> dict[str, Any]:
+def _row(label: str, track: str, of_a: Summary, of_b: Summary, measures: Summary) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for name in HEADLINES:
         if name in measures:
-            pair = [t["mean"].get(name) if t["state"] == "done" else None for t in (one, other)]
+            pair = [t["mean"].get(name) if t["state"] == "done" else None for t in (of_a, of_b)]
             values[name] = {"a": pair[0], "b": pair[1], "difference": None if None in pair else pair[1] - pair[0]}
-    states = {t["state"]: t["reason"] for t in (one, other) if t["state"] != "done"}
+    states = {t["state"]: t["reason"] for t in (of_a, of_b) if t["state"] != "done"}
     return {"method": label, "track": track, "measures": values, "states": states}

@@ -119,7 +119,7 @@ def _tracing(case: Case) -> float:
     samples = reference_samples(case.request.reference)
     if samples is None:
         return 0.0
-    given = open_scene(load_scene(scene_file(case.scene)), case.settings.replace(columns=COLUMNS))
-    with opened_gpu(given.settings) as owner:
-        references = References.open(owner, given.animated, given.settings, samples, exact=True)
+    opened = open_scene(load_scene(scene_file(case.scene)), case.settings.replace(columns=COLUMNS))
+    with opened_gpu(opened.settings) as owner:
+        references = References.open(owner, opened.animated, opened.settings, samples, exact=True)
         return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0

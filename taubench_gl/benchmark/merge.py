@@ -125,12 +125,12 @@ def _scorecard(
     measures: Sequence[str],
 ) -> dict[str, Any]:
     """One method: state, quality, classes, difficulty and bound by track; and all of it by case."""
-    found = {case.id: of_case[case.id]["methods"][entry.label] for case in suite.cases}
-    facts = next((m for m in found.values() if "title" in m), {})
+    results = {case.id: of_case[case.id]["methods"][entry.label] for case in suite.cases}
+    facts = next((m for m in results.values() if "title" in m), {})
     out: dict[str, Any] = {"sha256": entry.sha256} | {name: facts.get(name) for name in ("title", "cite", "settings")}
-    out["memory_bytes"] = max(m.get("memory_bytes") or 0 for m in found.values()) or None
-    out["tracks"] = {track: _track(cases, found, of_case, measures) for track, cases in tracks.items()}
-    out["cases"] = {case.id: _cell(found[case.id], measures) for case in suite.cases}
+    out["memory_bytes"] = max(m.get("memory_bytes") or 0 for m in results.values()) or None
+    out["tracks"] = {track: _track(cases, results, of_case, measures) for track, cases in tracks.items()}
+    out["cases"] = {case.id: _cell(results[case.id], measures) for case in suite.cases}
     return out
 
 
@@ -140,8 +140,8 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
         return {"state": method["state"], "reason": method["reason"]}
     classes = {name: entry.get("flip") for name, entry in method["classes"].items()}
     mean = {name: method["mean"].get(name) for name in measures}
-    found = {name: ends_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
-    seeds = {name: ends for name, ends in found.items() if ends is not None} or None
+    intervals = {name: ends_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
+    seeds = {name: ends for name, ends in intervals.items() if ends is not None} or None
     reasons = {name: why for name, why in method["reasons"].items() if name not in MEASURES or name in measures}
     if seeds is None:
         reasons["over_seeds"] = FEW_SEEDS
@@ -150,37 +150,37 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
 
 
 def _track(
-    cases: Sequence[Case], found: Mapping[str, Result], of_case: Mapping[str, Result], measures: Sequence[str]
+    cases: Sequence[Case], results: Mapping[str, Result], of_case: Mapping[str, Result], measures: Sequence[str]
 ) -> dict[str, Any]:
     """One method over the cases of a track.  A failure in one case is a failure of the track."""
     for state in (FAILED, INAPPLICABLE):
-        if bad := next((case for case in cases if found[case.id]["state"] == state), None):
-            return {"state": state, "reason": found[bad.id]["reason"], "case": bad.id}
+        if bad := next((case for case in cases if results[case.id]["state"] == state), None):
+            return {"state": state, "reason": results[bad.id]["reason"], "case": bad.id}
     levels = {level: [c for c in cases if _level(_discarded(of_case[c.id])) == level] for level in LEVELS}
-    headroom = [found[c.id]["bound"] and found[c.id]["bound"]["headroom_db"] for c in cases]
+    headroom = [results[c.id]["bound"] and results[c.id]["bound"]["headroom_db"] for c in cases]
     return {
         "state": "done",
         "reason": None,
-        "mean": _means(cases, found, measures),
-        "levels": {level: _means(own, found, measures) for level, own in levels.items() if own},
-        "classes": _classes(cases, found),
+        "mean": _means(cases, results, measures),
+        "levels": {level: _means(own, results, measures) for level, own in levels.items() if own},
+        "classes": _classes(cases, results),
         "headroom_db": None if None in headroom else float(np.mean(headroom)),
     }
 
 
-def _means(cases: Sequence[Case], found: Mapping[str, Result], measures: Sequence[str]) -> dict[str, Any]:
+def _means(cases: Sequence[Case], results: Mapping[str, Result], measures: Sequence[str]) -> dict[str, Any]:
     out = {}
     for name in measures:
-        values = [found[case.id]["mean"].get(name) for case in cases]
+        values = [results[case.id]["mean"].get(name) for case in cases]
         out[name] = None if None in values else over_cases(name, values)
     return out
 
 
-def _classes(cases: Sequence[Case], found: Mapping[str, Result]) -> dict[str, float | None]:
+def _classes(cases: Sequence[Case], results: Mapping[str, Result]) -> dict[str, float | None]:
     """Mean FLIP of the pixels of each class over all cases; None for a class without pixels."""
     out: dict[str, float | None] = {}
     for name in CLASSES:
-        entries = [found[case.id]["classes"][name] for case in cases]
+        entries = [results[case.id]["classes"][name] for case in cases]
         entries = [entry for entry in entries if entry["pixels"] and entry.get("flip") is not None]
         pixels = sum(entry["pixels"] for entry in entries)
         out[name] = sum(entry["flip"] * entry["pixels"] for entry in entries) / pixels if pixels else None
@@ -215,7 +215,7 @@ def _times(
         methods[entry.label] = {}
         for track, cases in tracks.items():
             own = [of_case[case.id]["times"]["methods"].get(entry.label) for case in cases]
-            known = [value for value in own if value is not None]
-            methods[entry.label][track] = float(np.median(known)) if known else None
+            measured = [value for value in own if value is not None]
+            methods[entry.label][track] = float(np.median(measured)) if measured else None
     seconds = {case.id: of_case[case.id]["times"]["seconds"] for case in suite.cases}
     return {"unit": "ms per frame, median; seconds per case", "seconds": seconds, "methods": methods}

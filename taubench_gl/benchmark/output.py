@@ -82,7 +82,7 @@ def load_benchmark(path: str | Path) -> dict[str, Any]:
     except msgspec.ValidationError as error:
         raise OutputError(schema_fault(error), where=str(file), hint="is the file damaged?") from None
     tracks = {case["track"] for case in values["cases"].values()}
-    if lost := next((label for label, one in values["methods"].items() if set(one["tracks"]) != tracks), None):
+    if lost := next((label for label, method in values["methods"].items() if set(method["tracks"]) != tracks), None):
         raise OutputError(
             f"method {lost} has not the tracks of the cases", where=str(file), hint="is the file damaged?"
         )

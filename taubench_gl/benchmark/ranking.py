@@ -40,23 +40,23 @@ def ranked(measure: str, values: CaseValues, methods: Mapping[str, Any], track: 
     ``over``: cases, seeds, or None where there is no interval, with the ``reason``.
     """
     count = len(next(iter(values.cases.values()), ()))
-    over, chosen, reason = "cases", values.cases, None
+    over, samples, reason = "cases", values.cases, None
     if count < MIN_CASES:
-        over, chosen = "seeds", values.seeds
+        over, samples = "seeds", values.seeds
         if not values.seeds:
-            over, chosen = None, values.cases
+            over, samples = None, values.cases
             reason = f"fewer than {MIN_CASES} cases, and fewer than {MIN_SEEDS} seeds"
     means = {label: {"mean": float(np.mean(own))} for label, own in values.cases.items()}
-    differences = _differences(chosen, over is not None)
+    differences = _differences(samples, over is not None)
     entries = ranking(means, differences, higher=MEASURES[measure].better == "higher")
     for entry in entries:
         seeds = values.seeds.get(entry["method"])
-        found = None if seeds is None else student_interval(seeds)
-        ends = (None, None) if found is None else (values.shown(found.low), values.shown(found.high))
+        interval = None if seeds is None else student_interval(seeds)
+        ends = (None, None) if interval is None else (values.shown(interval.low), values.shown(interval.high))
         entry |= {"mean": values.shown(entry["mean"]), "low": ends[0], "high": ends[1], "reason": None}
     entries += _failed(methods, track, len(entries))
     not_ranked = {label: why for label, method in methods.items() if (why := _not_ranked(label, method, track, values))}
-    return {"over": over, "count": len(next(iter(chosen.values()), ())), "reason": reason,
+    return {"over": over, "count": len(next(iter(samples.values()), ())), "reason": reason,
             "differences": differences, "ranking": entries, "not_ranked": not_ranked}  # fmt: skip
 
 

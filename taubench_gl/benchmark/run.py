@@ -73,8 +73,8 @@ class BenchmarkStudy(Study):
 
     def missing(self, job: str, width: int) -> tuple[Sequence[BenchmarkUnit], int]:
         unit = self.units[job]
-        known = self.result(unit)["methods"]
-        left = tuple(entry for entry in unit.entries if entry.label not in known)
+        stored = self.result(unit)["methods"]
+        left = tuple(entry for entry in unit.entries if entry.label not in stored)
         return [unit.part(left)] if left else [], unit.weight
 
     def instead(self, unit: BenchmarkUnit, died: bool) -> Sequence[BenchmarkUnit]:
@@ -109,14 +109,14 @@ class BenchmarkStudy(Study):
             methods |= {(label, method["sha256"]): method for label, method in record["methods"].items()}
             times |= record["times"]["methods"]
             seconds += record["times"].get("seconds", 0.0)
-        known = {}
+        results = {}
         for entry in unit.entries:
             if (reason := self._failed.get((unit.job, entry.label))) is not None:
-                known[entry.label] = {"sha256": entry.sha256, "state": FAILED, "reason": reason}
+                results[entry.label] = {"sha256": entry.sha256, "state": FAILED, "reason": reason}
             elif (entry.label, entry.sha256) in methods:
-                known[entry.label] = methods[entry.label, entry.sha256]
-        return {**facts, "methods": known,
-                "times": {"seconds": seconds, "methods": {label: times.get(label) for label in known}}}  # fmt: skip
+                results[entry.label] = methods[entry.label, entry.sha256]
+        return {**facts, "methods": results,
+                "times": {"seconds": seconds, "methods": {label: times.get(label) for label in results}}}  # fmt: skip
 
 
 def run_benchmark(

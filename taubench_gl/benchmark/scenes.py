@@ -79,7 +79,9 @@ def scene_file(recipe: SceneRecipe) -> Path:
 def _drop_own_animations(path: Path) -> None:
     """Keep only what ``stress`` moves: everything else has the pose of the file's nodes."""
     editor = GltfEditor(path)
-    editor.root["animations"] = [one for one in editor.root["animations"] if one.get("name") in ANIMATIONS]
+    editor.root["animations"] = [
+        animation for animation in editor.root["animations"] if animation.get("name") in ANIMATIONS
+    ]
     editor.save(path)
 
 

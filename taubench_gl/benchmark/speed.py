@@ -48,9 +48,9 @@ def _curve(measure: str, label: str, cases: Sequence[Case], of_case: Mapping[str
     steps = []
     for case in cases:
         methods = of_case[case.id]["methods"]
-        if any(methods[one]["state"] != "done" for one in (label, BASELINE)):
+        if any(methods[name]["state"] != "done" for name in (label, BASELINE)):
             return None
-        own, base = (by_seed(methods[one], measure) for one in (label, BASELINE))
+        own, base = (by_seed(methods[name], measure) for name in (label, BASELINE))
         if own is None or base is None:
             return None
         gain = sign * (own - base)

@@ -48,10 +48,12 @@ def draw_pixels(frames: range, size: tuple[int, int]) -> PixelSample:
     """The pixels of a study: the same for the same frames and size."""
     rng = np.random.default_rng(SEED)
     later = np.arange(frames.start + 1, frames.stop)
-    chosen = np.sort(rng.choice(later, min(PAIRS, len(later)), replace=False))
-    count = min(PIXELS // len(chosen), size[0] * size[1])
-    flat = [np.sort(rng.choice(size[0] * size[1], count, replace=False)) for _ in chosen]
-    return PixelSample(tuple(chosen.tolist()), tuple(np.stack([f % size[0], f // size[0]], axis=-1) for f in flat))
+    frames_drawn = np.sort(rng.choice(later, min(PAIRS, len(later)), replace=False))
+    count = min(PIXELS // len(frames_drawn), size[0] * size[1])
+    flat = [np.sort(rng.choice(size[0] * size[1], count, replace=False)) for _ in frames_drawn]
+    return PixelSample(
+        tuple(frames_drawn.tolist()), tuple(np.stack([f % size[0], f // size[0]], axis=-1) for f in flat)
+    )
 
 
 def discarded(words: Array, column: str) -> Array:

@@ -91,8 +91,8 @@ def _require_same(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: P
     hint = "give --out another folder, or --fresh to measure from scratch"
     if there.get("kind") != "study" or there.get("schema") != RECORDS_SCHEMA:
         raise OutputError("its records have another format version", where=str(folder), hint=hint)
-    known = there.get("identity") or {}
-    other = [part for part, value in wanted["identity"].items() if known.get(part) != value]
+    stored = there.get("identity") or {}
+    other = [part for part, value in wanted["identity"].items() if stored.get(part) != value]
     if other:
         raise OutputError(f"holds a study with other {' and '.join(other)}", where=str(folder), hint=hint)
     if there.get("machine") != wanted["machine"]:

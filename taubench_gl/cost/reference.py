@@ -86,13 +86,13 @@ class TracedPixels(GpuOwner):
 
     def light(self, *seeds: int) -> Light:
         """Means over the samples of the parts ``seeds``, all unless given; 0 at all other pixels."""
-        chosen = seeds or tuple(self._sums)
-        count = max(sum(self._counts[s] for s in chosen), 1)
+        parts = seeds or tuple(self._sums)
+        count = max(sum(self._counts[s] for s in parts), 1)
 
         def at(frame: int) -> tuple[Array, Array]:
             columns, rows = self._lists[frame].T
             image = np.zeros((self._size[1], self._size[0], 6))
-            image[rows, columns] = sum(self._sums[s][frame] for s in chosen) / count
+            image[rows, columns] = sum(self._sums[s][frame] for s in parts) / count
             return image[..., :3], image[..., 3:]
 
         return at

@@ -60,11 +60,11 @@ class CostStudy:
     def front(self, column: str = OVERALL) -> list[Point]:
         """The Pareto front of one column or of the overall error, fastest first; with the recommendation, which a
         limit of the time may have moved off it."""
-        found = pareto_front([p for p in self.points if p.role != "effect"], column, self.floor(column))
-        chosen = self.chosen.point if self.chosen is not None and self.chosen.column == column else None
-        if chosen is not None and chosen not in found:
-            found = sorted([*found, chosen], key=lambda p: p.time.median)
-        return found
+        front = pareto_front([p for p in self.points if p.role != "effect"], column, self.floor(column))
+        recommended = self.chosen.point if self.chosen is not None and self.chosen.column == column else None
+        if recommended is not None and recommended not in front:
+            front = sorted([*front, recommended], key=lambda p: p.time.median)
+        return front
 
     def floor(self, column: str = OVERALL) -> float:
         """The noise floor of the reference, percent of the pixels; 0 where it has no random part or is not known."""

@@ -192,9 +192,11 @@ def make_subject(
     ranked = tuple(ranked_with_sun(AnimatedScene(scene, camera).ranked_lights, environment_of(baseline).sun))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
-    found = _reference(reference, context) if series is None else Reference("exr", series=series, path=reference)
+    compared_with = (
+        _reference(reference, context) if series is None else Reference("exr", series=series, path=reference)
+    )
     sample = draw_pixels(frames, (baseline.sequence.width, baseline.sequence.height))
-    return Subject(gpu, scene, camera, sample, frames, make_plan(context, names), found)
+    return Subject(gpu, scene, camera, sample, frames, make_plan(context, names), compared_with)
 
 
 def _reference(asked: str | None, context: StudyContext) -> Reference:
@@ -289,8 +291,8 @@ class Measurements:
 
     def _due(self, kind: str, wanted: Sequence[Any]) -> list[Any]:
         """Of ``wanted``, configurations or renders, those without a record of ``kind``."""
-        known = self._records.by_configuration(kind)
-        return [item for item in wanted if item.name not in known]
+        recorded = self._records.by_configuration(kind)
+        return [item for item in wanted if item.name not in recorded]
 
     def _visits_due(self, plan: Sequence[Configuration]) -> list[tuple[int, Configuration]]:
         return due_visits(plan, self._repeats, self._records.of("time"))
@@ -317,10 +319,10 @@ class Measurements:
         return self._words_of(render_light(render, self._subject.baseline, self._subject.sample.frames))
 
     def _measure_reference(self) -> None:
-        known, wanted = self._records.reference, self._subject.reference
+        recorded, wanted = self._records.reference, self._subject.reference
         if wanted.kind == PATH_TRACED:
-            self._trace_reference(known or {"samples": 0, "seconds": 0.0})
-        elif known is None:
+            self._trace_reference(recorded or {"samples": 0, "seconds": 0.0})
+        elif recorded is None:
             series = wanted.series
             self._report(f"reference: {'highest quality' if series is None else series.reference.name}")
             self._records.add("reference", self._raster_reference() if series is None else self._render_masks(series))
@@ -334,7 +336,7 @@ class Measurements:
         halves = None if series.second is None else [words, self._words_of_render(series.second)]
         return {"samples": series.reference.samples, "words": words, "halves": halves}
 
-    def _trace_reference(self, known: Mapping[str, Any]) -> None:
+    def _trace_reference(self, recorded: Mapping[str, Any]) -> None:
         """Trace until the samples that were asked for, or the reference's share of the time, are reached.
 
         Without a given number each half has a power of two: a Sobol sequence is balanced there, and two runs of the
@@ -344,9 +346,11 @@ class Measurements:
         total = subject.reference.samples or (SAMPLES if limit is None else math.inf)
         wanted = math.ceil(0.5 * total) if total < math.inf else total  # of a half
         share = math.inf if limit is None else REFERENCE_SHARE * limit
-        if known["samples"] and (known["samples"] >= 2 * wanted or known["seconds"] + known["next_seconds"] > share):
+        if recorded["samples"] and (
+            recorded["samples"] >= 2 * wanted or recorded["seconds"] + recorded["next_seconds"] > share
+        ):
             return
-        started = time.monotonic() - known["seconds"]
+        started = time.monotonic() - recorded["seconds"]
         self._report("reference: channels of the sampled pairs")
         with TracedPixels(subject, self._pairs, reference_light(subject.baseline)) as traced:
             traced.load(self._out)
@@ -357,8 +361,8 @@ class Measurements:
                 series.append({"samples": traced.samples, "halves": halves})
                 seconds = time.monotonic() - started
                 count = min(2 * count, wanted) if count < wanted else math.inf
-            found = series[-1] | {"seconds": seconds, "next_seconds": ahead, "before": series[-2:-1]}
-            self._records.add("reference", found | {"words": self._words_of(traced.light())})
+            record = series[-1] | {"seconds": seconds, "next_seconds": ahead, "before": series[-2:-1]}
+            self._records.add("reference", record | {"words": self._words_of(traced.light())})
 
     def _trace_up_to(self, count: int, traced: TracedPixels) -> float:
         """Until each half has ``count`` samples, saved every MOST.  Seconds that ``count`` samples take."""
@@ -373,9 +377,9 @@ class Measurements:
     def _measure_masks(self) -> None:
         for render in self._renders_due:
             self._report(f"masks: {render.name}")
-            found = {"samples": render.samples, "frame_ms": list(render.frame_ms), "clock": render.clock}
+            facts = {"samples": render.samples, "frame_ms": list(render.frame_ms), "clock": render.clock}
             words = self._words_of_render(render)
-            self._records.add("masks", {"configuration": render.name, "words": words, **found})
+            self._records.add("masks", {"configuration": render.name, "words": words, **facts})
         for c in self._masks_due:
             first = c.name == BASELINE  # without it there is no answer
             if not first and self._deadline.left(MASK_SHARE) < self._seconds_of_masks(c):
@@ -386,10 +390,10 @@ class Measurements:
 
     def _seconds_of_masks(self, configuration: Configuration) -> float:
         """How long path-traced masks take, by the reference, which traces the same pixels; 0 of others."""
-        known = self._records.reference
-        if not configuration.traced or not known.get("seconds"):
+        reference = self._records.reference
+        if not configuration.traced or not reference.get("seconds"):
             return 0.0
-        return configuration.settings.lighting.path_samples * known["seconds"] / known["samples"]
+        return configuration.settings.lighting.path_samples * reference["seconds"] / reference["samples"]
 
     def _masks(self, configuration: Configuration, check: Callable[[], None]) -> Any:
         subject = self._subject
@@ -414,20 +418,20 @@ class Measurements:
                     continue
                 self._report(f"round {number + 1} of {self._repeats}: {c.name}")
                 with OtherWork() as work:
-                    found = pool.visit(c)
+                    times = pool.visit(c)
                 busy = {"seconds": work.seconds, "other_seconds": work.other_seconds}
-                self._records.add("time", {"configuration": c.name, "round": number, **busy, **found})
+                self._records.add("time", {"configuration": c.name, "round": number, **busy, **times})
 
     def _too_long(self, configuration: Configuration) -> bool:
         """Whether a visit of path-traced light would take more than half of the time that is left, as far as other
         visits tell."""
         if not configuration.traced:
             return False
-        known = {name: visit["frame_ms"] for name, visit in self._records.by_configuration("time").items()}
+        frame_ms = {name: visit["frame_ms"] for name, visit in self._records.by_configuration("time").items()}
         counts = {c.name: c.settings.lighting.path_samples for c in self._subject.plan.configurations if c.traced}
-        per_sample = [known[name] / n for name, n in counts.items() if name in known]
-        ms = known.get(configuration.name, counts[configuration.name] * max(per_sample, default=0.0))
-        frames = 2 if configuration.name in known else 4  # a first visit also compiles
+        per_sample = [frame_ms[name] / n for name, n in counts.items() if name in frame_ms]
+        ms = frame_ms.get(configuration.name, counts[configuration.name] * max(per_sample, default=0.0))
+        frames = 2 if configuration.name in frame_ms else 4  # a first visit also compiles
         return 1e-3 * frames * ms > 0.5 * self._deadline.left()
 
     def _measure_columns(self) -> None:
@@ -435,8 +439,8 @@ class Measurements:
         for c in self._columns_due:
             check()
             self._report(f"columns: {c.name}")
-            found = measure_columns(subject.scene, subject.camera, c.settings, check)
-            self._records.add("columns", {"configuration": c.name, **found})
+            differences = measure_columns(subject.scene, subject.camera, c.settings, check)
+            self._records.add("columns", {"configuration": c.name, **differences})
 
     def _report(self, what: str, count: bool = True) -> None:
         self._progress(Step(self._done, self._total, what))

@@ -103,8 +103,8 @@ def figure_2(scene: Scene, run: Run, settings: Settings, path: Path) -> Path:
             sheet.panel(place, 0, np.full((height, width, 3), 0.9), f"{feature}: not measured")
             continue
         columns = tuple(dict.fromkeys(("frustum", "position", feature, "color")))
-        shown, found = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)))
-        percent = (found.summary["discard"][feature] or {}).get("mean_percent")
+        shown, run_of_pair = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)))
+        percent = (run_of_pair.summary["discard"][feature] or {}).get("mean_percent")
         sheet.panel(place, 0, shown.before, f"{feature}: frame {frame - 1}")
         sheet.panel(place, 1, shown.now, f"frame {frame}")
         value = "not measured" if percent is None else f"mask: {percent:.1f} % discarded"
@@ -149,8 +149,8 @@ def _small(settings: Settings, columns: tuple[str, ...], **more: Any) -> Setting
     spp = settings.lighting.spp
     fewer = {} if settings.lighting.light == "raster" else {"spp": min(spp or SPP, SPP)}
     width, height = panel_size(settings)
-    given = {"width": width, "height": height, "columns": columns, "pairs": "all"}
-    return settings.replace(**(given | fewer | more))
+    changed = {"width": width, "height": height, "columns": columns, "pairs": "all"}
+    return settings.replace(**(changed | fewer | more))
 
 
 def _pair(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[_Shown, Run]:

@@ -70,10 +70,10 @@ def fit_thresholds(runs: Mapping[str, tuple[Summary, Mapping[str, float]]]) -> d
     """
     out = {}
     for feature in FEATURES:
-        given = {scene: curve for scene, (summary, _) in runs.items() if (curve := curve_of(summary, feature))}
-        if not given:
+        curves = {scene: curve for scene, (summary, _) in runs.items() if (curve := curve_of(summary, feature))}
+        if not curves:
             continue
-        wanted = [runs[scene][1][feature] for scene in given]
-        threshold, rates = fit_threshold(list(given.values()), wanted)
-        out[feature] = Fitted(threshold, dict(zip(given, (rates - np.array(wanted)).tolist(), strict=True)))
+        wanted = [runs[scene][1][feature] for scene in curves]
+        threshold, rates = fit_threshold(list(curves.values()), wanted)
+        out[feature] = Fitted(threshold, dict(zip(curves, (rates - np.array(wanted)).tolist(), strict=True)))
     return out

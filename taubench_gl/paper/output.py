@@ -14,7 +14,7 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.paper.figures import draw_figures
 from taubench_gl.paper.fit import Fitted, fit_thresholds
-from taubench_gl.paper.scenes import DATASET, Found
+from taubench_gl.paper.scenes import DATASET, AvailableScenes
 from taubench_gl.paper.study import PaperOptions, SceneJobs, SceneResult
 from taubench_gl.paper.tables import COUNTS, POSITION, ROTATION, paper_row, paper_study_tables
 from taubench_gl.report.page import Page, data_uri, tag, text_lines
@@ -41,7 +41,11 @@ Figure = tuple[Path, str]
 
 
 def write_study(
-    results: Sequence[SceneResult], jobs: Sequence[SceneJobs], found: Found, options: PaperOptions, out: Path
+    results: Sequence[SceneResult],
+    jobs: Sequence[SceneJobs],
+    available: AvailableScenes,
+    options: PaperOptions,
+    out: Path,
 ) -> tuple[list[Table], list[Path]]:
     """Fit, tables, figures, page, LaTeX and JSON of finished runs.  -> tables, files.  Raises TaubenchError."""
     folder = output_folder(out)
@@ -50,9 +54,9 @@ def write_study(
     figures, notes = _figures(results, jobs, folder)
     write_tables(folder, tables)
     files = {
-        PAGE: page(tables, figures, _about(results, found, options) + notes),
+        PAGE: page(tables, figures, _about(results, available, options) + notes),
         LATEX: latex(tables, figures, folder),
-        VALUES: json.dumps(values_of(results, jobs, found, fitted, options), indent=2, ensure_ascii=False) + "\n",
+        VALUES: json.dumps(values_of(results, jobs, available, fitted, options), indent=2, ensure_ascii=False) + "\n",
     }
     for name, text in files.items():
         write_atomically(folder / name, text)
@@ -91,9 +95,9 @@ def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: 
     return drawn, notes
 
 
-def _about(results: Sequence[SceneResult], found: Found, options: PaperOptions) -> list[str]:
+def _about(results: Sequence[SceneResult], available: AvailableScenes, options: PaperOptions) -> list[str]:
     lines = [f"Scenes: {', '.join(result.scene.label for result in results)}."]
-    lines += [f"Not measured: {name}: {why}." for name, why in found.missing.items()]
+    lines += [f"Not measured: {name}: {why}." for name, why in available.missing.items()]
     if any(result.scene.kind != DATASET for result in results):
         lines.append("A stand-in is not the dataset: footnotes mark the figures that it was made to have.")
     if options.quick:
@@ -127,7 +131,7 @@ def latex(tables: Sequence[Table], figures: Sequence[Figure], folder: Path) -> s
 def values_of(
     results: Sequence[SceneResult],
     scenes: Sequence[SceneJobs],
-    found: Found,
+    available: AvailableScenes,
     fitted: Mapping[str, Fitted],
     options: PaperOptions,
 ) -> dict[str, Any]:
@@ -167,7 +171,7 @@ def values_of(
         "size": list(options.size),
         "pixels": options.pixels,
         "scenes": blocks,
-        "missing": found.missing,
+        "missing": available.missing,
         "thresholds": {
             name: {"threshold": f.threshold, "rms": f.rms, "residuals": f.residuals} for name, f in fitted.items()
         },

@@ -39,7 +39,7 @@ class PaperScene:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class AvailableScenes:
     """``missing``: name of the registry -> why the scene is not there, one line."""
 
     scenes: tuple[PaperScene, ...]
@@ -53,7 +53,7 @@ def paper_entries(entries: dict[str, Entry] | None = None) -> dict[str, Entry]:
     return {name: entry for name, entry in entries.items() if entry.paper in rows}
 
 
-def find_scenes(names: Sequence[str], resolve: Resolver) -> Found:
+def find_scenes(names: Sequence[str], resolve: Resolver) -> AvailableScenes:
     """The scenes that ``names`` selects; none: all of the paper.
 
     A scene that is not in the cache has its stand-in, which is made.  Raises DatasetError for a scene of ``names`` that
@@ -70,7 +70,7 @@ def find_scenes(names: Sequence[str], resolve: Resolver) -> Found:
             if selected:
                 raise
             missing[name] = str(error).removeprefix(f"{name}: ")
-    return Found(tuple(scenes), missing)
+    return AvailableScenes(tuple(scenes), missing)
 
 
 def _find(name: str, entry: Entry, resolve: Resolver) -> PaperScene:

@@ -173,7 +173,7 @@ def _lobes(results: Sequence[SceneResult]) -> Table | None:
 
 def _fit(fitted: Mapping[str, Fitted]) -> Table:
     """The thresholds that fit the paper's Table 4 best, with the residual of every dataset."""
-    scenes = list(dict.fromkeys(scene for one in fitted.values() for scene in one.residuals))
+    scenes = list(dict.fromkeys(scene for fit in fitted.values() for scene in fit.residuals))
     columns = [
         Column("threshold", "", 4, "One value for all scenes; position in meters"),
         Column("rms", "pp", 2, "Of the residuals"),
@@ -181,9 +181,9 @@ def _fit(fitted: Mapping[str, Fitted]) -> Table:
     columns += [Column(scene, "pp", 2, "Our rate at the threshold - the paper's") for scene in scenes]
     rows = []
     for name in FEATURES:
-        one = fitted.get(name)
-        left = [None if one is None else one.residuals.get(scene) for scene in scenes]
-        values = (None if one is None else one.threshold, None if one is None else one.rms, *left)
+        fit = fitted.get(name)
+        left = [None if fit is None else fit.residuals.get(scene) for scene in scenes]
+        values = (None if fit is None else fit.threshold, None if fit is None else fit.rms, *left)
         label = f"{name} [{UNITS[name]}]" if name in UNITS else name
         rows.append(Row(label, values, reasons={i: "not measured" for i, v in enumerate(values) if v is None}))
     notes = ("Least squares over the datasets' discard-versus-threshold curves; stand-ins never enter the fit.",)

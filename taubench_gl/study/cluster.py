@@ -128,9 +128,9 @@ class DaskCluster:
         if future.status == "finished":
             event = future.result()
             if isinstance(event, NoGraphics):
-                known = event.worker in self._without_gl
+                reported = event.worker in self._without_gl
                 self._without_gl.add(event.worker)
-                return [NoGraphics("" if known else event.worker, event.message, unit)]
+                return [NoGraphics("" if reported else event.worker, event.message, unit)]
             return [event]
         error = future.exception() if future.status == "error" else "the scheduler cancelled it"
         # Dask has already repeated it on other workers (distributed.scheduler.allowed-failures).
