@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack
-from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, unit_divisor
+from taubench_gl.effects.lighting import Environment, environment_for, environment_of, light_unit_of, unit_divisor
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
@@ -72,33 +72,35 @@ def resolve_lighting(
         unit = light_unit_of(scene)
         chosen["light_unit"], reasons["light_unit"] = unit.value, unit.reason
     if lighting.environment == AUTO:
-        environment = environment_for(scene)
-        chosen["environment"], reasons["environment"] = environment.value, environment.reason
+        choice = environment_for(scene)
+        chosen["environment"], reasons["environment"] = choice.value, choice.reason
     settings = settings.replace(**chosen)
-    if (image := environment_image(settings)) is not None:
-        reasons["environment"] += f", an image of {image.size[0]}x{image.size[1]} pixels"
-    require_float32(scene, settings)  # also before an exposure is metered
+    environment = environment_of(settings)
+    if environment.kind == "image":
+        width, height = image_of(environment).size
+        reasons["environment"] += f", an image of {width}x{height} pixels"
+    require_float32(scene, settings, environment)  # also before an exposure is metered
     if lighting.exposure == AUTO:
         exposure, reasons["exposure"] = 1.0, "no column depends on light"
         if settings.metrics.lit:
             exposure, reasons["exposure"] = exposure_of(scene, settings, camera, owner)
         settings = settings.replace(exposure=exposure)
-        require_float32(scene, settings)
+        require_float32(scene, settings, environment)
     return ResolvedLighting(settings, reasons)
 
 
-def require_float32(scene: Scene, settings: Settings) -> None:
+def require_float32(scene: Scene, settings: Settings, environment: Environment) -> None:
     """Raises SceneError or SettingsError where light times exposure may leave float32, the numbers of the renderer.
 
     Also for a light that no key animates to such a value, and for one that is hidden.  Checks nothing where no column
-    depends on light.  ``settings``: light unit and environment are resolved; without an exposure, it is 1.
+    depends on light.  ``settings``: light unit and ``environment`` are resolved; without an exposure, it is 1.
     """
     if not settings.metrics.lit:
         return
     exposure = settings.lighting.exposure
     factor = 1.0 if isinstance(exposure, str) else max(exposure, 1.0)
     hint = f"light times exposure goes up to {MAX_LIGHT:g}"
-    if not max(environment_of(settings).radiance) * factor <= MAX_LIGHT:
+    if not max(environment.radiance) * factor <= MAX_LIGHT:
         what = f"the environment {settings.lighting.environment} is too bright at exposure {exposure}"
         raise SettingsError(what, hint=hint, setting="environment")
     where, at = str(scene.path or scene.name), f" at exposure {exposure}"

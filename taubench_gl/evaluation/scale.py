@@ -36,14 +36,12 @@ USUAL_RATIO = 0.02
 """Position threshold over median depth of usual scenes."""
 
 
-def require_scale(scene: Scene, threshold: float) -> None:
-    """Raises SceneError where a position ``threshold`` of 0 asks for distances whose squares vanish in float32.
+def require_scale(scene: Scene) -> None:
+    """Raises SceneError for a scene in which a position threshold of 0 asks for distances whose squares vanish.
 
     The least distance that counts then is the step of float32 positions.  ``Settings`` refuses other thresholds that
     are too small.
     """
-    if threshold > 0.0:
-        return
     span = 2.0 * bounding_sphere(Poser(scene), [0.0])[1]
     if span * FLOAT32_STEP < LEAST_LENGTH:
         what = f"the scene spans {span:.3g} units: squares of its smallest distances vanish in float32"

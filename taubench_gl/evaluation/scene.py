@@ -97,7 +97,8 @@ def _drawable(scene: Scene | str | Path, settings: Settings) -> Scene:
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **settings.sequence.reading)
     require_triangles(scene)
-    require_scale(scene, settings.metrics.threshold("position"))
+    if settings.metrics.thresholds["position"] == 0.0:
+        require_scale(scene)
     return scene
 
 

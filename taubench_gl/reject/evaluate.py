@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import open_session
 from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels, require_exact
 from taubench_gl.evaluation.session import Session, Wants
 from taubench_gl.frame.materials import tests_alpha
@@ -124,11 +124,10 @@ def evaluate_tests(
     if not settings.metrics.all_pairs:
         raise SettingsError("rejection tests are scored on consecutive pairs", hint="leave pairs at all")
     require_exact(settings)
-    opened = open_scene(scene, settings)
-    if len(opened.frames) < 3:
-        raise SettingsError("fewer than three frames", hint="give --frames A:B with B - A of at least 3")
     wants = Wants(images=True, channels=tuple(dict.fromkeys((*exact_channels(), *CHANNELS))))
-    with Session(opened, wants, every=1) as session, session.gpu:
+    with open_session(scene, settings, wants, every=1) as session, session.gpu:
+        if len(session.given.frames) < 3:
+            raise SettingsError("fewer than three frames", hint="give --frames A:B with B - A of at least 3")
         return _Run(session, loaded).evaluate(progress)
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from taubench_gl import Settings, evaluate
 from taubench_gl.animation import choose_camera
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.lighting import MAX_LIGHT, require_float32, resolve_lighting
@@ -26,6 +27,10 @@ def demo():
     return load_scene(DEMO)
 
 
+def require(scene, settings):
+    require_float32(scene, settings, environment_of(settings))
+
+
 def lit(scene, **changes):
     """The scene with its first light changed."""
     return dataclasses.replace(scene, lights=(dataclasses.replace(scene.lights[0], **changes), *scene.lights[1:]))
@@ -38,7 +43,7 @@ def test_intensities_that_overflow_are_refused(demo, intensity):
         with pytest.raises(SceneError) as caught:
             resolve_lighting(bright, Settings(**LIT, exposure=exposure), choose_camera(bright))
         assert demo.lights[0].name in caught.value.what
-    require_float32(bright, Settings(**LIT | {"columns": ("frustum", "position")}, exposure=1.0))
+    require(bright, Settings(**LIT | {"columns": ("frustum", "position")}, exposure=1.0))
 
 
 def test_animated_and_exposed_intensities_count(demo):
@@ -46,24 +51,24 @@ def test_animated_and_exposed_intensities_count(demo):
     values = np.array([[1.0], [1e38]])
     channel = Channel("light", 0, "intensity", "LINEAR", np.array([0.0, 1.0]), values)
     with pytest.raises(SceneError):
-        require_float32(dataclasses.replace(demo, channels=(*demo.channels, channel)), settings)
+        require(dataclasses.replace(demo, channels=(*demo.channels, channel)), settings)
     bright = lit(demo, intensity=1e25, color=(1.0, 1.0, 1.0))
-    require_float32(bright, settings)
+    require(bright, settings)
     with pytest.raises(SceneError):
-        require_float32(bright, settings.replace(exposure=1e10))
-    require_float32(lit(bright, intensity=6e32), settings.replace(light_unit="watt"))
+        require(bright, settings.replace(exposure=1e10))
+    require(lit(bright, intensity=6e32), settings.replace(light_unit="watt"))
 
 
 def test_emission_and_environment_count(demo):
     settings = Settings(**LIT, exposure=1.0)
     glowing = dataclasses.replace(demo, materials=(*demo.materials, Material(emissive=(0.0, 1e39, 0.0))))
     with pytest.raises(SceneError):
-        require_float32(glowing, settings)
+        require(glowing, settings)
     sky = settings.replace(environment="1e29,0,0")
-    require_float32(demo, sky)
+    require(demo, sky)
     for bright in (sky.replace(exposure=1e10), settings.replace(environment=1e31)):
         with pytest.raises(SettingsError) as caught:
-            require_float32(demo, bright)
+            require(demo, bright)
         assert caught.value.setting == "environment"
 
 
