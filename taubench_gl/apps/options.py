@@ -104,7 +104,7 @@ class Option(click.Option):
         value = super().process_value(ctx, value)
         if self.switch:
             return value
-        if not given_options({self.name or ""}, ctx):
+        if not given_options({self.name or ""}, ctx):  # a default has the field's type already
             return None if self.field.default is REQUIRED else self.field.default
         try:
             return self.field.checked(value, self.field.option)
@@ -150,6 +150,7 @@ class Part:
 
     def build(self, values: dict[str, Any]) -> Any:
         """The object, from the values of its options, which are removed.  Raises SettingsError."""
+        # Values that nobody gave are left to the class, which has its own defaults.
         names = given_options(self.fields) | self.changed
         picked = {name: values.pop(name) for name in self.fields}
         settings = self.kind(**{name: value for name, value in picked.items() if name in names})
@@ -251,9 +252,9 @@ def command(name: str | None = None, *, epilog: str = "", **parts: Part) -> Call
                 values[parameter] = made.build(values)
             return function(**values)
 
-        arguments = list(reversed(getattr(function, "__click_params__", [])))
+        arguments = list(reversed(getattr(function, "__click_params__", [])))  # decorators apply from the last one on
         options: list[click.Parameter] = [Option(field) for field in fields]
-        if any(field.name == "strict" for field in fields):
+        if any(field.name == "strict" for field in fields):  # the command reads scenes
             memory = Option(MAX_MEMORY)
             memory.expose_value, memory.callback = False, _limit_memory
             options.append(memory)

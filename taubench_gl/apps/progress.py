@@ -105,12 +105,12 @@ class StudyScreen(Bars, StudyProgress):
 
     def __enter__(self) -> StudyScreen:
         super().__enter__()
-        self._show_whole()
+        self._show_whole()  # first: it stays above the bars of jobs
         return self
 
     def job_known(self, job: str, label: str, done: int, total: int) -> None:
         super().job_known(job, label, done, total)
-        if done < total:
+        if done < total:  # a job that an earlier run has finished has no bar
             self.set_bar(job, done, total, label=label)
         self._show_whole()
 

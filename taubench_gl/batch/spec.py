@@ -113,6 +113,7 @@ def read_choices(values: Mapping[str, Any], where: str, errors: list[str]) -> di
         if field == "thresholds" and isinstance(value, dict):
             out[field] = _sweep_table(name, value, errors)
             continue
+        # A list is a sweep, except where the setting itself is one: there a list of lists is.
         sweeps = isinstance(value, list) and (field not in LISTS or (value and all(isinstance(v, list) for v in value)))
         alternatives = value if sweeps else [value]
         if not alternatives:

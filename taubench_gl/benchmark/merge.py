@@ -154,6 +154,7 @@ def _track(
 ) -> dict[str, Any]:
     """One method over the cases of a track.  A failure in one case is a failure of the track."""
     for state in (FAILED, INAPPLICABLE):
+        # A mean over fewer cases than those of the other methods could not be compared with theirs.
         if bad := next((case for case in cases if results[case.id]["state"] == state), None):
             return {"state": state, "reason": results[bad.id]["reason"], "case": bad.id}
     levels = {level: [c for c in cases if _level(_discarded(of_case[c.id])) == level] for level in LEVELS}
@@ -180,6 +181,7 @@ def _classes(cases: Sequence[Case], results: Mapping[str, Result]) -> dict[str, 
     """Mean FLIP of the pixels of each class over all cases; None for a class without pixels."""
     out: dict[str, float | None] = {}
     for name in CLASSES:
+        # By pixels, not by cases: a case with a few pixels of the class says little of it.
         entries = [results[case.id]["classes"][name] for case in cases]
         entries = [entry for entry in entries if entry["pixels"] and entry.get("flip") is not None]
         pixels = sum(entry["pixels"] for entry in entries)
@@ -200,6 +202,7 @@ def _values(
         if None in means:
             continue
         values[label] = to_scale(measure, np.array(means))
+        # The k-th seed of a case goes with the k-th of the others: a mean over cases is one draw of the random numbers.
         own = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
         if all(by_case is not None for by_case in own) and len(set(map(len, own))) == 1 and len(own[0]) >= MIN_SEEDS:
             seeds[label] = np.mean(to_scale(measure, np.array(own)), axis=0)

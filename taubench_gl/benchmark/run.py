@@ -78,6 +78,8 @@ class BenchmarkStudy(Study):
         return [unit.part(left)] if left else [], unit.weight
 
     def instead(self, unit: BenchmarkUnit, died: bool) -> Sequence[BenchmarkUnit]:
+        # A dead worker does not say which method ended it: all methods of its unit run alone, and the one that ends a
+        # worker again is kept apart in all later units, which would lose the results of the others with it.
         if len(unit.entries) == 1:
             self._deadly |= {unit.name} if died else set()
             return (unit,)
@@ -104,6 +106,7 @@ class BenchmarkStudy(Study):
         methods: dict[tuple[str, str | None], Any] = {}
         times: dict[str, Any] = {}
         seconds = 0.0
+        # Earlier runs, and other folders, have had other methods: every record of the case counts.
         for record in self.store.find(record_key(unit.identity, "*")):
             facts |= {name: value for name, value in record.items() if name not in ("methods", "times", "case")}
             methods |= {(label, method["sha256"]): method for label, method in record["methods"].items()}

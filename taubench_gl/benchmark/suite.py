@@ -100,6 +100,7 @@ class Case:
     def identity(self, scene_sha256: str) -> str:
         """Hash of what is evaluated, 64 hexadecimal digits; labels are no part of it."""
         values = {"scene": scene_sha256, "first": self.first, "frames": self.frames}
+        # Stored results are found by this hash: it must not change where what is evaluated does not.
         default = _values(Settings(), EvaluationRequest())
         for name, value in _values(self.settings, self.request).items():
             if name in _HASHED or value != default[name]:
@@ -189,7 +190,7 @@ def _expanded(values: Mapping[str, Any], folder: Path) -> list[Case]:
 def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str | None, value: float | None) -> Case:
     """``evaluated``: settings and options by name; ``axis`` and ``value`` of a series.  Raises SettingsError."""
     options = {name: option for name, option in evaluated.items() if name in _OPTIONS}
-    if axis == CUT and value:
+    if axis == CUT and value:  # 0: no cut
         options["cuts"] = tuple(range(table.first + int(value), table.first + table.frames, int(value)))
     request = from_values(EvaluationRequest, options | {"statistics": False, "exact_samples": True})
     settings = Settings(

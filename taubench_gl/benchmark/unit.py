@@ -135,6 +135,7 @@ class _Divergence:
 
     def add(self, evaluated: EvaluatedFrame) -> None:
         means = {name: float(np.mean(np.abs(np.nan_to_num(image)))) for name, image in evaluated.radiance.items()}
+        # Of all frames so far: a method may keep history that is brighter than the current frame.
         self._largest = max(self._largest, means.pop("input"), means.pop("reference"))
         for label, mean in means.items():
             if mean > DIVERGED * self._largest > 0:

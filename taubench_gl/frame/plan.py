@@ -134,9 +134,7 @@ def frame_resources(spec: FrameSpec) -> FrameResources:
         for image, srgb in images_of(used)
     }
     names = tuple(dict.fromkeys(p.name for p in passes))
-    return FrameResources(
-        names, frozenset(v for p in passes for v in p.variants()), memory | images, frozenset(images)
-    )
+    return FrameResources(names, frozenset(v for p in passes for v in p.variants()), memory | images, frozenset(images))
 
 
 def effect_costs(animated: AnimatedScene, settings: Settings) -> dict[str, dict[str, Any]]:

@@ -73,6 +73,7 @@ def plan(scenes: Sequence[PaperScene], options: PaperOptions) -> list[SceneJobs]
 def _job(
     scene: PaperScene, part: str, settings: dict[str, Any], lobes: tuple[str, ...] = (), pixels: int | None = None
 ) -> Job:
+    # Lobes and pixels are no settings: without them here, two jobs would share an id and a folder.
     name = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}" + ("" if pixels is None else f"{pixels}-pixels")
     checked = Settings(**settings)
     return Job(job_id(name, checked), scene.path, checked, {"part": part}, lobes=lobes, pixels=pixels)
