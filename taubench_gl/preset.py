@@ -9,6 +9,7 @@ from typing import Any
 
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError
+from taubench_gl.fields import unknown_field
 from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.settings import FIELDS, SELECTING, Settings
 
@@ -38,12 +39,11 @@ def load_preset(path: str | Path) -> dict[str, Any]:
     if not isinstance(settings, dict):
         what = "has no table [settings]" if settings is None else "settings is not a table"
         raise SettingsError(what, where=str(path), hint=_HINT)
-    known = set(FIELDS) - set(SELECTING)
-    for name in settings:
-        if name not in known:
-            hint = f"choose from {', '.join(sorted(known))}"
-            raise SettingsError(f"no setting is named {name!r}", where=str(path), hint=hint)
+    allowed = tuple(name for name in FIELDS if name not in SELECTING)
     try:
+        for name in settings:
+            if name not in allowed:
+                raise unknown_field(name, allowed)
         checked = Settings.from_dict(settings)
     except SettingsError as error:
         raise SettingsError(error.what, where=str(path), hint=error.hint) from None

@@ -7,6 +7,7 @@ import glob
 import hashlib
 import itertools
 import json
+import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +15,21 @@ from typing import Any
 
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.fields import Setting
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
 from taubench_gl.settings import KEYS, Settings, read_key, unknown_setting
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene to an argument of ``load_scene`` and the settings of its registry entry."""
 
-LISTS = ("columns", "environment", "animation")
+
+def _takes_list(field: Setting) -> bool:
+    """Whether a value itself may be a list: a tuple of any length, or a tuple among other types."""
+    arguments = typing.get_args(field.kind)
+    return Ellipsis in arguments or any(typing.get_origin(kind) is tuple for kind in arguments)
+
+
+LISTS = tuple(name for name, field in KEYS.items() if _takes_list(field))
 """Settings whose value is itself a list: only a list of lists sweeps them."""
 
 OWN_KEYS = ("name", "scenes")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from batch_tools import spec_of, write_spec
 
-from taubench_gl.batch.spec import read_spec
+from taubench_gl.batch.spec import LISTS, read_spec
 from taubench_gl.batch.study import about_batch, batch_store, stored_spec
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
@@ -162,3 +162,7 @@ def test_settings_survive_being_stored():
         Settings(camera=2, animation=("Walk", 3), thresholds={"color": 0.5}, frames=(3, None)),
     ):
         assert Settings.from_dict(settings.to_dict()) == settings
+
+
+def test_lists_are_values_of_settings_that_take_them_and_sweeps_of_others():
+    assert set(LISTS) == {"animation", "columns", "environment"}
