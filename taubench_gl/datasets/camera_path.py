@@ -215,6 +215,8 @@ def _choose(
         free &= np.all(space.clearance(between) > 0, axis=1)
     if not free.any():
         return None
+    # Space at three distances ahead, the near ones counting more, against the turn: one by 180 degrees costs 2.5, about
+    # as much as all the space there can be.  ``drift`` makes the camera wander where every direction is free.
     reach = np.array([3.0, 8.0, 16.0]) * max(usual, 0.5 * space.resolution())
     direction = (ends - position) / length
     ahead = space.clearance(ends[:, None] + direction[:, None] * reach[:, None])

@@ -96,6 +96,7 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
         if abs(total) > _SLACK * stats.mean or abs(squares) > _SLACK * stats.mean**2:
             raise SettingsError(f"one step cannot have {stats}", hint="one step has variance 0 and is its own max")
         return np.zeros(0)
+    # With a given sum, the sum of squares is least if all steps are equal, and most if as many as fit are at the limit.
     mean = total / count
     least = count * mean**2
     if stats.maximum is None and mean > high:

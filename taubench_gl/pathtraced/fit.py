@@ -96,7 +96,7 @@ def _from_depth(points: Array, screen: Array, depth: Array) -> Guess:
     solution, _, rank, _ = np.linalg.lstsq(np.column_stack([rays, np.ones(len(rays))]), points, rcond=1e-9)
     if rank < 4:  # all points lie in one plane
         return _from_plane(points, rays)
-    axes = solution[:3].T
+    axes = solution[:3].T  # columns t r1, t r2, r3 of the rotation R: their lengths give t
     lengths = np.linalg.norm(axes, axis=0)
     return _rotation(axes / lengths), solution[3], float(0.5 * (lengths[0] + lengths[1]) / lengths[2])
 
@@ -130,6 +130,7 @@ def _from_points(points: Array, screen: Array) -> Guess:
     size = np.linalg.norm(c[:3])
     sign = 1.0 if np.median(p @ c) > 0 else -1.0  # visible points are in front of the camera
     a, b, c = (sign * row / size for row in (a, b, c))
+    # With c scaled to unit length, |a| and |b| are both 1 / t for square pixels.
     tangent = 2.0 / (np.linalg.norm(a[:3]) + np.linalg.norm(b[:3]))
     world_from_view = _rotation(np.stack([a[:3] * tangent, b[:3] * tangent, -c[:3]], axis=1))
     origin = -np.linalg.solve(np.stack([a[:3], b[:3], c[:3]]), np.array([a[3], b[3], c[3]]))

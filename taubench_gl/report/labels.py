@@ -123,6 +123,8 @@ def _settings_of(summary: Summary) -> dict[str, str]:
 def _text(value: Any) -> str:
     if value is None:
         return NOT_GIVEN
+    if isinstance(value, bool):
+        return "on" if value else "off"
     if isinstance(value, float):
         return f"{value:.6g}"
     return ",".join(_text(item) for item in value) if isinstance(value, (list, tuple)) else str(value)

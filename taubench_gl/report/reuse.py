@@ -41,6 +41,9 @@ _FURTHER = {
 }  # fmt: skip
 """Measures of the last table, whose units the evaluation states."""
 
+_LABELS = {"linear_mse": "linear MSE"} | {name: column.name for name, column in (_QUALITY | _FURTHER).items()}
+"""Measure -> its name for readers."""
+
 _HEADLINES = ("flip", "psnr_db", "relmse")
 """Measures of the table of paired differences: the first that was measured."""
 
@@ -107,7 +110,7 @@ def comparison_tables(summary: Summary) -> list[Table]:
         rows.append(Row(f"{entry['a']} - {entry['b']}", (*values, entry["p_holm"]), reasons={0: entry["verdict"]}))
     notes = [_interval_text(statistics, results, seeds), *ranking_texts(summary)]
     notes += [] if few else [f"Pairs with {best}, whose mean is best; reuse.json contains all {len(every)}."]
-    title = f"Paired differences of {name} ({measure['better']} is better)"
+    title = f"Paired differences of {_LABELS[name]} ({measure['better']} is better)"
     return [Table(5, title, columns, tuple(rows), tuple(notes))]
 
 
@@ -245,7 +248,7 @@ def _class_table(summary: Summary) -> Table:
         rows.append(Row("share of pixels, %", tuple(first["classes"][c]["percent"] for c in classes)))
     meaning = "; ".join(f"{name}: {summary['classes'][name]}" for name in classes)
     notes = [f"{meaning}.", *([f"No pixels: {', '.join(absent)}."] if absent else []), _class_source(summary)]
-    return Table(3, f"Mean {measure} by pixel class", columns, tuple(rows), tuple(notes))
+    return Table(3, f"Mean {_LABELS[measure]} by pixel class", columns, tuple(rows), tuple(notes))
 
 
 def _valid(summary: Summary) -> dict[str, Summary]:
@@ -321,7 +324,7 @@ def _frames(summary: Summary, rows: Sequence[Mapping[str, Any]], measure: str) -
             if np.isfinite(values).any():
                 axes.plot(frames, values, linewidth=1.7, label=label, **styles[label].curve)
     for axes, name in zip(plot.panels, (measure, "flicker"), strict=True):
-        axes.set(ylabel=f"{name} (lower is better)", ylim=(0, None))
+        axes.set(ylabel=f"{_LABELS[name]} (lower is better)", ylim=(0, None))
     plot.panels[1].set_xlabel("frame")
     plot.legend(plot.axes)
     return plot
@@ -341,7 +344,7 @@ def _classes(summary: Summary, measure: str) -> Plot | None:
         values = [method["classes"][name][measure] for name in names]
         plot.axes.bar(places, values, width, label=label, **styles[label].bar)
     plot.axes.set_xticks(range(len(names)), [f"{n}\n{first[n]['percent']:.1f} %" for n in names])
-    plot.axes.set(ylabel=f"mean {measure} (lower is better)")
+    plot.axes.set(ylabel=f"mean {_LABELS[measure]} (lower is better)")
     plot.legend(plot.axes)
     return plot
 
@@ -360,7 +363,9 @@ def _time(summary: Summary, measure: str) -> Plot | None:
     front = zip(*pareto_steps(timed.values()), strict=True)
     plot.axes.step(*front, where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
     plot.axes.set(
-        xscale="log", xlabel=f"ms per frame, median ({summary['clock']})", ylabel=f"{measure} (lower is better)"
+        xscale="log",
+        xlabel=f"ms per frame, median ({summary['clock']})",
+        ylabel=f"{_LABELS[measure]} (lower is better)",
     )
     plot.axes.margins(x=0.1, y=0.1)
     plot.axes.set_ylim(bottom=0)
@@ -486,7 +491,7 @@ def _page_data(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> dict[str,
         })  # fmt: skip
     return {
         "frames": frames,
-        "measures": [{"name": name, **summary["measures"][name]} for name in measures],
+        "measures": [{"name": name, "label": _LABELS[name], **summary["measures"][name]} for name in measures],
         "methods": methods,
         "clock": summary["clock"],
     }

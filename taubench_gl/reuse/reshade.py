@@ -95,6 +95,7 @@ class Reshade:
             forward = -source.renderer.frame.view.world_from_view[:, 2]
             camera = {"camera_delta": tuple(pair.camera_delta), "forward": tuple(forward)}
             self._passes["surface"].run(None, resources, size=size, **camera)
+            # Light of this frame with the random numbers of the last: a difference is a change of light, not noise.
             source.light.relight({**self._surface, **self._light}, number - 1)
             self._passes["store"].run(None, {**resources, **self._light}, size=size, exposure=self._exposure)
         self._hazards.publish()

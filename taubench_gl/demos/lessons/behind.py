@@ -41,7 +41,8 @@ def reprojected(image: Array, motion: Array, reused: Array) -> Array:
     ``motion`` (h, w, 2): previous - current, pixels, +y down; ``reused`` (h, w) bool -> (h, w, 3).
     """
     height, width = reused.shape
-    at = np.floor(pixel_grid((width, height)) + motion + 0.5).astype(int)
+    target = pixel_grid((width, height)) + np.where(reused[..., None], motion, 0.0)  # NaN where w is 0
+    at = np.floor(target + 0.5).astype(int)
     column, row = np.clip(at[..., 0], 0, width - 1), np.clip(at[..., 1], 0, height - 1)
     return np.where(reused[..., None], image[row, column], np.nan)
 

@@ -11,7 +11,7 @@ framesBox.append(area, readout);
 const FILTERED = "classes shown";
 let x = null, cursor = null, here = null, picked = -1, atFrame = null;
 const viewer = data.images && makeComparison(document.getElementById("viewer"), data.images, data.viewer, (frame) => { atFrame = frame; markFrame(); });
-if (viewer) data.measures.push({ name: FILTERED, unit: "", better: "lower", doc: `mean ${data.viewer.error} over the pixel classes that the viewer shows` });
+if (viewer) data.measures.push({ name: FILTERED, label: FILTERED, unit: "", better: "lower", doc: `mean ${data.viewer.error} over the pixel classes that the viewer shows` });
 const measure = () => data.measures.find((m) => m.name === chooser.value);
 const filtered = () => chooser.value === FILTERED;
 const values = (method) => (filtered() ? viewer.values(method.label, data.frames) : method.rows[chooser.value]);
@@ -25,12 +25,12 @@ function mean(method) {
 function drawFrames(width) {
   const { unit } = measure(), frames = data.frames;
   const bounds = { left: 60, right: width - 10, top: 26, bottom: 26 + (width < 560 ? 190 : 260) };
-  const root = plotRoot(width, bounds.bottom + 34, `${chooser.value} of each method over the frames`);
+  const root = plotRoot(width, bounds.bottom + 34, `${measure().label} of each method over the frames`);
   const first = frames[0], last = frames[frames.length - 1];
   x = first === last ? () => (bounds.left + bounds.right) / 2 : linearScale(first, last, bounds.left, bounds.right);
   const [start, end] = spanOf(data.methods.map(values), measure().better);
   linePanel(root, bounds, {
-    start, end, count: 5, format: short, title: `${chooser.value}${unit ? `, ${unit}` : ""}`,
+    start, end, count: 5, format: short, title: `${measure().label}${unit ? `, ${unit}` : ""}`,
     lines: data.methods.map((m) => ({ xs: frames.map(x), values: values(m), color: m.color, dash: m.dash })),
   });
   for (const offset of evenTicks(0, last - first || 1, width < 560 ? 4 : 8)) {
@@ -72,16 +72,16 @@ function drawScatter(width) {
   }
   const height = Math.max(260, Math.round(0.4 * width));
   const bounds = { left: 76, right: width - 20, top: 16, bottom: height - 52 };
-  const root = plotRoot(width, height, `${chooser.value} against time, one mark per method`, "group");
+  const root = plotRoot(width, height, `${measure().label} against time, one mark per method`, "group");
   const times = timed.map((m) => m.time_ms);
   const at = logScale(Math.min(...times) * 0.7, Math.max(...times) * 1.4, bounds.left, bounds.right);
   const y = linearScale(...spanOf([timed.map(mean)], measure().better), bounds.bottom, bounds.top);
   drawAxes(root, bounds, {
     x: { scale: at, ticks: at.ticks(width < 600 ? 4 : 8), label: "ms per frame, median (log)" },
-    y: { scale: y, ticks: y.ticks(5), label: `${chooser.value} (${measure().better} is better)` },
+    y: { scale: y, ticks: y.ticks(5), label: `${measure().label} (${measure().better} is better)` },
   });
   for (const m of timed) {
-    const words = `${m.label}: ${chooser.value} ${short(mean(m), 4)}, ${short(m.time_ms)} ms per frame; clock: ${data.clock}`;
+    const words = `${m.label}: ${measure().label} ${short(mean(m), 4)}, ${short(m.time_ms)} ms per frame; clock: ${data.clock}`;
     addMark(root, { shape: "circle", x: at(m.time_ms), y: y(mean(m)), fill: m.color, label: words, title: m.label, name: m.label },
       () => { status.textContent = words; });
     const right = at(m.time_ms) < 0.75 * width;
@@ -91,7 +91,7 @@ function drawScatter(width) {
   status.textContent = "Point at a mark, or reach it with Tab and the arrow keys.";
 }
 
-for (const m of data.measures) chooser.append(el("option", { value: m.name }, m.name));
+for (const m of data.measures) chooser.append(el("option", { value: m.name }, m.label));
 selectAlong(area, { positions: () => (x ? data.frames.map(x) : []), current: () => picked, pick, choose: (index) => viewer?.goTo(data.frames[index]) });
 walkMarks(scatterBox, (name) => data.methods.find((m) => m.label === name).time_ms);
 const redraw = [whenSized(area, drawFrames), whenSized(scatterBox, drawScatter)];
