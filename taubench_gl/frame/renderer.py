@@ -18,11 +18,12 @@ from taubench_gl.frame.passes.gbuffer import GBufferPass, attachments, channel_p
 from taubench_gl.frame.records import Placement, RecordTable
 from taubench_gl.frame.scene_buffers import SceneBuffers
 from taubench_gl.frame.targets import History, Targets, read_channel
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
 
 
-class Renderer:
+class Renderer(Owner):
     """Draws frames of one scene.  A pose is evaluated at its own time; nothing is taken from earlier calls."""
 
     def __init__(
@@ -40,6 +41,7 @@ class Renderer:
         poser: Poser | None = None,
     ):
         """``culling``, ``textures``, ``storage``: as in Settings."""
+        super().__init__()
         gpu = context.gpu
         self.context, self.scene, self.camera, self.size = context, scene, camera, size
         self.culling, self._storage = culling, storage
@@ -50,19 +52,20 @@ class Renderer:
         geometry = build_geometry(scene)
         self.draws = geometry.draws
         self._table = RecordTable(geometry.draws, scene.replacements)
-        self.buffers = SceneBuffers(gpu, geometry)
+        self.buffers = self.own(SceneBuffers(gpu, geometry))
         self._bounds = DrawBounds(scene, geometry.draws)
         self._posed = np.array([d.posed for d in geometry.draws], dtype=bool)
         self._deform = None
         if self._posed.any():
-            self._deform = DeformPass(context, scene, geometry, previous=self._previous)
+            self._deform = self.own(DeformPass(context, scene, geometry, previous=self._previous))
             self.buffers.pools[True] |= self._deform.outputs
         used = {d.material for d in geometry.draws}
         mipmaps = textures == "mipmapped"
-        self.materials = MaterialTable(gpu, scene, drawn, used, normal_maps=normal_maps, mipmaps=mipmaps)
+        materials = MaterialTable(gpu, scene, drawn, used, normal_maps=normal_maps, mipmaps=mipmaps)
+        self.materials = self.own(materials)
         colored = frozenset(p.material for m in scene.meshes for p in m.primitives if p.colors is not None)
-        self._gbuffer = GBufferPass(context, channel_pass("gbuffer", drawn), colored)
-        self.history = self.new_history()
+        self._gbuffer = self.own(GBufferPass(context, channel_pass("gbuffer", drawn), colored))
+        self.history = self.own(self.new_history())
         self.frame: FrameContext | None = None
         """The frame drawn last."""
         self._poses: dict[float, FrameState] = {}
@@ -161,8 +164,3 @@ class Renderer:
     def bytes(self) -> int:
         """GPU memory held for this scene and size, bytes."""
         return self.history.bytes + self.buffers.bytes + self.materials.texture_bytes
-
-    def release(self) -> None:
-        for part in (self.history, self.buffers, self.materials, self._gbuffer, self._deform):
-            if part is not None:
-                part.release()

@@ -22,10 +22,11 @@ from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.passes.visibility import VisibilityPass
 from taubench_gl.frame.plan import LIGHT, frame_channels, frame_spec
 from taubench_gl.frame.renderer import Renderer
-from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.spec import AnimatedScene, FrameSpec
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
@@ -66,7 +67,7 @@ class Source(Protocol):
     def release(self) -> None: ...
 
 
-class RasterSource:
+class RasterSource(Owner):
     """Frames of a Scene, rasterized."""
 
     def __init__(
@@ -84,6 +85,7 @@ class RasterSource:
 
         ``options``: as of ``frame_spec``, such as ``extra``, the channels besides those that the columns need.
         """
+        super().__init__()
         tuning = Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
         spec = frame_spec(animated, settings, tuning=tuning, **options)
         require_frame_memory(spec)
@@ -97,8 +99,16 @@ class RasterSource:
         self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others = tuple(c for c in OTHERS if c not in self.unmeasured)
-        self.context = GpuContext(gpu, shaders, timer)
-        self.renderer = Renderer(
+        self.context = self.own(GpuContext(gpu, shaders, timer))
+        self._previous_time = 0.0  # seconds
+        self.current_view: View | None = None
+        self.previous_view: View | None = None
+        with self.opening():
+            self._open(spec)
+
+    def _open(self, spec: FrameSpec) -> None:
+        settings, animated = self._settings, spec.animated
+        renderer = Renderer(
             self.context,
             spec.scene,
             animated.camera,
@@ -110,14 +120,12 @@ class RasterSource:
             normal_maps="normal_maps" in spec.enabled,
             poser=animated.poser,
         )
+        self.renderer = self.own(renderer)
         # Every sample position has a history; scene, shadows and probes are shared.
-        self._more = [self.renderer.new_history() for _ in range(self.samples - 1)]
-        self._history = self.renderer.history
-        self._previous_time = 0.0  # seconds
-        self.current_view: View | None = None
-        self.previous_view: View | None = None
-        self.visibility = VisibilityPass(self.renderer, spec) if VISIBILITY in spec.extra else None
-        self.light = LightStage(self.renderer, spec) if any(declare(spec) for declare in LIGHT) else None
+        self._more = [self.own(renderer.new_history()) for _ in range(self.samples - 1)]
+        self._history = renderer.history
+        self.visibility = self.own(VisibilityPass(renderer, spec) if VISIBILITY in spec.extra else None)
+        self.light = self.own(LightStage(renderer, spec) if any(declare(spec) for declare in LIGHT) else None)
 
     def advance(self, frame: int) -> View:
         return self._draw(frame, None if self._jitter is None else self._jitter(frame))
@@ -233,8 +241,3 @@ class RasterSource:
         notes += [] if self.light is None else self.light.notes()
         notes += [] if self.visibility is None else self.visibility.notes()
         return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": size}, "notes": notes}
-
-    def release(self) -> None:
-        for item in (self.light, self.visibility, *self._more, self.renderer, self.context):
-            if item is not None:
-                item.release()

@@ -20,12 +20,13 @@ _NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32, "f1": np.uint8}
 _BYTES = {"f4": 4, "f2": 2, "u4": 4, "f1": 1}
 
 
-class Targets:
+class Targets(Owner):
     """Attachments of one frame: ``textures[name]`` and a framebuffer with a float depth buffer."""
 
     def __init__(
         self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], depth: moderngl.Texture, storage: str = "float"
     ):
+        super().__init__()
         limit = min(gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], gpu.ctx.info["GL_MAX_FRAMEBUFFER_WIDTH"])
         if max(size) > limit:
             raise GraphicsError(f"{size[0]}x{size[1]} is more than this device's {limit} pixels", hint="lower --size")
@@ -33,11 +34,11 @@ class Targets:
         self.textures: dict[str, moderngl.Texture] = {}
         for name in self.channels:
             info = CHANNELS[name]
-            texture = gpu.ctx.texture(size, info.components, dtype=stored_dtype(name, storage))
+            texture = self.own(gpu.ctx.texture(size, info.components, dtype=stored_dtype(name, storage)))
             texture.filter = (gpu.ctx.NEAREST, gpu.ctx.NEAREST)
             self.textures[name] = texture
         drawn = [texture for name, texture in self.textures.items() if CHANNELS[name].attachment]
-        self.framebuffer = gpu.ctx.framebuffer(drawn, depth)
+        self.framebuffer = self.own(gpu.ctx.framebuffer(drawn, depth))
 
     def clear(self) -> None:
         """All channels 0 (no surface), depth 0 (infinitely far, reversed Z)."""
@@ -45,9 +46,7 @@ class Targets:
 
     def release(self) -> None:
         self._gpu.unbind_framebuffer()
-        self.framebuffer.release()
-        for texture in self.textures.values():
-            texture.release()
+        super().release()
 
 
 def history_bytes(size: tuple[int, int], channels: Sequence[str], storage: str = "float") -> dict[str, int]:
@@ -57,14 +56,15 @@ def history_bytes(size: tuple[int, int], channels: Sequence[str], storage: str =
     return {name: 2 * pixels * each for name, each in texel.items()} | {"depth": 4 * pixels}
 
 
-class History:
+class History(Owner):
     """This frame's targets and the last frame's, swapped by ``advance``."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], storage: str = "float"):
+        super().__init__()
         self.bytes = sum(history_bytes(size, channels, storage).values())
         require_memory(gpu, self.bytes, f"an image of {size[0]}x{size[1]} pixels", "lower --size")
-        self.depth = gpu.depth_texture(size)
-        self._frames = [Targets(gpu, size, channels, self.depth, storage) for _ in range(2)]
+        self.depth = self.own(gpu.depth_texture(size))
+        self._frames = [self.own(Targets(gpu, size, channels, self.depth, storage)) for _ in range(2)]
 
     @property
     def current(self) -> Targets:
@@ -77,11 +77,6 @@ class History:
     def advance(self) -> None:
         """The current frame becomes the previous one; call before drawing."""
         self._frames.reverse()
-
-    def release(self) -> None:
-        for targets in self._frames:
-            targets.release()
-        self.depth.release()
 
 
 def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:

@@ -2,11 +2,13 @@
 
 import pytest
 
+from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation.exposure import meter
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.scene import evaluate_scene, open_scene
 from taubench_gl.evaluation.session import Session, Wants
 from taubench_gl.export.run import ExportOptions, export_scene
+from taubench_gl.frame import sources
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.reuse.evaluate import evaluate_methods
@@ -90,3 +92,17 @@ def test_parts_are_freed_once_and_the_last_first(gpu):
     owner.release()
     owner.release()
     assert freed == ["c", "b", "a"]
+
+
+def test_a_source_that_cannot_be_opened_frees_its_parts(demo, monkeypatch):
+    def fail(*_):
+        raise GraphicsError("no room")
+
+    opened = open_scene(demo, Settings(**SMALL))
+    monkeypatch.setattr(sources, "LightStage", fail)
+    with open_gpu() as gpu, GpuOwner(gpu) as owner:
+        before = alive(gpu)
+        with pytest.raises(GraphicsError):
+            owner.open_source(opened.animated, opened.settings)
+        # The owner keeps compiled programs for other sources.
+        assert alive(gpu) | {"Program": 0} == before | {"Program": 0}

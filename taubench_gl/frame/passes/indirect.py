@@ -27,6 +27,7 @@ from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import NARROW, PATCH_LIGHT_CHUNK, VPL_CHUNK, WIDE
 from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass, RasterPass, Resource, Use, stage
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
@@ -535,7 +536,7 @@ class PatchLight:
             self._compiled.run(frame, frame.resources, chunk=chunk)
 
 
-class ProbeGrid:
+class ProbeGrid(Owner):
     """A grid of ambient-cube probes in scene space, with what hides VPLs from them."""
 
     def __init__(
@@ -547,19 +548,21 @@ class ProbeGrid:
         draws: tuple[Draw, ...],
     ):
         """``tables``: allocated resources of ``passes``."""
+        super().__init__()
         self._gpu, self._passes, self._tables = context.gpu, passes, tables
         declaration = passes.voxels("voxels_fixed")
         self._bindings = {use.name: binding for use, binding in declaration.bindings()}
-        self._bricks = [context.compute(p) for p in passes.bricks()]
-        self._visibility, self._bounce = context.compute(passes.visibility()), context.compute(passes.bounce())
-        self._receive = [context.compute(passes.receive(first=first)) for first in (True, False)]
-        self._constants = context.gpu.ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True)
+        self._bricks = [self.own(context.compute(p)) for p in passes.bricks()]
+        self._visibility = self.own(context.compute(passes.visibility()))
+        self._bounce = self.own(context.compute(passes.bounce()))
+        self._receive = [self.own(context.compute(passes.receive(first=first))) for first in (True, False)]
+        self._constants = self.own(context.gpu.ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True))
         self._drawn: list[bytes | None] = [None, None]
         self._fixed = fixed_draws(spec.scene, draws)
-        self._anchor = AnchoredRecords(context.gpu, draws, passes.center)
-        self._depth = context.gpu.ctx.depth_texture((2 * GRID, 2 * GRID))
-        self._target = context.gpu.ctx.framebuffer(depth_attachment=self._depth)
-        self._drawer = FaceDrawer(context, self._target, declaration, depth_test=False)
+        self._anchor = self.own(AnchoredRecords(context.gpu, draws, passes.center))
+        depth = self.own(context.gpu.ctx.depth_texture((2 * GRID, 2 * GRID)))
+        target = self.own(context.gpu.ctx.framebuffer(depth_attachment=depth))
+        self._drawer = self.own(FaceDrawer(context, target, declaration, depth_test=False))
 
     def fill(self, frame: FrameContext) -> None:
         """Mark every voxel that a surface passes through.  What no animation moves keeps its marks."""
@@ -618,11 +621,6 @@ class ProbeGrid:
         probes = _probe_count(self._passes.layout)
         words = np.frombuffer(self._tables["visibility"].read(), np.uint8).reshape(probes, -1)
         return np.unpackbits(words, axis=1, bitorder="little")[:, : self._passes.count].astype(bool)
-
-    def release(self) -> None:
-        compiled = (*self._bricks, self._visibility, self._bounce, *self._receive)
-        for item in (*compiled, self._drawer, self._depth, self._target, self._anchor, self._constants):
-            item.release()
 
 
 def _texel_table(faces: list[Face], offsets: list[tuple[int, int]]) -> Array:

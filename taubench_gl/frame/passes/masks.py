@@ -16,6 +16,7 @@ from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, WRITE, ComputePass, Pass, Use, stage
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
@@ -135,7 +136,7 @@ def masks(spec: FrameSpec) -> Sequence[Pass]:
     return (mask_pass(options, spec.size, spec.tuning),)
 
 
-class MaskPass:
+class MaskPass(Owner):
     """Compares current channels with history channels; ``release`` frees its buffers.
 
     Owns textures ``mask``, ``motion``, ``distances`` and ``changes`` where the options say so.
@@ -143,18 +144,19 @@ class MaskPass:
 
     def __init__(self, context: GpuContext, size: tuple[int, int], **options: Any):
         """``options``: fields of MaskOptions."""
+        super().__init__()
         self._context, self._size = context, size
         self.options = options = MaskOptions(**options)
         self._tuning = Tuning(context.gpu.software)
         self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
         ctx = context.gpu.ctx
         sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS
-        self._counters = [tuple(ctx.buffer(reserve=n) for n in sizes) for _ in range(2)]
+        self._counters = [tuple(self.own(ctx.buffer(reserve=n)) for n in sizes) for _ in range(2)]
         self._runs = 0
-        self.mask = ctx.texture(size, 1, dtype="u4") if options.write_mask else None
-        self.motion = ctx.texture(size, 2, dtype="f4") if options.write_motion else None
+        self.mask = self.own(ctx.texture(size, 1, dtype="u4") if options.write_mask else None)
+        self.motion = self.own(ctx.texture(size, 2, dtype="f4") if options.write_motion else None)
         self.distances, self.changes = (
-            ctx.texture(size, 4, dtype="f4") if options.write_distances else None for _ in range(2)
+            self.own(ctx.texture(size, 4, dtype="f4") if options.write_distances else None) for _ in range(2)
         )
 
     @classmethod
@@ -200,7 +202,7 @@ class MaskPass:
         images = not self.options.write_distances and self._tuning.mask_images(dtypes)
         if images not in self._compiled:  # textures of a source are known only now
             declaration = mask_pass(self.options, self._size, self._tuning, images=images)
-            self._compiled[images] = self._context.compute(declaration)
+            self._compiled[images] = self.own(self._context.compute(declaration))
         self._compiled[images].run(record, resources)
         self._context.gpu.hazards.publish()
         return self._runs
@@ -215,9 +217,3 @@ class MaskPass:
             raise ValueError(f"run {run} of {self._runs} is not kept: only the last two are")
         mask_histogram, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._counters[run % 2])
         return Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))
-
-    def release(self) -> None:
-        buffers = (buffer for pair in self._counters for buffer in pair)
-        for item in (*self._compiled.values(), *buffers, self.mask, self.motion, self.distances, self.changes):
-            if item is not None:
-                item.release()

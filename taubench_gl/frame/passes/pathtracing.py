@@ -24,6 +24,7 @@ from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, ComputePass, Pass, Resource, Use, stage
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute
 from taubench_gl.metrics.environment import CELLS, direction_choice
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
@@ -244,10 +245,11 @@ def hit_options(spec: FrameSpec) -> HitOptions:
     )
 
 
-class PathTracing:
+class PathTracing(Owner):
     """Traces the paths of a frame, and writes or adds to its light."""
 
     def __init__(self, renderer: Renderer, spec: FrameSpec):
+        super().__init__()
         context = renderer.context
         self._spec, self._gpu = spec, context.gpu
         passes = declarations(spec)
@@ -258,12 +260,12 @@ class PathTracing:
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
             self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
-        self.structure = SceneStructure(renderer, alpha_test="alpha_mask" in spec.enabled)
-        self.attributes = HitAttributes(renderer, hit_options(spec))
+        self.structure = self.own(SceneStructure(renderer, alpha_test="alpha_mask" in spec.enabled))
+        self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
         for name in TRACED:
             if name in passes:
                 self.attributes.declare(self.structure.declare(passes[name]))
-        self._passes: dict[str, CompiledCompute] = {name: context.compute(p) for name, p in passes.items()}
+        self._passes: dict[str, CompiledCompute] = {n: self.own(context.compute(p)) for n, p in passes.items()}
         self._tile = tile_size(spec)
         self._rows: tuple[int, int] | None = None  # first sample and seed of the numbers on the GPU
         if "environment_choice" in self.tables:
@@ -361,7 +363,3 @@ class PathTracing:
         if counts["non_finite"]:
             out.append(f"{counts['non_finite']} contributions of paths were not finite and are left out")
         return out
-
-    def release(self) -> None:
-        for item in (self.structure, self.attributes, *self._passes.values()):
-            item.release()

@@ -20,6 +20,7 @@ from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import Pass, RasterPass, Resource, stage
 from taubench_gl.gpu.layout import column_major
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext, fitted
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def _variant(key: MaterialKey, posed: bool, colored: bool) -> Variant:
     return geometry_variant(drawn, posed, (), colored), slots
 
 
-class AnchoredRecords:
+class AnchoredRecords(Owner):
     """A record table relative to a fixed point instead of the camera.
 
     What is drawn with it has the same bits wherever the camera is, so a map drawn in an earlier frame is the map that
@@ -70,10 +71,11 @@ class AnchoredRecords:
     """
 
     def __init__(self, gpu: Gpu, draws: tuple[Draw, ...], origin: Array):
+        super().__init__()
         self.origin = np.asarray(origin, dtype=np.float64)
         self._table = RecordTable(draws)
         self._posed = np.array([d.posed for d in draws], dtype=bool)
-        self.buffer = gpu.ctx.buffer(reserve=max(len(draws), 1) * RECORD.dtype.itemsize, dynamic=True)
+        self.buffer = self.own(gpu.ctx.buffer(reserve=max(len(draws), 1) * RECORD.dtype.itemsize, dynamic=True))
         self._written = b""
 
     def update(self, placement: Placement, order: Array) -> None:
@@ -87,9 +89,6 @@ class AnchoredRecords:
         relative[self._posed] = np.eye(4)
         at = dataclasses.replace(placement, relative=relative)
         self.buffer.write(self._table.update(at, at)[order].tobytes())
-
-    def release(self) -> None:
-        self.buffer.release()
 
 
 class FaceDrawer:
@@ -181,10 +180,11 @@ class FaceDrawer:
         self._commands.release()
 
 
-class ShadowPass:
+class ShadowPass(Owner):
     """Owns the atlas.  Each light of ``spec.shadowed`` keeps its place in the atlas."""
 
     def __init__(self, context: GpuContext, spec: FrameSpec, draws: tuple[Draw, ...]):
+        super().__init__()
         (declaration,) = shadow_maps(spec)
         gpu = self._gpu = context.gpu
         self._spec = spec
@@ -193,16 +193,17 @@ class ShadowPass:
         self._first_faces = first_faces(faces)
         self._offsets, _ = pack(faces, spec.tuning.texture_limit)
         self._cache = ShadowMapCache(len(faces))
-        self.atlas = context.allocate_all([declaration])["shadow_atlas"]
+        self.atlas = self.own(context.allocate_all([declaration])["shadow_atlas"])
         self.atlas.compare_func = ""
         self.atlas.filter = (gpu.ctx.NEAREST, gpu.ctx.NEAREST)
-        self._framebuffer = gpu.ctx.framebuffer(depth_attachment=self.atlas)
-        self._framebuffer.clear(depth=0.0)
+        framebuffer = self.own(gpu.ctx.framebuffer(depth_attachment=self.atlas))
+        framebuffer.clear(depth=0.0)
         self.rows = FACE.zeros(max(len(faces), 1))
         self._padded = FACE.zeros(-(-len(self.rows) // FACE_ROW) * FACE_ROW)
-        self._table = gpu.ctx.texture((len(FACE.fields) * FACE_ROW, len(self._padded) // FACE_ROW), 4, dtype="f4")
-        self._drawer = FaceDrawer(context, self._framebuffer, declaration)
-        self._anchor = AnchoredRecords(gpu, draws, spec.animated.bounds[0])
+        size = len(FACE.fields) * FACE_ROW, len(self._padded) // FACE_ROW
+        self._table = self.own(gpu.ctx.texture(size, 4, dtype="f4"))
+        self._drawer = self.own(FaceDrawer(context, framebuffer, declaration))
+        self._anchor = self.own(AnchoredRecords(gpu, draws, spec.animated.bounds[0]))
 
     def depths(self) -> Array:
         """The atlas, (h, w) float32 reversed Z, row 0 at the bottom."""
@@ -245,7 +246,3 @@ class ShadowPass:
         row["right"], row["up"] = (*(face.right / face.half), x), (*(face.up / face.half), y)
         row["forward"] = (*face.forward, face.near)
         row["extent"][:2] = face.resolution, 2.0 * face.half / face.resolution
-
-    def release(self) -> None:
-        for item in (self._framebuffer, self.atlas, self._table, self._drawer, self._anchor):
-            item.release()

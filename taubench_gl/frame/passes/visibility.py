@@ -19,6 +19,7 @@ from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import ComputePass, Pass, stage
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.metrics.reprojection import NEAR_GUARD
 
 Array = np.ndarray
@@ -75,17 +76,18 @@ def visibility(spec: FrameSpec) -> Sequence[Pass]:
     return (declaration(spec),) if CHANNEL in spec.extra else ()
 
 
-class VisibilityPass:
+class VisibilityPass(Owner):
     """Fills the channel ``prev_visibility`` of a renderer's frames."""
 
     def __init__(self, renderer: Renderer, spec: FrameSpec):
         """Raises GraphicsError where the device has no room for the acceleration structure."""
+        super().__init__()
         context, self._renderer = renderer.context, renderer
         alpha = "alpha_mask" in spec.enabled
-        self.structure = SceneStructure(renderer, alpha_test=alpha, keep_previous=True)
+        self.structure = self.own(SceneStructure(renderer, alpha_test=alpha, keep_previous=True))
         options = HitOptions(normal_maps=False, glossy=False, emission="none", alpha_test=alpha)
-        self.attributes = HitAttributes(renderer, options)
-        self._sides = context.gpu.ctx.buffer(reserve=4 * max(len(renderer.draws), 1), dynamic=True)
+        self.attributes = self.own(HitAttributes(renderer, options))
+        self._sides = self.own(context.gpu.ctx.buffer(reserve=4 * max(len(renderer.draws), 1), dynamic=True))
         merged = np.concatenate([g.draws for g in self.structure.table.merged] or [np.zeros(0, np.int64)])
         # Triangles of other draws are in the space of their primitive, which no mirror has turned over.
         self._world_space = np.array([d.posed for d in renderer.draws], dtype=bool)
@@ -94,7 +96,7 @@ class VisibilityPass:
         keys = renderer.materials.keys
         self._culled = np.array([culling and not keys[d.material + 1].double_sided for d in renderer.draws], dtype=bool)
         p = declaration(spec)
-        self._compiled = context.compute(self.attributes.declare(self.structure.declare(p)))
+        self._compiled = self.own(context.compute(self.attributes.declare(self.structure.declare(p))))
 
     def run(self, frame: FrameContext) -> None:
         """Trace ``frame`` against the frame before it."""
@@ -119,7 +121,3 @@ class VisibilityPass:
         count = self.structure.unfinished_rays
         lost = [f"{count} rays of visibility ended after too many nodes and count as unoccluded"] if count else []
         return [*self.attributes.notes, *lost]
-
-    def release(self) -> None:
-        for item in (self.structure, self.attributes, self._compiled, self._sides):
-            item.release()
