@@ -138,3 +138,23 @@ def test_a_mutant_is_noticed_and_its_file_is_as_before(mutate, tmp_path):
         row = mutate.evaluated(mutant, "light", tmp_path, reach, False)
         assert row["verdict"] == verdict, row
         assert path.read_text() == before
+
+
+def test_tests_that_fail_without_the_mutant_kill_nothing(mutate, tmp_path, monkeypatch):
+    (tmp_path / "a.py").write_text("x = 1\n")
+    mutant = Mutant("a.py", 4, 5, "2", 1, "1")
+    monkeypatch.setattr(mutate, "by_selftest", lambda *_: ("survived", ""))
+    monkeypatch.setattr(mutate, "tests_of", lambda _: ["broken.py", "fails.py"])
+    runs = []
+
+    def tested(test, folder, seconds):
+        changed = (folder / "a.py").read_text() == "x = 2\n"
+        runs.append((test, changed))
+        return (1 if test == "broken.py" or changed else 0), f"FAILED {test}", ""
+
+    monkeypatch.setattr(mutate, "_tested", tested)
+    sound = {}
+    row = mutate.evaluated(mutant, "numbers", tmp_path, mutate.Reach([]), True, sound)
+    assert row["verdict"] == "killed" and "fails.py" in row["tests"] and (tmp_path / "a.py").read_text() == "x = 1\n"
+    assert sound == {"broken.py": False, "fails.py": True}
+    assert runs == [("broken.py", True), ("broken.py", False), ("fails.py", True), ("fails.py", False)]
