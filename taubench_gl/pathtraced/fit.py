@@ -108,8 +108,7 @@ def _from_plane(points: Array, rays: Array) -> Guess:
     for tangent in np.geomspace(0.02, 10.0, 160):
         unprojected = rays * [tangent, tangent, 1.0]
         unprojected_center = unprojected.mean(axis=0)
-        u, _, vt = np.linalg.svd((points - center).T @ (unprojected - unprojected_center))
-        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        rotation = _rotation((points - center).T @ (unprojected - unprojected_center))
         error = float(np.sum((points - center - (unprojected - unprojected_center) @ rotation.T) ** 2))
         if best is None or error < best[0]:
             best = error, (rotation, center - rotation @ unprojected_center, float(tangent))
@@ -138,6 +137,7 @@ def _from_points(points: Array, screen: Array) -> Guess:
 
 
 def _rotation(matrix: Array) -> Array:
+    """The rotation nearest to a 3x3 matrix in the Frobenius norm; of a covariance, the best alignment (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(matrix)
     return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
 
