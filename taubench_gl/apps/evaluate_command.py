@@ -103,10 +103,10 @@ def with_preset(settings: Settings, file: Path | None) -> Settings:
         return settings
     from taubench_gl.preset import load_preset
 
-    values, given = load_preset(file), given_options()
-    if "size" in given:
-        given |= {"width", "height"}
-    changed = {name: value for name, value in values.items() if name not in given}
+    values, by_user = load_preset(file), given_options()
+    if "size" in by_user:
+        by_user |= {"width", "height"}
+    changed = {name: value for name, value in values.items() if name not in by_user}
     if "thresholds" in values:
         changed["thresholds"] = values["thresholds"] | click.get_current_context().params["thresholds"]
     settings = settings.replace(**changed)
@@ -123,10 +123,10 @@ def _require_used(scenes: Sequence[str], path_traced: PathTracedOptions) -> None
 
     if not all(is_sequence(scene) for scene in scenes):
         return
-    given = given_options(("size", "camera"))
-    if "size" in given:
+    by_user = given_options(("size", "camera"))
+    if "size" in by_user:
         raise SettingsError("--size has no effect", where=scenes[0], hint="leave it out: the files have a size")
-    if "camera" in given and path_traced.scene_file is None:
+    if "camera" in by_user and path_traced.scene_file is None:
         hint = "leave it out, or give --scene-file SCENE to choose among its cameras"
         raise SettingsError("--camera has no effect", where=scenes[0], hint=hint)
 

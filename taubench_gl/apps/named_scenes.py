@@ -25,10 +25,10 @@ def resolve(text: str) -> tuple[str, dict[str, Any]]:
 def row_settings(row: dict[str, Any]) -> dict[str, Any]:
     """``row`` without the options that the user gave; ``--fps`` also overrides the row's frames, which count at its
     rate."""
-    given = given_options(row)
-    if "fps" in given:
-        given |= {"frames"}
-    return {name: value for name, value in row.items() if name not in given}
+    by_user = given_options(row)
+    if "fps" in by_user:
+        by_user |= {"frames"}
+    return {name: value for name, value in row.items() if name not in by_user}
 
 
 def _readable(text: str) -> str:

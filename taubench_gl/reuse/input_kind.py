@@ -10,8 +10,10 @@ from fractions import Fraction
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.shading import Shading
 from taubench_gl.metrics.shading_rate import RATES
+from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 
+DEFAULT = ReuseOptions()
 PARTIAL = RATES[1:]
 WORDS = ("full", "jittered", "noisy", *PARTIAL)
 ALL_LIGHTS = "all-lights"
@@ -90,7 +92,13 @@ class InputKind:
         return Shading(self.rate, *samples, self.seed, gather_each=self.noisy, one_light=one_light)
 
 
-def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4, seed: int = 0) -> InputKind:
+def parse_input(
+    text: str,
+    *,
+    light_samples: int = DEFAULT.light_samples,
+    indirect_samples: int = DEFAULT.vpl_samples,
+    seed: int = 0,
+) -> InputKind:
     """``full``, ``exr:DIR``, or words joined by ``+``.
 
     Words: ``jittered noisy path-traced@N all-lights half checkerboard quarter upscale@S``.

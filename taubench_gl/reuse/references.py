@@ -58,7 +58,7 @@ def reference_samples(text: str) -> int | None:
 class SupersampledReference(GpuOwner):
     """Exact light at ``samples`` positions per pixel, the cell centers of a grid; mean of linear radiance."""
 
-    def __init__(self, request: InputRequest, samples: int = 16):
+    def __init__(self, request: InputRequest, samples: int):
         """Raises SettingsError for a number of samples outside 1..MAX_SAMPLES."""
         if not 1 <= samples <= MAX_SAMPLES:
             raise SettingsError(f"reference samples is {samples}", hint=f"give 1 to {MAX_SAMPLES}")
