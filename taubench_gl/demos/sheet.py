@@ -12,7 +12,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
-from taubench_gl.report.mask_images import mask_overlay
+from taubench_gl.report.mask_images import as_bytes, mask_overlay
 from taubench_gl.report.palette import REASON_COLORS, RGB, color_of
 
 if TYPE_CHECKING:
@@ -233,14 +233,6 @@ def heat(values: Array, top: float, colors: str = "viridis") -> Array:
 
     shown = matplotlib.colormaps[colors](np.clip(np.nan_to_num(values) / top, 0, 1))[..., :3]
     return np.where(np.isnan(values)[..., None], 0.86, shown)
-
-
-def as_bytes(image: Array) -> Array:
-    """(h, w, 3) float in [0, 1], NaN as black -> uint8; uint8 as it is."""
-    image = np.asarray(image)
-    if image.dtype == np.uint8:
-        return image
-    return np.round(255.0 * np.clip(np.nan_to_num(image), 0.0, 1.0)).astype(np.uint8)
 
 
 def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections import defaultdict, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -42,6 +42,16 @@ class TimerVerdict:
     wall_ms: float
 
 
+@contextmanager
+def wall_time(gpu: Gpu, record: Callable[[float], None]) -> Iterator[None]:
+    """Call ``record`` with the milliseconds of the block by WALL_CLOCK: waits for the GPU before and after it."""
+    gpu.finish()
+    start = time.perf_counter()
+    yield
+    gpu.finish()
+    record((time.perf_counter() - start) * 1e3)
+
+
 def probe_timer(gpu: Gpu) -> TimerVerdict:
     """Run one pass of known weight under both clocks; the GPU timer is usable if it sees most of the wall time."""
     with Owner() as owner:
@@ -49,14 +59,10 @@ def probe_timer(gpu: Gpu) -> TimerVerdict:
         program = owner.own(gpu.ctx.compute_shader(_PROBE_SOURCE))
         program["rounds"] = 2000 if gpu.software else 200_000
         program.run(16)
-        gpu.finish()
-        query = gpu.ctx.query(time=True)
-        start = time.perf_counter()
-        with query:
+        query, times = gpu.ctx.query(time=True), []
+        with wall_time(gpu, times.append), query:
             program.run(1024)
-        gpu.finish()
-        wall_ms = (time.perf_counter() - start) * 1e3
-        gpu_ms = query.elapsed * 1e-6
+        wall_ms, gpu_ms = times[0], query.elapsed * 1e-6
     usable = 0.5 * wall_ms <= gpu_ms <= 1.5 * wall_ms
     why = f"a pass of {wall_ms:.2f} ms by the wall clock reads {gpu_ms:.2f} ms"
     return TimerVerdict(usable, why, gpu_ms, wall_ms)
@@ -84,11 +90,8 @@ class PassTimer:
         if not self.enabled or (call >= self._first and call % self._every):
             yield
             return
-        self._gpu.finish()
-        start = time.perf_counter()
-        yield
-        self._gpu.finish()
-        self._samples[name].append((time.perf_counter() - start) * 1e3)
+        with wall_time(self._gpu, self._samples[name].append):
+            yield
 
     def median_ms(self, skip: int = 1) -> dict[str, float]:
         """Median per pass without the first ``skip`` samples (shader compilation, first touch of memory)."""

@@ -11,7 +11,7 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.outputs import write_png
-from taubench_gl.report.mask_images import legend, legend_strip, mask_overlay
+from taubench_gl.report.mask_images import as_bytes, legend, legend_strip, mask_overlay
 from taubench_gl.report.page import Page, data_uri, tag
 from taubench_gl.report.table import NONE, Column, Row, Table, to_html, to_text
 
@@ -65,7 +65,7 @@ def save_worst_image(path: str | Path, result: Result, masks: Sequence[Array], c
         error = np.abs(np.nan_to_num(colors[0].astype(np.float64)) - np.nan_to_num(colors[1]))
         top = float(np.percentile(error, 99.0))
         gain = min(1.0 / top, _MAX_GAIN) if top > 0 else 1.0
-        rows.append([_bytes(c) for c in colors] + [_bytes(gain * error)])
+        rows.append([as_bytes(c) for c in colors] + [as_bytes(gain * error)])
         caption += f" (colors: x {gain:.1f})"
     image = _join([_join(row, axis=1) for row in rows], axis=0)
     factor = max(1, -(-_MIN_WIDTH // image.shape[1]))
@@ -143,11 +143,6 @@ def _time(result: Result) -> Table:
     ratio = result["time"].get("ratio")
     notes = () if ratio is None else (f"time, reference / run = {ratio:.4g}",)
     return Table("time", "Seconds per frame", columns, tuple(rows), notes)
-
-
-def _bytes(image: Array) -> Array:
-    """(h, w, 3) in [0, 1] -> uint8; NaN becomes black."""
-    return np.round(255.0 * np.clip(np.nan_to_num(image), 0.0, 1.0)).astype(np.uint8)
 
 
 def _join(images: Sequence[Array], axis: int) -> Array:

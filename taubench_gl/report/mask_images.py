@@ -117,3 +117,11 @@ def _gray(base: Array | None, shape: tuple[int, int]) -> Array:
         raise ValueError(f"base has shape {base.shape}, expected {(*shape, 3)}")
     luma = np.clip(np.nan_to_num(base[..., :3], nan=0.0), 0.0, 1.0) @ LUMINANCE
     return 0.12 + 0.68 * luma
+
+
+def as_bytes(image: Array) -> Array:
+    """(h, w, 3) float in [0, 1], NaN as black -> uint8; uint8 as it is."""
+    image = np.asarray(image)
+    if image.dtype == np.uint8:
+        return image
+    return np.round(255.0 * np.clip(np.nan_to_num(image), 0.0, 1.0)).astype(np.uint8)

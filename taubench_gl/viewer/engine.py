@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -22,6 +22,7 @@ from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES, LIGHT_FEATURES, TABLE
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.timing import WALL_CLOCK, wall_time
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
@@ -605,7 +606,7 @@ class LiveTimer:
     It measures only while ``enabled``, because it waits for the GPU before and after each pass.
     """
 
-    clock = "finish + monotonic clock"
+    clock = WALL_CLOCK
 
     def __init__(self, gpu: Gpu):
         self._gpu, self.enabled = gpu, False
@@ -624,10 +625,9 @@ class LiveTimer:
         if not self.enabled:
             yield
             return
-        self._gpu.finish()
-        start = time.perf_counter()
-        yield
-        self._gpu.finish()
-        elapsed = (time.perf_counter() - start) * 1e3
+        with wall_time(self._gpu, partial(self._record, name)):
+            yield
+
+    def _record(self, name: str, elapsed: float) -> None:
         self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
         self._measured.add(name)
