@@ -118,6 +118,7 @@ def test_a_clip_ends_where_its_images_change_size(drive, tmp_path):
     driven = drive()
     driven.run("frame 8\nkey F9\nkey RIGHT\nkey Z\nwait 1")
     assert "recording ended" in driven.state.message and driven.viewer.clip is None
+    assert not list(tmp_path.glob(".*"))
     driven.run("key F9\nkey RIGHT\nkey F9")
     assert [p.suffix for p in tmp_path.glob("*.mp4")] == [".mp4"] * len(list(tmp_path.glob("*.mp4")))
 
