@@ -294,7 +294,7 @@ def test_edits_of_numbers_of_a_result_are_refused(whole, tmp_path):
     digits = [m.start() for m in re.finditer(r"(?<=[ \[:.0-9])[0-9](?=[0-9.,\n ])", text)]
     file, rng = tmp_path / "benchmark.json", random.Random(1)
     for at in rng.sample(digits, 40):
-        edited = f"{text[:at]}{int(text[at]) ^ 1}{text[at + 1 :]}"
+        edited = f"{text[:at]}{int(text[at]) % 9 + 1}{text[at + 1 :]}"  # no leading zero, which is no JSON
         if json.loads(edited) == json.loads(text):
             continue  # the 17th digit of a number: both spellings are the same float64
         file.write_text(edited)
