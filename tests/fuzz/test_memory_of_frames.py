@@ -70,14 +70,14 @@ def measured(width: int, cells: int, light: str) -> tuple[dict[str, int], int]:
     return tuple(json.loads(done.stdout))
 
 
-@pytest.mark.parametrize("width", [640, 1920, 3200])
+@pytest.mark.parametrize("width", [640, 1920, pytest.param(3200, marks=pytest.mark.long)])
 def test_channels_take_what_is_added_up(width):
     sums, growth = measured(width, 2, "raster")
     assert sums["channels"] > 0.99 * sum(sums.values()) and sums["rays"] == 0
     assert 0.8 * growth < sum(sums.values()) < 1.2 * growth
 
 
-@pytest.mark.parametrize("cells", [300, 700])
+@pytest.mark.parametrize("cells", [300, pytest.param(700, marks=pytest.mark.long)])
 def test_structures_of_rays_take_at_most_what_is_added_up(cells):
     """Beside what the same scene takes without them."""
     _, without = measured(64, cells, "raster")
