@@ -174,13 +174,13 @@ def compressed(encoded: EncodedDistances, levels: Mapping[str, Levels], step: in
 def levels_data(levels: Mapping[str, Levels], units: Mapping[str, float]) -> dict[str, Any]:
     """Levels as JSON holds them; ``units``: feature -> number of its units in one of those shown.
 
-    Per feature ``values``, ``home``, and per step of DETAIL ``kept`` and ``near`` (``Levels.lowest_near``).
+    Per feature ``values``, ``home``, and per step of DETAIL ``codes`` and ``near`` (``Levels.lowest_near``).
     """
     return {
         name: {
             "values": [float(value) / units.get(name, 1.0) for value in level.values.tolist()],
             "home": level.home,
-            "kept": [kept.tolist() for kept in level.kept],
+            "kept": [codes.tolist() for codes in level.kept],
             "near": [level.lowest_near(step) for step in range(len(DETAIL))],
         }
         for name, level in levels.items()

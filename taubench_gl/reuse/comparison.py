@@ -164,8 +164,8 @@ def _differences(series: Series) -> list[dict[str, Any]]:
 def with_holm(differences: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """``differences`` with ``p_holm``, the p-value after Holm's correction for all of them; None without p-values."""
     p_values = [entry["p_value"] for entry in differences]
-    known = bool(p_values) and None not in p_values
-    adjusted = holm_adjusted(np.array(p_values)).tolist() if known else [None] * len(p_values)
+    has_p_values = bool(p_values) and None not in p_values
+    adjusted = holm_adjusted(np.array(p_values)).tolist() if has_p_values else [None] * len(p_values)
     return [entry | {"p_holm": p_holm} for entry, p_holm in zip(differences, adjusted, strict=True)]
 
 
