@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
@@ -50,11 +51,12 @@ def turn_y(degrees: float):
     return (0.0, np.sin(half), 0.0, np.cos(half))
 
 
-def draw(scene: Scene, **overrides) -> dict[str, np.ndarray]:
+def draw(scene: Scene, shading: Shading | None = None, **overrides) -> dict[str, np.ndarray]:
     """Channels of the scene's first frame."""
     settings = Settings(width=SIZE[0], height=SIZE[1], **overrides)
     with open_gpu() as gpu:
-        source = RasterSource(gpu, AnimatedScene(scene), settings)
+        how = {} if shading is None else {"shading": shading}
+        source = RasterSource(gpu, AnimatedScene(scene), settings, **how)
         try:
             view = source.advance(0)
             out = {name: source.read(name) for name in source.channels}
@@ -100,6 +102,24 @@ def test_ceiling_sees_the_lit_floor(method, tolerance):
     error = np.abs(measured - expected) / expected.max()
     assert np.allclose(points[:, 1], 2.0, atol=1e-5)
     assert error.mean() < tolerance, f"mean {error.mean():.4f}, max {error.max():.4f}"
+
+
+def test_irradiance_is_not_upsampled_across_a_step():
+    """A plate 0.8 m below the ceiling, parallel to it: beside its edge the gathered irradiance of each plane."""
+    s = floor_and_ceiling_builder()
+    s.node(mesh=s.mesh(quad(0.3, 0.3, material=lambert(s))), translation=(-1.5, 1.2, 0.0), rotation=LOOK_UP)
+    s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
+    scene, method = s.build(), {"indirect": "rsm", "indirect_samples": 2048}
+    upsampled, gathered = draw(scene, **method), draw(scene, Shading(gather_each=True), **method)
+    plate = upsampled["points"][..., 1] < 1.6
+    edge = np.zeros_like(plate)
+    for axis in (0, 1):
+        for step in (-2, -1, 1, 2):
+            edge |= np.roll(plate, step, axis) != plate
+    expected = gathered["indirect"][edge][:, 0]
+    assert 100 < np.count_nonzero(edge) < plate.size // 2
+    assert abs(expected[plate[edge]].mean() / expected[~plate[edge]].mean() - 1.0) > 0.2, "the case is not hard"
+    assert np.abs(upsampled["indirect"][edge][:, 0] / expected - 1.0).max() < 0.03
 
 
 def test_only_probes_see_the_wall_between():

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 from gltf_builders import (
     lights,
     morphing,
@@ -143,6 +144,30 @@ def test_two_sets_of_weights(tmp_path: Path) -> None:
     assert primitive.joints.shape == primitive.weights.shape == (3, 8)
     assert primitive.joints[0].tolist() == [0, 0, 0, 0, 1, 0, 0, 0]
     np.testing.assert_allclose(primitive.weights[:, [0, 4]], 0.5)
+
+
+FORMATS_OF_TARGETS = {
+    "NORMAL": (3, {("f4", False)}),
+    "TANGENT": (3, {("f4", False)}),
+    "TEXCOORD_0": (2, {("f4", False), ("u1", True), ("u2", True), ("i1", True), ("i2", True)}),
+    "COLOR_0": (4, {("f4", False), ("u1", True), ("u2", True), ("i1", True), ("i2", True)}),
+}
+"""Attribute -> components, and the component types (dtype, normalized) that glTF 2.0, section 3.7.2.2, allows."""
+
+
+@pytest.mark.parametrize("name", FORMATS_OF_TARGETS)
+@pytest.mark.parametrize("dtype", ["f4", "u1", "u2", "i1", "i2"])
+@pytest.mark.parametrize("normalized", [False, True])
+def test_formats_of_morph_targets(tmp_path: Path, name: str, dtype: str, normalized: bool) -> None:
+    """A format that is not allowed has a note, and the attribute is left out; POSITION stays."""
+    count, allowed = FORMATS_OF_TARGETS[name]
+    gltf = morphing(1)
+    primitive = gltf.json["meshes"][0]["primitives"][0]
+    primitive["targets"][0][name] = gltf.accessor(np.zeros((3, count)), dtype, normalized)
+    scene = load_scene(gltf.save(tmp_path))
+    refused = {"attribute-ignored", "quantization"} & {note.kind for note in scene.notes}
+    assert bool(refused) == ((dtype, normalized) not in allowed)
+    assert len(scene.meshes[0].primitives[0].targets) == 1
 
 
 def test_morph_targets_and_weights(tmp_path: Path) -> None:

@@ -44,16 +44,16 @@ class Pair:
         return int(np.count_nonzero(self.bits & bit))
 
 
-def ball(roughness, metallic, *, camera_to=(0.0, 0.0, 4.0), lamp_to=(2.0, 2.0, 3.0), carried=None):
+def ball(roughness, metallic, *, camera_to=(0.0, 0.0, 4.0), lamp_to=(2.0, 2.0, 3.0), carried=None, size=1.0):
     """A ball, a lamp and a camera that are at their first places in frame 0 and at the others in frame 1 (4 fps).
 
-    ``carried``: everything moves together by this.
+    ``carried``: everything moves together by this.  ``size``: of all lengths; the light at the ball stays.
     """
     b = SceneBuilder()
     own = b.material(metallic=metallic, roughness=roughness, base_color=(0.8, 0.7, 0.6, 1.0))
-    node = b.node(mesh=b.mesh(replace(sphere(rings=64), material=own)))
-    lamp = b.light(translation=(2.0, 2.0, 3.0), intensity=30.0)
-    camera = b.camera(translation=(0.0, 0.0, 4.0), yfov=0.7, znear=0.1)
+    node = b.node(mesh=b.mesh(replace(sphere(rings=64), material=own)), scale=(size, size, size))
+    lamp = b.light(translation=(2.0 * size, 2.0 * size, 3.0 * size), intensity=30.0 * size**2)
+    camera = b.camera(translation=(0.0, 0.0, 4.0 * size), yfov=0.7, znear=0.1 * size)
     places = {camera: ((0.0, 0.0, 4.0), camera_to), lamp: ((2.0, 2.0, 3.0), lamp_to)}
     if carried is not None:
         places = {
@@ -61,7 +61,7 @@ def ball(roughness, metallic, *, camera_to=(0.0, 0.0, 4.0), lamp_to=(2.0, 2.0, 3
             for n, at in ((node, (0.0, 0.0, 0.0)), (camera, (0.0, 0.0, 4.0)), (lamp, (2.0, 2.0, 3.0)))
         }
     for moving, keys in places.items():
-        b.animate(moving, "translation", [0.0, 0.25], keys)
+        b.animate(moving, "translation", [0.0, 0.25], (size * np.array(keys)).tolist())
     return b.build()
 
 
@@ -102,10 +102,10 @@ def test_what_moves_together_does_not_change(gpu):
     assert np.abs(pair.light.by_direction["direct"]).max() < 2e-4
 
 
-@pytest.mark.parametrize("roughness", [0.3, 0.5])
-def test_changes_as_in_float64(gpu, roughness):
+@pytest.mark.parametrize(("roughness", "size"), [(0.3, 1.0), (0.5, 1.0), (0.5, 0.1)])
+def test_changes_as_in_float64(gpu, roughness, size):
     """Lamp and camera move: both parts of the change against the BRDF in float64, at every pixel."""
-    pair = Pair(gpu, ball(roughness, 0.3, camera_to=(0.6, 0.2, 3.9), lamp_to=(1.5, 2.2, 3.2)))
+    pair = Pair(gpu, ball(roughness, 0.3, camera_to=(0.6, 0.2, 3.9), lamp_to=(1.5, 2.2, 3.2), size=size))
     now, before = pair.views
     c = {name: values.astype(np.float64) for name, values in pair.channels.items()}
     surface = c["position"][..., 3] > 0
@@ -116,7 +116,8 @@ def test_changes_as_in_float64(gpu, roughness):
     )
 
     def radiance(lamp_at, eye):
-        to_lamp, arriving = incident(Light(kind="point", intensity=30.0), np.array(lamp_at), np.zeros(3), world)
+        lamp = Light(kind="point", intensity=30.0 * size**2)
+        to_lamp, arriving = incident(lamp, size * np.array(lamp_at), np.zeros(3), world)
         facing = (c["geometric_normal"][..., :3][surface] * to_lamp).sum(axis=-1, keepdims=True) > 0
         return sum(evaluate_brdf(material, normal, normalize(eye - world), to_lamp)) * arriving * facing
 
