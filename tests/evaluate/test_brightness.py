@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from taubench_gl.evaluation import evaluate_scene
@@ -22,7 +21,8 @@ def test_pixels_are_counted_by_their_display_color(display, counted):
     plane = b.material(base_color=(0.0, 0.0, 0.0, 1.0), specular=0.0, emissive=(radiance,) * 3, double_sided=True)
     b.node(mesh=b.mesh(quad(20.0, 20.0, material=plane)), translation=(0.0, 0.0, -2.0))
     b.light(translation=(0.0, 0.0, -30.0), intensity=1.0)
-    b.camera(translation=(0.0, 0.0, 0.0), yfov=0.7, znear=0.1)
+    camera = b.camera(translation=(0.0, 0.0, 0.0), yfov=0.7, znear=0.1)
+    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)])
     settings = Settings(
         width=SIZE[0], height=SIZE[1], frames=(0, 2), light="raster", indirect="none", environment="none", exposure=1.0,
         light_unit="candela", storage="float",
@@ -34,5 +34,5 @@ def test_pixels_are_counted_by_their_display_color(display, counted):
         "lit": {"black": 0, "lit": pixels, "clipped": 0},
         "clipped": {"black": 0, "lit": pixels, "clipped": pixels},
     }
-    assert found["pixels"] == pixels and np.isfinite(radiance)
+    assert found["pixels"] == pixels > 0
     assert {name: found[name] for name in expected[counted]} == expected[counted]

@@ -65,7 +65,7 @@ def test_few_frames_of_a_thirty_year_animation(tmp_path: Path):
 
 
 def test_export_of_few_frames_of_a_thirty_year_animation(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr("taubench_gl.export.run.load_scene", lambda *_, **__: lasting(1e9))
+    monkeypatch.setattr("taubench_gl.evaluation.scene.load_scene", lambda *_, **__: lasting(1e9))
     for first in (2, 4):
         few = SMALL.replace(frames=(first, first + 2))
         export_scene("x.glb", tmp_path, few, ExportOptions(channels=("depth",)))
