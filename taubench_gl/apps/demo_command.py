@@ -128,7 +128,7 @@ def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Pa
     values |= {f"show.{name}": int(name in masks) for name in OVERLAYS}
     values |= {f"section.{name}": int(name in opened) for name in SECTIONS}
     look_for = (f"- {item}" for item in lesson.look_for)
-    lesson = [
+    description = [
         f"{lesson.number}. {lesson.title}",
         lesson.idea,
         "The page of this demo shows:",
@@ -136,7 +136,7 @@ def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Pa
         "Press Y twice: the previous frame in turn with this one.",
     ]
     path = scene.with_name(f"{lesson.stem}{SUFFIX}")
-    save_lesson(path, str(scene), settings, values, "\n".join(lesson))
+    save_lesson(path, str(scene), settings, values, "\n".join(description))
     return path
 
 

@@ -105,7 +105,7 @@ def test_ceiling_sees_the_lit_floor(method, tolerance):
 
 
 def test_irradiance_is_not_upsampled_across_a_step():
-    """A plate 1.2 m below the ceiling, parallel to it: beside its edge pixels have the irradiance of their own plane."""
+    """A plate 1.2 m below the ceiling, parallel to it: beside its edge pixels have the light of their own plane."""
     s = floor_and_ceiling_builder()
     s.node(mesh=s.mesh(quad(0.25, 0.25, material=lambert(s))), translation=(-0.8, 0.8, 0.0), rotation=LOOK_UP)
     s.camera(translation=(-0.8, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
