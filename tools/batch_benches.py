@@ -17,7 +17,10 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.study.engines import THREADS_VARIABLE, available_cores
 from taubench_gl.study.progress import Listener
 
-FRAMES = 49
+FRAMES, MODES = 33, ("camera", "motion")
+"""Frames of each job, and the reprojection of the jobs: batches are more than one job."""
+
+PAIRS = len(MODES) * (FRAMES - 1)
 
 
 class _Watch(Listener):
@@ -34,7 +37,7 @@ class _Watch(Listener):
 
 
 def _timed(spec: BatchSpec, **engine) -> tuple[float, float]:
-    """Seconds to start the workers, and from there until the job is finished.
+    """Seconds to start the workers, and from there until the last job is finished.
 
     The end of a Dask cluster, about a second for any number of workers, is no part of either.
     """
@@ -56,7 +59,10 @@ def batch(gpu: Gpu, options: Options) -> Result:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "spec.toml"
         size = f"{options.size[0] // 2}x{options.size[1] // 2}"
-        path.write_text(f'scenes = ["{ROOT / "assets" / "demo.glb"}"]\nsize = "{size}"\nframes = "0:{FRAMES}"\n')
+        path.write_text(
+            f'scenes = ["{ROOT / "assets" / "demo.glb"}"]\nsize = "{size}"\nframes = "0:{FRAMES}"\n'
+            f"reprojection = {list(MODES)}\n"
+        )
         spec = read_spec(path)
     threads = os.environ.get(THREADS_VARIABLE, "as many as there are cores")
     engines = {
@@ -69,12 +75,13 @@ def batch(gpu: Gpu, options: Options) -> Result:
     for _ in range(options.repeats):  # interleaved, so that other load affects all engines
         for name, engine in engines.items():
             start, seconds = _timed(spec, **engine)
-            samples[name].append(1e3 * seconds / (FRAMES - 1))
+            samples[name].append(1e3 * seconds / PAIRS)
             starts[name].append(start)
     rows = [row(name, samples[name], f"started in {np.median(starts[name]):.1f} s") for name in engines]
     one, many, spawned, here = (samples[name] for name in engines)
     notes = [
-        f"demo.glb, {FRAMES - 1} pairs, all columns, {size}, {cores} cores; without start and end of the workers",
+        f"demo.glb, {len(MODES)} jobs, {PAIRS} pairs, all columns, {size}, {cores} cores; "
+        "without start and end of the workers",
         f"1 : {cores} Dask workers = {np.median(one) / np.median(many):.2f} x, round by round "
         + ", ".join(f"{a / b:.2f}" for a, b in zip(one, many, strict=True)),
         f"this process : {cores} processes = {np.median(here) / np.median(spawned):.2f} x",

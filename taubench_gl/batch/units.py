@@ -101,7 +101,8 @@ class PairsUnit(Unit):
         frames = session.given.frames
         schedule = pair_schedule(frames, self.positions) if self.positions else frame_schedule(frames, settings)
         evaluated = []
-        for pair in session.pairs(schedule, checked_frames(frame_schedule(frames, settings))):
+        checked = checked_frames(frame_schedule(frames, settings))
+        for pair in session.pairs(schedule, checked, continued=True):
             evaluated.append(pair.evaluated)
             worker.done()
         pairs = [

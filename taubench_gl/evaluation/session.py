@@ -125,6 +125,7 @@ class Session(GpuOwner):
             self._images = wants.images or bool(self.adders)
             how = {"images": self._images, "distances": wants.distances}
             self.evaluator = self.open_evaluator(self.source, self.settings, **how)
+        self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
 
     def variant(self, settings: Settings, **how: Any) -> RasterSource:
@@ -140,17 +141,25 @@ class Session(GpuOwner):
         unmeasured = dict(self.source.unmeasured)
         self.stats = SequenceStats(tuple(c for c in COLUMNS if c not in unmeasured), unmeasured)
         self.brightness, self.depths = Brightness(), []
-        self.evaluator.restart()
 
-    def pairs(self, schedule: Schedule | None = None, checked: Collection[int] | None = None) -> Iterator[Pair]:
+    def pairs(
+        self, schedule: Schedule | None = None, checked: Collection[int] | None = None, *, continued: bool = False
+    ) -> Iterator[Pair]:
         """Draw, compare and count the pairs of ``schedule``, one after another; None: those of the settings.
 
         ``checked``: frames whose brightness and depth are measured; None: ``checked_frames`` of ``schedule``.  Without
-        images a pair arrives while the next one is drawn, and has its row and counts only.
+        images a pair arrives while the next one is drawn, and has its row and counts only.  ``continued``: a schedule
+        that begins with the frame drawn last does not draw it again; nobody else has drawn with the source meanwhile.
         """
         schedule = frame_schedule(self.given.frames, self.settings) if schedule is None else schedule
         checked = checked_frames(schedule) if checked is None else checked
         self._begin()
+        if continued and self._last is not None and schedule and schedule[0] == (self._last[0], False):
+            self.drawn.append(self._last[1])
+            schedule = schedule[1:]
+        else:
+            self.evaluator.restart()
+        self._last = None
         for frame, evaluate in schedule:
             with self.gpu:
                 view, finished = self.evaluator.step(frame, evaluate)
@@ -159,6 +168,7 @@ class Session(GpuOwner):
                     self._check()
             yield from self._completed(finished)
         yield from self.finish()
+        self._last = (schedule[-1][0], self.drawn[-1]) if schedule else None
 
     def finish(self) -> Iterator[Pair]:
         """The pairs that are submitted and not read yet, also after an interrupt."""

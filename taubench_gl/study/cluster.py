@@ -44,7 +44,8 @@ class DaskCluster:
             if self._address is None:
                 # One thread of a kind per process, so that all processes together have one per core.
                 environment = {"distributed.nanny.pre-spawn-environ": dict.fromkeys(THREADS_VARIABLES, "1")}
-                with dask.config.set(environment):
+                # The driver gives workers units of the job they have loaded; a stolen unit would load another one.
+                with dask.config.set(environment | {"distributed.scheduler.work-stealing": False}):
                     self._cluster = distributed.LocalCluster(
                         n_workers=self._count,
                         threads_per_worker=1,
@@ -92,7 +93,7 @@ class DaskCluster:
             waiting = 0 if self._without_gl else max(UNASSIGNED - len(self._in_flight), 0)
             return [Slot(None)] * waiting
         # Every worker gets one unit before any worker gets two.
-        return [Slot(w, self._last.get(w)) for held in range(AHEAD) for w in workers if load[w] <= held]
+        return [Slot(w, self._last.get(w), load[w] > 0) for held in range(AHEAD) for w in workers if load[w] <= held]
 
     def submit(self, slot: Slot, unit: Unit) -> None:
         where: dict[str, Any] = {}

@@ -38,7 +38,7 @@ class Driver:
             for slot in self._engine.idle():
                 unit = self._choose(slot)
                 if unit is None:
-                    break
+                    continue
                 self._states[unit.job].in_flight += 1
                 self._engine.submit(slot, unit)
             if not any(state.in_flight for state in self._states.values()):
@@ -68,6 +68,8 @@ class Driver:
             return None
         own = self._states.get(slot.last_job) if slot.last_job is not None else None
         if own is None or not own.pending:
+            if slot.busy:
+                return None
             fresh = next((state for state in waiting if not state.in_flight), None)
             own = fresh or max(waiting, key=lambda state: len(state.pending))
         own.pending.extendleft(reversed(self._study.instead(own.pending.popleft(), False)))

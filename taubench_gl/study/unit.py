@@ -146,10 +146,14 @@ class Worker:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A worker that can take one more unit.  ``last_job``: the job whose scene it has loaded."""
+    """A worker that can take one more unit.  ``last_job``: the job whose scene it has loaded.
+
+    ``busy``: it still runs a unit, so it gets another one of the same job only: others may become idle before it.
+    """
 
     key: Any
     last_job: str | None = None
+    busy: bool = False
 
 
 class Engine(Protocol):
