@@ -576,6 +576,13 @@ class Settings:
             groups[group] = dataclasses.replace(groups.get(group, getattr(self, group)), **some)
         return groups
 
+    def require_exact(self) -> None:
+        """Raises SettingsError where exact visibility is impossible: positions are not those of one ray per pixel."""
+        if self.metrics.samples_per_pixel > 1:
+            raise SettingsError("exact visibility is at one sample per pixel", hint="leave samples per pixel at 1")
+        if self.device.storage != "float":
+            raise SettingsError("exact visibility needs positions of 32 bits", hint="leave --storage at float")
+
     def get(self, name: str) -> Any:
         """The value of one field, by its name without the group.  Raises SettingsError for a name that is none."""
         return getattr(getattr(self, _group_of(name)), name)

@@ -8,7 +8,7 @@ Path-traced files: ``pathtraced.evaluation``.
 """
 
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
-from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
+from taubench_gl.evaluation.exact import ExactColumns, exact_channels
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.lighting import (
     ResolvedLighting,
@@ -33,7 +33,6 @@ from taubench_gl.evaluation.schedule import (
     frame_total,
     pair_schedule,
     sampled_pairs,
-    with_pairs,
 )
 from taubench_gl.evaluation.session import Session, Wants, camera_row, frame_columns
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
@@ -72,7 +71,6 @@ __all__ = [
     "open_scene",
     "open_session",
     "pair_schedule",
-    "require_exact",
     "require_lobes",
     "require_triangles",
     "resolve_lighting",
@@ -80,5 +78,4 @@ __all__ = [
     "scene_channels",
     "scene_facts",
     "summarize_lobes",
-    "with_pairs",
 ]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
-from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.evaluation.previous_shading import LIGHT, PointLight, PreviousShading, Variant, needed
@@ -27,14 +26,6 @@ if TYPE_CHECKING:
     from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
-
-
-def require_exact(settings: Settings) -> None:
-    """Raises SettingsError where positions are not those of one ray per pixel."""
-    if settings.metrics.samples_per_pixel > 1:
-        raise SettingsError("exact visibility is at one sample per pixel", hint="leave samples per pixel at 1")
-    if settings.device.storage != "float":
-        raise SettingsError("exact visibility needs positions of 32 bits", hint="leave --storage at float")
 
 
 def exact_channels() -> tuple[str, ...]:

@@ -18,11 +18,10 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
-from taubench_gl.evaluation.schedule import LEAST_PAIRS, SAMPLE_BUDGET, first_middle_last
-from taubench_gl.frame.environment import image_of
+from taubench_gl.evaluation.schedule import first_middle_last
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.report.labels import GIVEN
-from taubench_gl.scene.environment import EnvironmentImage
+from taubench_gl.scene.environment import EnvironmentImage, read_environment
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
 
@@ -42,6 +41,15 @@ SMALLEST = 96
 
 SMALLER = 8
 """Factor by which the image is smaller in which noise is measured."""
+
+MOST_FRAMES = 145
+"""Frames that ``auto`` draws at most: the paper's animations have 6 s at 24 fps."""
+
+SAMPLE_BUDGET = 1 << 23
+"""Samples of path-traced light that ``auto`` takes at most in a run: about half a minute of two CPU cores."""
+
+LEAST_PAIRS = 4
+"""Pairs that ``auto`` evaluates at least, whatever their light costs."""
 
 MAX_LIGHT = 1e30
 """Most radiance or intensity times exposure: sums over lights and the inverse square of a distance stay in float32."""
@@ -77,7 +85,7 @@ def resolve_lighting(
     settings = settings.replace(**chosen)
     environment = environment_of(settings)
     if environment.kind == "image":
-        width, height = image_of(environment).size
+        width, height = read_environment(environment.path).size
         reasons["environment"] += f", an image of {width}x{height} pixels"
     require_float32(scene, settings, environment)  # also before an exposure is metered
     if lighting.exposure == AUTO:
@@ -123,7 +131,7 @@ def require_float32(scene: Scene, settings: Settings, environment: Environment) 
 def environment_image(settings: Settings) -> EnvironmentImage | None:
     """The environment image of resolved settings, read; None if there is none.  Raises SettingsError."""
     environment = environment_of(settings)
-    return image_of(environment) if environment.kind == "image" else None
+    return read_environment(environment.path) if environment.kind == "image" else None
 
 
 def file_hashes(scene: Scene, settings: Settings) -> dict[str, str | None]:
@@ -146,9 +154,33 @@ def with_samples(animated: AnimatedScene, settings: Settings, frames: range, own
     if lighting.spp is not None or lighting.light == "raster":
         return settings
     samples = lighting.path_samples
-    if lighting.light == AUTO and settings.metrics.lit and traced_sources(animated.scene, settings):
+    if _auto_traces(animated.scene, settings):
         samples = _metered_samples(animated, settings, frames, owner)
     return settings.replace(spp=samples)
+
+
+def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
+    """``settings``, whose lighting is resolved, with the pairs that ``auto`` stands for.
+
+    All of at most MOST_FRAMES frames, else two from each of H strata.  Where light method ``auto`` traces paths, for
+    emitters or an environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and
+    pairs that the user names are kept.
+    """
+    if settings.metrics.pairs != AUTO:
+        return settings
+    most = MOST_FRAMES
+    lighting, sequence = settings.lighting, settings.sequence
+    if _auto_traces(scene, settings):
+        samples = sequence.width * sequence.height * lighting.path_samples * settings.metrics.samples_per_pixel
+        most = min(max(SAMPLE_BUDGET // samples, 2 * LEAST_PAIRS), MOST_FRAMES)
+    if len(frames) <= most:
+        return settings.replace(pairs="all")
+    return settings.replace(pairs=f"strata:{most // 4}")  # two pairs of each, and each pair draws two frames
+
+
+def _auto_traces(scene: Scene, settings: Settings) -> bool:
+    """Whether light method ``auto`` traces paths for a column."""
+    return settings.lighting.light == AUTO and settings.metrics.lit and bool(traced_sources(scene, settings))
 
 
 def _metered_samples(animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None) -> int:

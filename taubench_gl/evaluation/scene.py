@@ -10,13 +10,13 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation.exact import ExactColumns, exact_channels, require_exact
-from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, with_samples
+from taubench_gl.evaluation.exact import ExactColumns, exact_channels
+from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, with_pairs, with_samples
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.scale import require_scale
-from taubench_gl.evaluation.schedule import frame_range, with_pairs
+from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
 from taubench_gl.evaluation.summary import scene_facts
 from taubench_gl.frame.sources import RasterSource
@@ -93,7 +93,7 @@ def open_scene(
 def _drawable(scene: Scene | str | Path, settings: Settings) -> Scene:
     """The scene, read if it is a path, which an evaluation with ``settings`` can draw.  Raises TaubenchError."""
     if settings.metrics.exact:
-        require_exact(settings)
+        settings.require_exact()
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **settings.sequence.reading)
     require_triangles(scene)

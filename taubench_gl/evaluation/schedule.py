@@ -6,20 +6,10 @@ from collections.abc import Sequence
 
 from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera
 from taubench_gl.animation.views import STILL_SECONDS
-from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import AUTO, Settings
-
-MOST_FRAMES = 145
-"""Frames that ``auto`` draws at most: the paper's animations have 6 s at 24 fps."""
-
-SAMPLE_BUDGET = 1 << 23
-"""Samples of path-traced light that ``auto`` takes at most in a run: about half a minute of two CPU cores."""
-
-LEAST_PAIRS = 4
-"""Pairs that ``auto`` evaluates at least, whatever their light costs."""
+from taubench_gl.settings import Settings
 
 Schedule = list[tuple[int, bool]]
 """(frame to draw, whether its pair with the frame drawn before is evaluated), in order."""
@@ -54,25 +44,6 @@ def duration_of(scene: Scene, camera: CameraTrack) -> float:
 def sampled_pairs(frames: range, settings: Settings) -> PairSample:
     """The pairs of ``frames`` that ``metrics.pairs`` selects; position p is the pair (frames[p], frames[p + 1])."""
     return sample_pairs(max(len(frames) - 1, 0), *settings.metrics.pair_scheme)
-
-
-def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
-    """``settings``, whose lighting is resolved, with the pairs that ``auto`` stands for.
-
-    All of at most MOST_FRAMES frames, else two from each of H strata.  Where light method ``auto`` traces paths, for
-    emitters or an environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and
-    pairs that the user names are kept.
-    """
-    if settings.metrics.pairs != AUTO:
-        return settings
-    most = MOST_FRAMES
-    lighting, sequence = settings.lighting, settings.sequence
-    if lighting.light == AUTO and settings.metrics.lit and traced_sources(scene, settings):
-        samples = sequence.width * sequence.height * lighting.path_samples * settings.metrics.samples_per_pixel
-        most = min(max(SAMPLE_BUDGET // samples, 2 * LEAST_PAIRS), MOST_FRAMES)
-    if len(frames) <= most:
-        return settings.replace(pairs="all")
-    return settings.replace(pairs=f"strata:{most // 4}")  # two pairs of each, and each pair draws two frames
 
 
 def frame_schedule(frames: range, settings: Settings) -> Schedule:

@@ -19,7 +19,7 @@ from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
-from taubench_gl.evaluation.exact import ExactReasons, exact_channels, require_exact
+from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
 from taubench_gl.export.training import TrainingLight
@@ -90,7 +90,7 @@ class FrameSource(GpuOwner):
         columns = settings.metrics.columns if "mask" in names else ("frustum",)
         exact = EXACT_REASONS in names
         if exact:
-            require_exact(settings)
+            settings.require_exact()
         wanted = {*names, *(("direct", "indirect") if exact else ())}
         columns += tuple(c for c in LIGHT_FEATURES if c in wanted and c not in columns)
         for column in ("direct", "indirect"):

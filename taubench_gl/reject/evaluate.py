@@ -13,7 +13,7 @@ import numpy as np
 from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import open_session
-from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels, require_exact
+from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels
 from taubench_gl.evaluation.session import Session, Wants
 from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.metrics.classifier import Confusion, Curve
@@ -123,7 +123,7 @@ def evaluate_tests(
     settings = (settings or Settings()).replace(reprojection="motion", sampling="nearest", columns=columns)
     if not settings.metrics.all_pairs:
         raise SettingsError("rejection tests are scored on consecutive pairs", hint="leave pairs at all")
-    require_exact(settings)
+    settings.require_exact()
     wants = Wants(images=True, channels=tuple(dict.fromkeys((*exact_channels(), *CHANNELS))))
     with open_session(scene, settings, wants, every=1) as session, session.gpu:
         if len(session.given.frames) < 3:

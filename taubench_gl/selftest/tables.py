@@ -10,7 +10,7 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, View, bounding_box, bounding_sphere, pose_vertices
-from taubench_gl.evaluation import schedule
+from taubench_gl.evaluation import lighting, schedule
 from taubench_gl.evaluation.brightness import Brightness, noise_of_a_sample
 from taubench_gl.frame.draw_bounds import DrawBounds, in_view
 from taubench_gl.frame.geometry import build_geometry, face_normals, instance_numbers, make_tangents
@@ -493,7 +493,7 @@ def schedules_and_notes(bench: Bench) -> Outcome:
         (glowing, (8, 8), 500, "strata:36"),
     ):  # fmt: skip
         settings = Settings(width=size[0], height=size[1], spp=64, light="auto", **FIXED_LIGHTING)
-        errors.append(float(schedule.with_pairs(drawn, settings, range(frames)).metrics.pairs != pairs))
+        errors.append(float(lighting.with_pairs(drawn, settings, range(frames)).metrics.pairs != pairs))
     width, height = 4, 3
     position, info = np.ones((height, width, 4)), np.zeros((height, width, 4))
     info[..., 1], info[..., 2], info[..., 3] = 16.0, np.arange(12.0).reshape(3, 4), 2.0

@@ -17,7 +17,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
-from taubench_gl.evaluation.exact import exact_channels, require_exact
+from taubench_gl.evaluation.exact import exact_channels
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES, LIGHT_FEATURES, TABLE
@@ -213,7 +213,7 @@ class ViewerEngine:
         if not self.feed.free:
             return SettingsError("path-traced files have no surfaces to trace rays against")
         try:
-            require_exact(self.feed.settings)
+            self.feed.settings.require_exact()
         except SettingsError as error:
             return error
         return None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from taubench_gl.evaluation.schedule import LEAST_PAIRS, MOST_FRAMES, SAMPLE_BUDGET, sampled_pairs, with_pairs
+from taubench_gl.evaluation.lighting import LEAST_PAIRS, MOST_FRAMES, SAMPLE_BUDGET, with_pairs
+from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import DEFAULT_SIZE, PAPER_SIZE, Settings
 
