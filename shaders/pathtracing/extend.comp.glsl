@@ -46,10 +46,9 @@ void end_path(ivec2 local, vec3 direction) { store_state(local, DIRECTION_ALIVE,
 
 void main() {
     ivec2 local = local_pixel();
-    if (outside_tile(local)) return;
     vec4 direction = load_state(local, DIRECTION_ALIVE);
-    if (direction.w < 0.5) return;
-    ivec2 pixel = pixel_of(local);
+    if (direction.w < 0.5 || outside_tile(local)) return; // most paths of late vertices have ended
+    NumbersOf numbers = numbers_of(local);
     vec4 origin = load_state(local, ORIGIN_PDF);
     vec3 throughput = load_state(local, THROUGHPUT).rgb;
     Ray ray = Ray(origin.xyz, direction.xyz, FAR);
@@ -70,7 +69,7 @@ void main() {
         add_state(local, DIRECT_GLOSSY, vec4(vec3(0.0), hit.t));
         add_state(local, INDIRECT_GLOSSY, vec4(vec3(0.0), 1.0));
     }
-    vec4 of_emitter = sample_numbers_of(pixel, vertex, EMITTER);
+    vec4 of_emitter = sample_numbers_of(numbers, vertex, EMITTER);
     HitSurface x = surface_at(ray, hit, of_emitter.w);
 #if EMITTERS
     if (x.emitter >= 0) {
@@ -92,7 +91,7 @@ void main() {
     s.v = -ray.direction;
     vec3 g = x.geometric_normal;
     vec2 before = vec2(origin.w, hit.t * hit.t / max(abs(dot(g, ray.direction)), 1.0e-12));
-    Lobes light = next_event(s, x.position, g, of_emitter, sample_numbers_of(pixel, vertex, ENVIRONMENT_PUNCTUAL), 0, before);
+    Lobes light = next_event(s, x.position, g, of_emitter, sample_numbers_of(numbers, vertex, ENVIRONMENT_PUNCTUAL), 0, before);
 #if BIDIRECTIONAL
     if (vertex < LAST_VERTEX - 1) {
         Lobes connected = connect(local, s, x.position, g);
@@ -100,7 +99,7 @@ void main() {
     }
 #endif
     contribute_indirect(local, throughput * (light.diffuse + light.glossy));
-    vec4 u = sample_numbers_of(pixel, vertex, SCATTER);
+    vec4 u = sample_numbers_of(numbers, vertex, SCATTER);
     BrdfSample next = sample_brdf(s, u.xyz);
     if (!(next.pdf > 0.0) || !faces(s, g, next.l)) {
         end_path(local, ray.direction);

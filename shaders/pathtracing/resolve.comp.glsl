@@ -3,7 +3,7 @@
 // Paper      section 3.2, f_dir and f_ind.
 // Reads      path state.
 // Writes     direct and indirect (added to the raster method's where both light the frame) and, where requested, each lobe
-//            and path_info.  Closes the last sample.
+//            and path_info; with PIXEL_LIST instead the lobes of each entry.  Closes the last sample.
 // Reference  references.path_tracing
 #include "pathtracing/sums.glsl"
 
@@ -31,6 +31,16 @@ void main() {
     vec4 direct_diffuse = load_state(local, DIRECT_DIFFUSE), direct_glossy = load_state(local, DIRECT_GLOSSY);
     vec4 indirect_diffuse = load_state(local, INDIRECT_DIFFUSE), indirect_glossy = load_state(local, INDIRECT_GLOSSY);
     vec3 diffuse = direct_diffuse.rgb / n, glossy = direct_glossy.rgb / n;
+#if PIXEL_LIST
+    int entry = LISTED_LOBES * (local.y * TILE_SIZE.x + local.x);
+    listed_light[entry] = vec4(diffuse, 1.0);
+    listed_light[entry + 1] = vec4(glossy, 1.0);
+    listed_light[entry + 2] = vec4(indirect_diffuse.rgb / n, 1.0);
+    listed_light[entry + 3] = vec4(indirect_glossy.rgb / n, 1.0);
+    bool exact = EXACT_PUNCTUAL != 0 && list_entry(local).w != 0u;
+    listed_light[entry + 4] = exact ? load_state(local, EXACT_DIFFUSE) : vec4(0.0);
+    listed_light[entry + 5] = exact ? load_state(local, EXACT_GLOSSY) : vec4(0.0);
+#else
 #if EXACT_PUNCTUAL
     diffuse += load_state(local, EXACT_DIFFUSE).rgb;
     glossy += load_state(local, EXACT_GLOSSY).rgb;
@@ -49,5 +59,6 @@ void main() {
     float squares = max(n * (n - 1.0), 1.0); // variance of the mean
     imageStore(path_info_out, pixel, vec4(indirect_glossy.w > 0.0 ? direct_glossy.w / indirect_glossy.w : 0.0, n,
                                           direct_diffuse.w / squares, indirect_diffuse.w / squares));
+#endif
 #endif
 }

@@ -14,7 +14,7 @@ uniform int samples_before; // samples of this pixel that are in the sums
 void main() {
     ivec2 local = local_pixel();
     if (outside_tile(local)) return;
-    ivec2 pixel = pixel_of(local);
+    NumbersOf numbers = numbers_of(local);
     if (samples_before == 0) {
         for (int layer = DIRECT_DIFFUSE; layer <= INDIRECT_GLOSSY; ++layer) store_state(local, layer, vec4(0.0));
     } else {
@@ -24,10 +24,10 @@ void main() {
     vec4 origin_pdf = vec4(0.0), direction_alive = vec4(0.0);
     Lobes direct = Lobes(vec3(0.0), vec3(0.0)), first = direct, connected = direct;
     if (x.lit) {
-        direct = next_event(x.surface, x.p, x.g, sample_numbers_of(pixel, 0, EMITTER),
-                            sample_numbers_of(pixel, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL, vec2(0.0));
+        direct = next_event(x.surface, x.p, x.g, sample_numbers_of(numbers, 0, EMITTER),
+                            sample_numbers_of(numbers, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL, vec2(0.0));
         direct = Lobes(finite_or_counted(direct.diffuse), finite_or_counted(direct.glossy));
-        BrdfSample next = sample_brdf(x.surface, sample_numbers_of(pixel, 0, SCATTER).xyz);
+        BrdfSample next = sample_brdf(x.surface, sample_numbers_of(numbers, 0, SCATTER).xyz);
         if (next.pdf > 0.0 && faces(x.surface, x.g, next.l)) {
             first = evaluate_brdf(x.surface, next.l);
             first = Lobes(finite_or_counted(first.diffuse / next.pdf), finite_or_counted(first.glossy / next.pdf));

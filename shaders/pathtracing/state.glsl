@@ -24,16 +24,32 @@ const int LIT_COLOR = 15;      // xyz: base color; w: specular
 
 ivec2 local_pixel() { return ivec2(gl_GlobalInvocationID.xy); }
 
+// Whose sample numbers a path has.
+struct NumbersOf {
+    ivec2 pixel;
+    int row; // of the table: the sample
+};
+
 #if PIXEL_LIST
-// The pixels of a list, column | row << 16, take the place of a tile's.
-ivec2 pixel_of(ivec2 local) {
-    uint packed_pixel = pixel_list[local.y * TILE_SIZE.x + local.x];
-    return ivec2(packed_pixel & 0xffffu, packed_pixel >> 16u);
+// The entries of a list take the place of a tile's pixels, one sample each.  x: the pixel, y: the one whose numbers it has,
+// column | row << 16; z: row of the table; w: 1 where light without noise is added.
+uvec4 list_entry(ivec2 local) { return pixel_list[local.y * TILE_SIZE.x + local.x]; }
+
+ivec2 unpacked_pixel(uint word) { return ivec2(word & 0xffffu, word >> 16u); }
+
+ivec2 pixel_of(ivec2 local) { return unpacked_pixel(list_entry(local).x); }
+
+NumbersOf numbers_of(ivec2 local) {
+    uvec4 entry = list_entry(local);
+    return NumbersOf(unpacked_pixel(entry.y), int(entry.z));
 }
 #else
 uniform ivec2 tile_origin; // pixel
+uniform int sample_row;    // of the table
 
 ivec2 pixel_of(ivec2 local) { return tile_origin + local; }
+
+NumbersOf numbers_of(ivec2 local) { return NumbersOf(pixel_of(local), sample_row); }
 #endif
 
 bool outside_tile(ivec2 local) {

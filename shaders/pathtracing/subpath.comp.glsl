@@ -10,7 +10,7 @@
 void main() {
     ivec2 local = local_pixel();
     if (outside_tile(local)) return;
-    vec4 u = sample_numbers_of(pixel_of(local), SUBPATH_VERTEX, SCATTER);
+    vec4 u = sample_numbers_of(numbers_of(local), SUBPATH_VERTEX, SCATTER);
     SubpathEnd y;
     y.row = choose_light(u.x, P.lights.x, P.lights.x);
     LightRecord light = light_record(y.row);

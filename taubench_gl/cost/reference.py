@@ -72,17 +72,13 @@ class TracedPixels(GpuOwner):
             for frame, at in self._lists.items():
                 check()
                 self._source.draw(frame)
-                self._source.trace(frame, self._counts[seed], count, at, seed)
-                found = [self._read(name, at) for name in ("direct", "indirect")]
-                added[frame] = count * np.concatenate(found, axis=-1)
+                samples = range(self._counts[seed], self._counts[seed] + count)
+                light = self._source.listed_light(frame, at, at, samples, drawn=True, seed=seed).astype(np.float64)
+                lobes = light.reshape(len(at), count, 2, 2, 3)  # direct and indirect, diffuse and glossy
+                added[frame] = lobes.sum(axis=(1, 3)).reshape(-1, 6)
         for frame, sums in added.items():
             self._sums[seed][frame] += sums
         self._counts[seed] += count
-
-    def _read(self, name: str, at: Array) -> Array:
-        if name not in self._source.channels:
-            return np.zeros((len(at), 3))
-        return self._source.read(name)[at[:, 1], at[:, 0], :3].astype(np.float64)
 
     def light(self, *seeds: int) -> Light:
         """Means over the samples of the parts ``seeds``, all unless given; 0 at all other pixels."""

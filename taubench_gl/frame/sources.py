@@ -163,21 +163,37 @@ class RasterSource(Owner):
         self._previous_time = time
         self.renderer.draw(time, time, views=(view, view))
 
-    def trace(
-        self, number: int, first: int, count: int, pixels: np.ndarray | None = None, scramble: int | None = None
-    ) -> None:
+    def trace(self, number: int, first: int, count: int) -> None:
         """Light the current frame by samples ``first`` .. ``first + count - 1`` of path-traced light.
 
-        ``number``: frame number of the sample pattern.  ``pixels``: with option ``pixel_list``, the pixels to
-        light, (n, 2) integers, column and row from the top.  ``scramble``: seed of the sequence of pattern ``fixed``,
-        from now on.
+        ``number``: frame number of the sample pattern.
         """
-        paths = self.light.paths
-        paths.scramble = paths.scramble if scramble is None else scramble
-        if pixels is not None:
-            paths.pixels = np.stack([pixels[:, 0], self.size[1] - 1 - pixels[:, 1]], axis=-1)
-        paths.first_sample, paths.sample_count = first, count
+        self.light.paths.first_sample, self.light.paths.sample_count = first, count
         self.light.run(number)
+
+    def listed_light(
+        self,
+        number: int,
+        pixels: np.ndarray,
+        keys: np.ndarray,
+        samples: range,
+        *,
+        drawn: bool,
+        seed: int | None = None,
+        parts: bool = False,
+    ) -> np.ndarray:
+        """Path-traced light of pixels of the current frame, with option ``pixel_list``: (n, samples, 4, 3) radiance.
+
+        ``pixels``, ``keys`` (n, 2): column and row from the top; the sample numbers are those of pixel ``keys`` in
+        frame ``number``, of the sequence ``seed`` (None: that of the settings) or, with ``parts``, of ``part_table``.
+        Lobes: as of ``PathTracing.listed_light``.  ``drawn``: the frame is drawn again since the call before.
+        """
+        if drawn:
+            self.light.run(number)
+        paths, frame = self.light.paths, self.renderer.frame
+        rows = [np.stack([p[:, 0], self.size[1] - 1 - p[:, 1]], axis=-1) for p in (pixels, keys)]
+        frame.number, paths.scramble = number, paths.scramble if seed is None else seed
+        return paths.listed_light(frame, *rows, samples, parts=parts)
 
     @property
     def previous_time(self) -> float:

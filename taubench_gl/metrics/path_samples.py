@@ -20,6 +20,9 @@ VERTICES = 13
 SUBPATH_VERTEX = VERTICES - 1
 """The vertex whose numbers for scattering light subpaths have: the last one does not scatter."""
 
+PART = 4
+"""Samples of a part of ``part_table``."""
+
 _BITS = 30
 
 
@@ -40,3 +43,13 @@ def sample_table(first: int, count: int, seed: int = 0) -> Array:
     table = words.reshape(count, -1, 4)
     table.flags.writeable = False
     return table
+
+
+@lru_cache(maxsize=4)
+def part_table(first: int, count: int) -> Array:
+    """As ``sample_table``, in parts of PART samples with independent numbers: each is scrambled by its own number.
+
+    ``first`` and ``count``: multiples of PART.  The spread of means over the parts is the error of their mean.
+    """
+    parts = range(first // PART, (first + count) // PART)
+    return np.concatenate([sample_table.__wrapped__(0, PART, part) for part in parts])

@@ -28,7 +28,13 @@ from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute
 from taubench_gl.metrics.environment import CELLS, direction_choice
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
-from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, SUBPATH_VERTEX, VERTICES, sample_table
+from taubench_gl.metrics.path_samples import (
+    BLOCKS_PER_VERTEX,
+    SUBPATH_VERTEX,
+    VERTICES,
+    part_table,
+    sample_table,
+)
 from taubench_gl.metrics.stochastic import light_choice
 
 Array = np.ndarray
@@ -58,8 +64,11 @@ LIGHT_CHUNK = 8
 LIGHT_GAP = 1e-5
 """Shadow rays end before a point light by this share of the largest coordinate: what float32 positions are off."""
 
-LIST_TILE = (256, 4)
-"""Columns and rows of path state for listed pixels: as many as a short list has, because every dispatch covers all."""
+LIST_TILE = (256, 64)
+"""Columns and rows of path state for a list: samples of its pixels that are traced together."""
+
+LISTED_LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
+"""Radiance of a sample of a listed pixel, in the order of ``listed_light``."""
 
 NO_PIXEL = 0xFFFFFFFF
 """Fills the last part of a pixel list: beyond every image."""
@@ -135,7 +144,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         p.buffer("path_counts", "uint", access=UPDATE, given=True)
         p.define(PIXEL_LIST=spec.pixel_list)
         if spec.pixel_list:
-            p.buffer("pixel_list", "uint", given=True)
+            p.buffer("pixel_list", "uvec4", given=True)
         p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
         if not traced:
             return p.dispatch(tile, spec.tuning.shading_group)
@@ -188,7 +197,11 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         out["start"].allocate(*own.resources, choice)
     size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
     if spec.pixel_list:
-        out["start"].allocate(Resource.buffer("pixel_list", 4 * tile[0] * tile[1], label="paths"))
+        lobes = len(LISTED_LOBES) + 2
+        for name, entry in (("pixel_list", 16), ("listed_light", 16 * lobes)):
+            out["start"].allocate(Resource.buffer(name, entry * tile[0] * tile[1], label="paths"))
+        out["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
+        out["resolve"].glsl(f"const int LISTED_LOBES = {lobes};")
     out["start"].allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
     return out
 
@@ -267,7 +280,7 @@ class PathTracing(Owner):
                 self.attributes.declare(self.structure.declare(passes[name]))
         self._passes: dict[str, CompiledCompute] = {n: self.own(context.compute(p)) for n, p in passes.items()}
         self._tile = tile_size(spec)
-        self._rows: tuple[int, int] | None = None  # first sample and seed of the numbers on the GPU
+        self._rows: tuple[int, int | None] | None = None  # first sample and seed of the numbers on the GPU; None: parts
         if "environment_choice" in self.tables:
             self.tables["environment_choice"].write(direction_choice(seen_of(spec.environment)).tobytes())
         self.first_sample = 0
@@ -276,8 +289,6 @@ class PathTracing(Owner):
         """Seed of the sequence of the next frame; pattern ``independent`` shifts one sequence by ``spec.seed``."""
         self.sample_count = spec.spp
         """Samples per pixel of the next frame."""
-        self.pixels = np.zeros((0, 2), dtype=np.uint32)
-        """With ``spec.pixel_list``: pixels of the next frame that are lit, (n, 2) column and GL row; others stay."""
 
     @property
     def memory(self) -> dict[str, int]:
@@ -300,7 +311,7 @@ class PathTracing(Owner):
 
     def trace(self, frame: FrameContext, resources: dict) -> None:
         """``run`` with other surfaces and other textures for their light in ``resources``."""
-        for where in self._listed() if self._spec.pixel_list else self._tiles():
+        for where in () if self._spec.pixel_list else self._tiles():
             self._trace(frame, resources, where)
 
     def _tiles(self) -> Iterator[dict[str, Any]]:
@@ -310,15 +321,48 @@ class PathTracing(Owner):
             for x in range(0, width, self._tile[0]):
                 yield {"tile_origin": (x, y)}
 
-    def _listed(self) -> Iterator[dict[str, Any]]:
-        """As ``_tiles``: the listed pixels, as many as a tile has at a time, are uploaded instead."""
-        count = self._tile[0] * self._tile[1]
-        words = self.pixels[:, 0].astype(np.uint32) | self.pixels[:, 1].astype(np.uint32) << np.uint32(16)
-        for first in range(0, len(words), count):
-            padded = np.full(count, NO_PIXEL, dtype=np.uint32)
-            padded[: len(words) - first] = words[first : first + count]
-            self.tables["pixel_list"].write(padded.tobytes())
-            yield {}
+    def listed_light(self, frame: FrameContext, pixels: Array, keys: Array, samples: range, *, parts: bool) -> Array:
+        """Light of ``pixels`` (n, 2), column and GL row, in ``frame``, after ``run`` with ``spec.pixel_list``.
+
+        ``keys`` (n, 2): the pixel whose sample numbers each has; ``samples``: their numbers, with ``parts`` those of
+        ``part_table``.  A pixel may be listed more than once.  (n, samples, 4, 3) float32, radiance of LISTED_LOBES;
+        light without noise is part of every sample.
+        """
+        count, size = len(pixels), self._tile[0] * self._tile[1]
+        packed = [at[:, 0].astype(np.uint32) | at[:, 1].astype(np.uint32) << np.uint32(16) for at in (pixels, keys)]
+        out = np.zeros((len(samples) * count, len(LISTED_LOBES) + 2, 3), np.float32)
+        done = 0
+        while done < len(out):
+            first = samples[done // count]
+            table = range(first, min((first // TABLE_ROWS + 1) * TABLE_ROWS, samples.stop))
+            end = min(done + size, (table.stop - samples.start) * count)
+            number, pixel = divmod(np.arange(done, end), count)
+            row = self._table_row(first, parts) + number - done // count
+            entries = np.full((size, 4), NO_PIXEL, dtype=np.uint32)
+            columns = (packed[0][pixel], packed[1][pixel], row, number == 0)
+            entries[: end - done] = np.stack(columns, axis=-1)
+            self.tables["pixel_list"].write(entries.tobytes())
+            self._trace_entries(frame, exact=done < count)
+            stored = np.frombuffer(self.tables["listed_light"].read(), np.float32).reshape(size, -1, 4)
+            out[done:end] = stored[: end - done, :, :3]
+            done = end
+        out = out.reshape(len(samples), count, -1, 3).swapaxes(0, 1)
+        out[..., :2, :] += out[:, :1, len(LISTED_LOBES) :]
+        return out[..., : len(LISTED_LOBES), :]
+
+    def _trace_entries(self, frame: FrameContext, exact: bool) -> None:
+        """One sample of every entry of the list; ``exact``: some have light without noise."""
+        passes, resources = self._passes, frame.resources
+        passes["anchor"].run(frame, resources)
+        if exact and "exact" in passes:
+            for first in self._chunks(frame):
+                passes["exact"].run(frame, resources, first_light=first)
+        if "subpath" in passes:
+            passes["subpath"].run(frame, resources)
+        passes["start"].run(frame, resources, samples_before=0)
+        for vertex in range(1, vertices(self._spec) + 1):
+            passes["extend"].run(frame, resources, vertex=vertex)
+        passes["resolve"].run(frame, resources, sample_count=1)
 
     def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
         passes = self._passes
@@ -341,13 +385,14 @@ class PathTracing(Owner):
         chunks = range(0, len(on), LIGHT_CHUNK)
         return [first for first in chunks if first == 0 or on[first : first + LIGHT_CHUNK].any()]
 
-    def _table_row(self, sample: int) -> int:
-        """Row of the table with the numbers of ``sample``, uploaded if need be."""
+    def _table_row(self, sample: int, parts: bool = False) -> int:
+        """Row of the table with the numbers of ``sample``, uploaded if need be.  ``parts``: of ``part_table``."""
         first = sample // TABLE_ROWS * TABLE_ROWS
-        if self._rows != (first, self.scramble):
-            table = sample_table(first, TABLE_ROWS, self.scramble)
+        rows = (first, None if parts else self.scramble)
+        if self._rows != rows:
+            table = part_table(first, TABLE_ROWS) if parts else sample_table(first, TABLE_ROWS, self.scramble)
             self.tables["sample_table"].write(table.tobytes())
-            self._rows = first, self.scramble
+            self._rows = rows
         return sample - first
 
     def counts(self) -> dict[str, int]:
