@@ -89,7 +89,7 @@ def evaluate(
     )
     if is_sequence(scene):
         return evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
-    return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes)
+    return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes, sampled=True)
 
 
 def _recorder(folder: Path, report: bool | str, settings: Settings) -> FrameRecorder:

@@ -292,9 +292,10 @@ class PaperOptions(Checked):
         shown="{}x{}".format(*PAPER_SIZE),
     )
     lights: tuple[str, ...] = setting(
-        ("raster",),
-        "Light of Table 4, one row each: raster, path-traced, comma-separated",
-        some_of(("raster", "path-traced"), least=1),
+        ("auto",),
+        "Light of Table 4, one row each: auto (path-traced at random pixels, with intervals), raster, path-traced (of "
+        "whole images), comma-separated",
+        some_of(("auto", "raster", "path-traced"), least=1),
         short=True,
         flag="--light",
     )
@@ -305,20 +306,11 @@ class PaperOptions(Checked):
         (), "Also measure this lobe apart; may be repeated", some_of(LOBES), short=True, flag="--lobe", repeats=True
     )
     quick: bool = setting(False, "Table 4 of 8 pairs spread over the animation, with confidence intervals", short=True)
-    pixels: int | None = setting(
-        None,
-        "Path-traced light at N random pixels of each pair instead of all, with confidence intervals",
-        at_least(2, "2 or more, such as 256: one pixel has no interval"),
-        short=True,
-    )
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        for name, value in (("samples per pixel", self.spp), ("random pixels", self.pixels)):
-            if value is not None and "path-traced" not in self.lights:
-                raise SettingsError(f"{name} are of path-traced light", hint="give --light path-traced")
-        if self.pixels is not None and self.lobes:
-            raise SettingsError("lobes are measured in whole images", hint="leave out --lobe or --pixels")
+        if self.spp is not None and "path-traced" not in self.lights:
+            raise SettingsError("samples per pixel are of path-traced light", hint="give --light path-traced")
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from taubench_gl.metrics.counts import counts_of, discarded_above, edges
 from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.metrics.reuse_rate import ReuseStats
+from taubench_gl.metrics.sampled_light import SAMPLED
 from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 from taubench_gl.run_schema import CAMERA_COLUMNS
 from taubench_gl.settings import scheme_of
@@ -78,7 +79,7 @@ def _contradictions(summary: Mapping[str, Any], rows: Sequence[Row]) -> Iterator
 
 def _of_rows(summary: Mapping[str, Any], rows: Sequence[Row], sample: PairSample | None) -> Iterator[Contradiction]:
     """Which pairs the rows are of."""
-    settings, sampling = summary.get("settings") or {}, summary.get("sampling") or {}
+    settings = summary.get("settings") or {}
     first, fps, spp = settings.get("first_frame"), settings.get("fps"), settings.get("samples_per_pixel")
     size = settings.get("width"), settings.get("height")
     frames = [row["frame"] for row in rows]
@@ -90,8 +91,6 @@ def _of_rows(summary: Mapping[str, Any], rows: Sequence[Row], sample: PairSample
         if len(frames) != len(expected):
             yield Contradiction("the number of rows", len(frames), len(expected), in_rows=True)
     pixels = None if None in size else size[0] * size[1] * (spp or 1)
-    if pixels is not None and sampling.get("pixels") is not None:
-        pixels = min(sampling["pixels"], pixels)
     cuts = (summary.get("camera") or {}).get("cuts")
     for number, row in enumerate(rows, start=2):
         expected_values = {"pixels": pixels}
@@ -123,11 +122,18 @@ def _rates(
     if _scheme(summary) == ("all", 1):
         sample = None
     rates = stats.rates(mode, cuts, sample)
-    if ((summary.get("sampling") or {}).get("pixels")) is not None:
-        rates.pop("sampling", None)  # its intervals are of random pixels too
+    _without_estimates(summary, rates)
     for key in ("reasons_of", "reasons", "color_only"):
         del rates["reusable"][key]
     return rates
+
+
+def _without_estimates(summary: Mapping[str, Any], derived: dict[str, Any]) -> None:
+    """Of shares that are estimated at sampled pixels, keep what the rows tell: the preview's share."""
+    for block in ("discard", "reusable"):
+        for name, entry in (summary.get(block) or {}).items():
+            if isinstance(entry, Mapping) and entry.get("method") == SAMPLED and derived[block].get(name):
+                derived[block][name] = {"preview_percent": derived[block][name]["mean_percent"]}
 
 
 def _of_histogram(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[str, Any]) -> Iterator[Contradiction]:
@@ -142,11 +148,19 @@ def _of_histogram(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict
         values = [row[name] for row in rows]
         if None not in values and sum(values) != pixels:
             yield Contradiction(f"mask_histogram: pixels of {name}", pixels, sum(values))
-    reuse = ReuseStats({column: "" for column in COLUMNS if derived["discard"][column]["mean_percent"] is None})
+    unmeasured = [c for c in COLUMNS if derived["discard"][c].get("mean_percent", 0.0) is None]
+    reuse = ReuseStats(dict.fromkeys(unmeasured, ""))
     if rows:
         reuse.add(whole)
     block = reuse.block("", np.zeros(min(len(rows), 1), dtype=bool))
     shares = {key: block[key] for key in ("reasons_of", "reasons", "color_only")}
+    if "sampled_light" in summary:
+        shares["reasons"] = {
+            name: {"preview_percent": entry["mean_percent"], "pixels": entry["pixels"]}
+            for name, entry in block["reasons"].items()
+        }
+        color = block["color_only"]
+        shares["color_only"] = color and {"preview_percent": color["mean_percent"], "pixels": color["pixels"]}
     if "sampling" in summary:  # pairs have weights, which are not in the sum of their histograms
         shares["reasons"] = {name: {"pixels": entry["pixels"]} for name, entry in block["reasons"].items()}
         shares["color_only"] = block["color_only"] and {"pixels": block["color_only"]["pixels"]}
@@ -157,7 +171,11 @@ def _of_curves(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[st
     """The curves against the rows; adds the shares at other exposures, which follow from them, to ``derived``."""
     settings = summary.get("settings") or {}
     thresholds, scale = settings.get("thresholds") or {}, settings.get("unit_scale") or 1.0
-    curves = {name: curve for name, curve in (summary.get("curves") or {}).items() if (curve or {}).get("counts")}
+    curves = {
+        name: curve
+        for name, curve in (summary.get("curves") or {}).items()
+        if (curve or {}).get("counts") and curve.get("method") != SAMPLED
+    }
     derived_curves: dict[str, Any] = {}
     comparable = sum(row["comparable"] for row in rows)
     for name, curve in curves.items():
@@ -178,7 +196,8 @@ def _of_curves(summary: Mapping[str, Any], rows: Sequence[Row], derived: dict[st
     if all(name in thresholds for name in curves):
         pixels = sum(row["pixels"] for row in rows)
         for column, shares in sensitivity(curves, thresholds, pixels).items():
-            derived["discard"][column] |= shares
+            if "preview_percent" not in derived["discard"][column]:
+                derived["discard"][column] |= shares
 
 
 def _camera(summary: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:

@@ -34,6 +34,10 @@ EXACT_COLUMNS = (
 )  # fmt: skip
 """More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
 
+SAMPLED_COLUMNS = ("sampled", *(f"sampled_{f.name}" for f in BY_BIT if f.light))
+"""More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards; the
+other columns are the preview's."""
+
 Count = Annotated[int, Meta(ge=0)] | None
 
 
@@ -61,12 +65,19 @@ class Rate(Struct):
     of_picture_percent: float | None = None
     at_half_exposure_percent: float | None = None
     at_twice_exposure_percent: float | None = None
+    method: str | None = None
+    interval95_percent: list[float] | None = None
+    preview_percent: float | None = None
+    undecided_percent: float | None = None
     pixels: float | None = None
     reason: str | None = None
 
 
 class Reason(Struct):
     mean_percent: float
+    method: str | None = None
+    interval95_percent: list[float] | None = None
+    preview_percent: float | None = None
     pixels: float | None = None
 
 

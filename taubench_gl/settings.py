@@ -53,10 +53,13 @@ TEXTURES = ("mipmapped", "finest")
 BACKENDS = ("auto", "egl", "osmesa")
 EFFECTS = ("auto", "all")
 TONE_MAPS = ("linear", "reinhard", "aces")
-LIGHTS = ("auto", "raster", "path-traced")
+LIGHTS = ("auto", "preview", "raster", "path-traced")
 PATTERNS = ("fixed", "independent")
-DEFAULT_SPP = {"auto": 16, "path-traced": 256}
-"""Samples per pixel of path-traced light where ``spp`` is None, by ``light``; with ``auto`` until it is resolved."""
+PREVIEWED = ("auto", "preview")
+"""Methods of light whose images show the preview."""
+
+DEFAULT_SPP = {"auto": 4, "preview": 4, "path-traced": 256}
+"""Samples per pixel of path-traced light where ``spp`` is None, by ``light``."""
 
 MAX_BOUNCES = 12
 INDIRECT = ("auto", "none", "rsm", "probes")
@@ -430,17 +433,34 @@ class LightingSettings(Checked):
     )
     light: str = setting(
         AUTO,
-        "Method of light.  raster: shadow maps, unoccluded environment; emissive surfaces light nothing.  path-traced: "
-        "all light by path tracing.  auto: raster for punctual lights, path tracing for emissive surfaces of strength "
-        "above 1 and for the environment",
+        "Method of light.  auto: path-traced at random pixels, with intervals; images show the preview.  preview: "
+        "raster for punctual lights, few path-traced samples for emissive surfaces of strength above 1 and for the "
+        "environment.  raster: shadow maps, unoccluded environment; emissive surfaces light nothing.  path-traced: all "
+        "light of every pixel by path tracing",
         one_of(LIGHTS),
         short=True,
     )
+    light_within: float = setting(
+        1.0,
+        "Half width of the 95 % interval at which sampling of light columns ends, percentage points",
+        above_zero("a number of points above 0"),
+        unit="points",
+        short=True,
+        metavar="POINTS",
+    )
+    light_time: float | None = setting(
+        None,
+        "Seconds after which no further round of sampled light begins: results then depend on the machine",
+        above_zero("seconds above 0"),
+        unit="s",
+        metavar="SECONDS",
+        shown="no limit",
+    )
     spp: int | None = setting(
         None,
-        "Samples per pixel of path-traced light",
+        "Samples per pixel of path-traced light, in images",
         at_least(1, "1 to 1048576 samples", 2**20),
-        shown=f"{DEFAULT_SPP['path-traced']}, with light auto 4 to 256 by the measured noise",
+        shown=f"{DEFAULT_SPP['path-traced']}; of the preview {DEFAULT_SPP['preview']}",
     )
     bounces: int = setting(
         MAX_BOUNCES, "Most bounces of a path; 1: direct light alone", at_least(1, f"1 to {MAX_BOUNCES}", MAX_BOUNCES)

@@ -20,7 +20,7 @@ Examples:
   taubench-gl paper --out paper --quick
   taubench-gl paper --out paper --workers 4
   taubench-gl paper eternal-valley-fps --out paper --light raster,path-traced --lobe diffuse --lobe glossy
-  taubench-gl paper --out paper --quick --light raster,path-traced --pixels 700
+  taubench-gl paper --out paper --quick --light auto,raster
   taubench-gl paper --out paper --light path-traced --estimate"""
 )
 @click.argument("scenes", nargs=-1, metavar="[SCENE]...")

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation.state import View
-from taubench_gl.batch.pixels import describe_pixels
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.units import counts_of_record, head_hash, lobes_of_record
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import (
     Brightness,
+    SampledLight,
     assemble_summary,
     camera_row,
     describe_brightness,
@@ -72,10 +72,26 @@ def job_positions(job: Job, head: Mapping[str, Any]) -> tuple[int, ...]:
     return sampled_pairs(range(*head["frames"]), job.settings).positions
 
 
+def sampled_light(
+    job: Job, head: Mapping[str, Any], reports: Sequence[Mapping[str, Any]], pairs: Mapping[int, Mapping[str, Any]]
+) -> SampledLight | None:
+    """The sampled light of a job, all of whose pairs are counted, before its first round; None where it has none."""
+    light = SampledLight.of(job.settings, range(*head["frames"]), reports[0]["unmeasured"])
+    if light is not None:
+        for position in job_positions(job, head):
+            light.add(position, counts_of_record(pairs[position]))
+    return light
+
+
 def merge_job(
-    job: Job, head: Mapping[str, Any], pairs: Mapping[int, Mapping[str, Any]], reports: Sequence[Mapping[str, Any]]
+    job: Job,
+    head: Mapping[str, Any],
+    pairs: Mapping[int, Mapping[str, Any]],
+    reports: Sequence[Mapping[str, Any]],
+    light: SampledLight | None,
 ) -> Run:
-    """The Run of a job, all of whose pairs are counted.  ``pairs``: records by position; ``reports``: one per chunk."""
+    """The Run of a job, all of whose pairs are counted.  ``pairs``: records by position; ``reports``: one per chunk;
+    ``light``: after its last round."""
     settings, frames = job.settings, range(*head["frames"])
     unmeasured = reports[0]["unmeasured"]
     measured = tuple(c for c in COLUMNS if c not in unmeasured)
@@ -94,19 +110,18 @@ def merge_job(
     summary["notes"] += source.pop("notes")
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
     summary |= source
-    if job.pixels is None:
-        brightness = Brightness()
-        for report in reports:
-            brightness.add(report["brightness"])
-        describe_brightness(summary, brightness, settings)
-        describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
-    else:
-        describe_pixels(summary, stats, settings, frames, job.pixels)
+    brightness = Brightness()
+    for report in reports:
+        brightness.add(report["brightness"])
+    describe_brightness(summary, brightness, settings)
+    describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
     if job.lobes:
         missing = missing_of_scene(job.lobes, unmeasured)
         summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])
     if settings.metrics.exact:
         summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
+    if light is not None:
+        light.finish(summary, rows, frames)
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
     workers = combined([report["provenance"] for report in reports], WORKERS)
     summary["provenance"] = workers | {"command": None, "clock": None, "reason": IN_PROVENANCE}
@@ -114,8 +129,13 @@ def merge_job(
     return Run(summary, rows)
 
 
-def write_job(store: Store, job: Job, head: Mapping[str, Any], run: Run, reports: Sequence[Mapping[str, Any]]) -> None:
-    """Write summary.json and frames.csv as ``evaluate`` does, and provenance.json beside them."""
+def write_job(
+    store: Store, job: Job, head: Mapping[str, Any], run: Run, reports: Sequence[Mapping[str, Any]], sampled: bool
+) -> None:
+    """Write summary.json and frames.csv as ``evaluate`` does, and provenance.json beside them.
+
+    ``sampled``: with sampled light.
+    """
     frames = range(*head["frames"])
     chunks = [
         {"pairs": [frames[report["positions"][i] + 1] for i in (0, -1) if report["positions"]], **report["provenance"],
@@ -124,7 +144,7 @@ def write_job(store: Store, job: Job, head: Mapping[str, Any], run: Run, reports
     ]  # fmt: skip
     folder = job_folder(store, job.id)
     store.write_json(folder / PROVENANCE_FILE, {"job": job.id, "head": head_hash(head), "chunks": chunks})
-    with RunWriter(folder, frame_columns(job.settings)) as writer:
+    with RunWriter(folder, frame_columns(job.settings, sampled)) as writer:
         writer.rewrite_rows(run.frames)
         writer.write_summary(run.summary)
 

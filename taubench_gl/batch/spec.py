@@ -47,7 +47,6 @@ class Job:
     differences: Mapping[str, str] = dataclasses.field(default_factory=dict)
     # other settings in which the jobs of this scene differ, as text
     lobes: tuple[str, ...] = ()  # of direct and indirect, measured apart as by ``evaluate_scene``
-    pixels: int | None = None  # random ones of each pair, path-traced; None: whole images
 
     def labelled(self, name: str) -> str:
         """``name`` followed by the settings that distinguish this job from the other jobs of its scene."""

@@ -26,15 +26,17 @@ from taubench_gl.batch.merge import (
     labelled,
     merge_job,
     require_pyarrow,
+    sampled_light,
     write_batch,
     write_job,
     write_tables,
 )
-from taubench_gl.batch.pixels import MOST_PAIRS
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
-from taubench_gl.batch.units import head_key, head_unit, pairs_key, pairs_unit, resolved_job
+from taubench_gl.batch.units import head_key, head_unit, light_key, light_unit, pairs_key, pairs_unit, resolved_job
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.evaluation import SampledLight
 from taubench_gl.folder_lock import lock_holder
+from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import SUMMARY_FILE, load_run
 from taubench_gl.settings import Settings
 from taubench_gl.study.progress import Listener
@@ -57,7 +59,6 @@ class _Job(msgspec.Struct):
     settings: dict[str, Any]
     sweep: dict[str, Any]
     lobes: list[str] = []
-    pixels: Annotated[int, msgspec.Meta(ge=2)] | None = None
 
 
 class _About(msgspec.Struct):
@@ -83,6 +84,7 @@ class BatchStudy(Study):
         super().__init__(store)
         self.spec, self._chunk = spec, chunk
         self._jobs = {job.id: job for job in spec.jobs}
+        self._light: dict[str, SampledLight | None] = {}
         self._heads: dict[str, dict[str, Any] | None] = {}  # asked for; None: not yet there
 
     def jobs(self) -> Mapping[str, str]:
@@ -101,19 +103,35 @@ class BatchStudy(Study):
         # At least two chunks per worker if the job has that many pairs: it may be the only job left.
         automatic = min(CHUNK_PAIRS, max(MIN_CHUNK_PAIRS, math.ceil(len(positions) / (2 * width))))
         size = self._chunk or automatic
-        if resolved.pixels is not None:
-            size = min(size, MOST_PAIRS)
         chunks = [tuple(left[i : i + size]) for i in range(0, len(left), size)]
         if not positions and not reports:
             chunks = [()]
+        if not chunks:
+            return self._missing_light(resolved, head, reports, pairs), len(positions)
         return [pairs_unit(resolved, chunk, head) for chunk in chunks], len(positions)
+
+    def _missing_light(self, job: Job, head: Mapping[str, Any], reports: Any, pairs: Any) -> Sequence[Unit]:
+        """Visits of the next round of sampled light that have no record."""
+        if job.id not in self._light:
+            self._light[job.id] = sampled_light(job, head, reports, pairs)
+        light = self._light[job.id]
+        while light is not None and not light.done:
+            wanted = light.next_round()
+            records = [self.store.load(light_key(job.id, visit, head)) for visit in wanted]
+            missing = [visit for visit, record in zip(wanted, records, strict=True) if record is None]
+            if missing:
+                return [light_unit(job, visit, head) for visit in missing]
+            light.add_round([Visit.of_record(record) for record in records])
+        return []
 
     def finish(self, job: str) -> None:
         head = self._heads[job]
         resolved = resolved_job(self._jobs[job], head)
         if not is_written(self.store, resolved, head):
             reports, pairs = stored_pairs(self.store, job, head)
-            write_job(self.store, resolved, head, merge_job(resolved, head, pairs, reports), reports)
+            light = self._light[job]
+            run = merge_job(resolved, head, pairs, reports, light)
+            write_job(self.store, resolved, head, run, reports, light is not None)
 
     def merge(self) -> Outcome:
         return Outcome(write_batch(self.store, self.spec, self.failed), self.failed)
@@ -169,7 +187,7 @@ def about_batch(spec: BatchSpec) -> dict[str, Any]:
     """The jobs as ``study.json`` has them."""
     jobs = [
         {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep),
-         "lobes": list(job.lobes), "pixels": job.pixels}
+         "lobes": list(job.lobes)}
         for job in spec.jobs
     ]  # fmt: skip
     return {"name": spec.name, "jobs": jobs}
@@ -180,7 +198,7 @@ def stored_spec(store: Store) -> BatchSpec:
     values = store.about()
     try:
         jobs = [
-            Job(job.id, job.scene, Settings.from_dict(job.settings), job.sweep, {}, tuple(job.lobes), job.pixels)
+            Job(job.id, job.scene, Settings.from_dict(job.settings), job.sweep, {}, tuple(job.lobes))
             for job in msgspec.convert(values, _About).jobs
         ]
         return BatchSpec(values["name"], with_differences(jobs))

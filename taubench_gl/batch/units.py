@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import camera_of_run
-from taubench_gl.batch.pixels import count_at_pixels
 from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation import (
+    LightVisits,
     ResolvedLighting,
     SceneInput,
     Session,
@@ -85,13 +85,9 @@ class PairsUnit(Unit):
     sha256: str | None
 
     def run(self, worker: Worker) -> bytes:
-        started, settings = time.perf_counter(), self.of.settings
-        open_context(settings)
-        loaded = _loaded(worker, self.of)
-        if self.sha256 != files_identity(file_hashes(loaded.animated.scene, settings)):
-            raise SceneError("changed while the batch was running", where=self.scene, hint="run the batch again")
-        count = self._count if self.of.pixels is None else self._count_at_pixels
-        pairs, report = count(loaded, worker)
+        started = time.perf_counter()
+        loaded = _unchanged(worker, self.of, self.sha256)
+        pairs, report = self._count(loaded, worker)
         report["provenance"] |= {"host": platform.node(), "pid": os.getpid(), "seconds": time.perf_counter() - started}
         return json_bytes({"report": report, "pairs": pairs})
 
@@ -111,12 +107,18 @@ class PairsUnit(Unit):
         ]
         return pairs, _report(session)
 
-    def _count_at_pixels(self, loaded: _Loaded, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-        settings = self.of.settings
-        frames = frame_range(loaded.animated.scene, loaded.animated.camera, settings)
-        later = [frames[position + 1] for position in self.positions]
-        counts, report = count_at_pixels(loaded.animated, settings, self.of.pixels, later)
-        return [pair_record(p, c, {}, None) for p, c in zip(self.positions, counts, strict=True)], report
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightUnit(Unit):
+    """One visit of sampled light: ``visit``, the position of its pair and the number of the visit."""
+
+    of: Job
+    visit: tuple[int, int]
+    sha256: str | None
+
+    def run(self, worker: Worker) -> bytes:
+        loaded = _unchanged(worker, self.of, self.sha256)
+        return json_bytes(loaded.visits(self.of).visit(*self.visit).record())
 
 
 def head_unit(job: Job, stamp: list[int] | None) -> HeadUnit:
@@ -130,6 +132,18 @@ def pairs_unit(job: Job, positions: tuple[int, ...], head: Mapping[str, Any]) ->
     sha256 = files_identity(head["facts"]["scene"])
     return PairsUnit(job=job.id, key=pairs_key(job.id, ends, head), name=name, scene=job.scene, weight=len(positions),
                      of=job, positions=positions, sha256=sha256)  # fmt: skip
+
+
+def light_unit(job: Job, visit: tuple[int, int], head: Mapping[str, Any]) -> LightUnit:
+    """``job``: with the lighting of its ``head``."""
+    name = f"light of pair {visit[0]}"
+    return LightUnit(job=job.id, key=light_key(job.id, visit, head), name=name, scene=job.scene, weight=0, of=job,
+                     visit=visit, sha256=files_identity(head["facts"]["scene"]))  # fmt: skip
+
+
+def light_key(job: str, visit: tuple[int, int], head: Mapping[str, Any]) -> str:
+    """Of the record of a visit."""
+    return f"{job}/light-{visit[0]:06d}-{visit[1]:04d}-{head_hash(head)}"
 
 
 def head_key(job: str) -> str:
@@ -153,18 +167,35 @@ class _Loaded:
 
     animated: AnimatedScene
     session: Session | None = None
+    light: LightVisits | None = None
 
     def opened(self, job: Job) -> Session:
         """The session of a job whose lighting is resolved."""
         if self.session is None:
             frames = frame_range(self.animated.scene, self.animated.camera, job.settings)
             scene_input = SceneInput(self.animated, frames, ResolvedLighting(job.settings))
-            self.session = Session(scene_input, Wants(lobes=job.lobes))
+            self.session = Session(scene_input, Wants(lobes=job.lobes, sampled=True))
         return self.session
+
+    def visits(self, job: Job) -> LightVisits:
+        """The sampled light of a job whose lighting is resolved."""
+        session = self.opened(job)
+        if self.light is None:
+            self.light = session.open_light()
+        return self.light
 
     def release(self) -> None:
         if self.session is not None:
             self.session.release()
+
+
+def _unchanged(worker: Worker, job: Job, sha256: str | None) -> _Loaded:
+    """The scene of a job whose lighting is resolved.  Raises SceneError if its files have changed since its head."""
+    open_context(job.settings)
+    loaded = _loaded(worker, job)
+    if sha256 != files_identity(file_hashes(loaded.animated.scene, job.settings)):
+        raise SceneError("changed while the batch was running", where=job.scene, hint="run the batch again")
+    return loaded
 
 
 def _loaded(worker: Worker, job: Job) -> _Loaded:

@@ -25,6 +25,7 @@ from taubench_gl.evaluation.pairs import (
     Pair,
     PairEvaluator,
 )
+from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight
 from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, open_session, require_triangles
 from taubench_gl.evaluation.schedule import (
@@ -43,11 +44,13 @@ __all__ = [
     "EvaluatedPair",
     "ExactColumns",
     "Explanation",
+    "LightVisits",
     "LobeColumns",
     "Observers",
     "Pair",
     "PairEvaluator",
     "ResolvedLighting",
+    "SampledLight",
     "SceneInput",
     "Session",
     "Wants",

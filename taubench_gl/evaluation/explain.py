@@ -14,7 +14,7 @@ from taubench_gl.frame.passes.masks import ComparedSource
 from taubench_gl.frame.targets import read_texel
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics.masks import SAMPLERS, compare, value_of
+from taubench_gl.metrics.masks import compare, sample_history, value_of
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
 
@@ -167,7 +167,7 @@ def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], s
         taps = [[read_texel(images.gpu, texture, x0 + i, y0 + j) for i in range(across)] for j in reversed(range(rows))]
         block[name] = value_of(name, taps)
     local = np.array([[at_up[0] - x0, (rows - 1) - (at_up[1] - y0)]])
-    return SAMPLERS[images.settings.metrics.sampling](block, local, np.array([surface]))
+    return sample_history(images.settings.metrics.sampling, block, local, np.array([surface]))
 
 
 def in_words(word: int) -> str:

@@ -15,32 +15,14 @@ from taubench_gl.animation import CameraTrack
 from taubench_gl.effects.lighting import Environment, environment_for, environment_of, light_unit_of, unit_divisor
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.exposure import exposure_of
-from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
-from taubench_gl.evaluation.schedule import first_middle_last
-from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.report.labels import GIVEN
 from taubench_gl.scene.environment import EnvironmentImage, read_environment
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import AUTO, Settings
+from taubench_gl.settings import AUTO, PREVIEWED, Settings
 
 Array = np.ndarray
-
-NOISE_SPP = 16
-"""Samples per pixel with which the noise of path-traced light is measured."""
-
-SAMPLE_COUNTS = (4, 8, 16, 32, 64, 128, 256)
-"""Numbers of samples per pixel that ``auto`` chooses from."""
-
-MARGIN = 1.5
-"""Factor on the noise, so that the columns of the test scenes are within 1.5 points of converged Cycles."""
-
-SMALLEST = 96
-"""Pixels along a side of the image in which noise is measured, at least, where the run has as many."""
-
-SMALLER = 8
-"""Factor by which the image is smaller in which noise is measured."""
 
 MOST_FRAMES = 145
 """Frames that ``auto`` draws at most: the paper's animations have 6 s at 24 fps."""
@@ -145,26 +127,18 @@ def files_identity(hashes: Mapping[str, Any]) -> str | None:
     return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
-def with_samples(animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None = None) -> Settings:
-    """``settings``, whose lighting is resolved, with the samples per pixel of path-traced light if there is any.
-
-    ``frames``: of the run; ``owner``: whose programs the metered frames share.  Raises TaubenchError.
-    """
+def with_samples(settings: Settings) -> Settings:
+    """``settings`` with the samples per pixel of path-traced light, if a pixel of the images can have any."""
     lighting = settings.lighting
-    if lighting.spp is not None or lighting.light == "raster":
-        return settings
-    samples = lighting.path_samples
-    if _auto_traces(animated.scene, settings):
-        samples = _metered_samples(animated, settings, frames, owner)
-    return settings.replace(spp=samples)
+    return settings if lighting.light == "raster" else settings.replace(spp=lighting.path_samples)
 
 
 def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
     """``settings``, whose lighting is resolved, with the pairs that ``auto`` stands for.
 
-    All of at most MOST_FRAMES frames, else two from each of H strata.  Where light method ``auto`` traces paths, for
-    emitters or an environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and
-    pairs that the user names are kept.
+    All of at most MOST_FRAMES frames, else two from each of H strata.  Where the preview traces paths, for emitters or
+    an environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and pairs that
+    the user names are kept.
     """
     if settings.metrics.pairs != AUTO:
         return settings
@@ -179,31 +153,5 @@ def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
 
 
 def _auto_traces(scene: Scene, settings: Settings) -> bool:
-    """Whether light method ``auto`` traces paths for a column."""
-    return settings.lighting.light == AUTO and settings.metrics.lit and bool(traced_sources(scene, settings))
-
-
-def _metered_samples(animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None) -> int:
-    """As few samples per pixel as the noise of path-traced light allows, within SAMPLE_BUDGET.
-
-    Noise allows a number at which MARGIN times its standard deviation exceeds a threshold in at most MOST_NOISY of all
-    pixels of the metered frames, drawn smaller and with NOISE_SPP samples.
-    """
-    sides = (settings.sequence.width, settings.sequence.height)
-    width, height = (min(side, max(side // SMALLER, SMALLEST)) for side in sides)
-    metering = settings.replace(
-        width=width, height=height, spp=NOISE_SPP, pattern="fixed", columns=("direct", "indirect"),
-        samples_per_pixel=1, storage="float", pairs="all",
-    )  # fmt: skip
-    with opened_gpu(settings, owner) as opened:
-        source = opened.open_source(animated, metering, extra=("path_info",))
-        worst = []
-        for frame in first_middle_last(frames):
-            source.advance(frame)
-            worst.append(noise_of_a_sample(source.current, metering))
-        opened.gpu.check("metering")
-    ratios = np.concatenate([w.ravel() for w in worst])
-    # Of a frame, so that the run can have its least number of pairs.
-    most = max(SAMPLE_BUDGET // (2 * LEAST_PAIRS * sides[0] * sides[1]), SAMPLE_COUNTS[0])
-    counts = [n for n in SAMPLE_COUNTS if n <= most]
-    return next((n for n in counts if np.mean(MARGIN * ratios > np.sqrt(n)) <= MOST_NOISY), counts[-1])
+    """Whether the preview traces paths for a column."""
+    return settings.lighting.light in PREVIEWED and settings.metrics.lit and bool(traced_sources(scene, settings))

@@ -15,6 +15,7 @@ from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, 
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
+from taubench_gl.evaluation.sampled_light import SampledLight
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
@@ -65,6 +66,11 @@ class SceneInput:
         fps = self.settings.sequence.fps
         return [self.animated.view_at(frame / fps) for frame in self.frames]
 
+    def sampled_light(self, session: Session) -> SampledLight | None:
+        if not session.wants.sampled:
+            return None
+        return SampledLight.of(self.settings, self.frames, session.source.unmeasured)
+
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """Nothing: a rendered scene has what every input has."""
 
@@ -86,7 +92,7 @@ def open_scene(
     frames = frame_range(scene, camera, settings)
     animated = AnimatedScene(scene, camera, poser)
     lighting = resolve_lighting(scene, settings, camera, owner)
-    settings = with_samples(animated, lighting.settings, frames, owner)
+    settings = with_samples(lighting.settings)
     return SceneInput(animated, frames, replace(lighting, settings=with_pairs(scene, settings, frames)))
 
 
@@ -127,18 +133,20 @@ def evaluate_scene(
     out: str | Path | None = None,
     camera: CameraTrack | None = None,
     lobes: Collection[str] = (),
+    sampled: bool = False,
 ) -> Run:
     """Evaluate every frame pair of one scene.
 
     ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``;
-    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary.
-    Raises TaubenchError.
+    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary;
+    ``sampled``: with light method ``auto``, columns of light are path-traced at random pixels; else they are the
+    preview's.  Raises TaubenchError.
     """
     require_lobes(lobes)
     if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:
         raise SettingsError("lobes are measured at one sample per pixel", hint="leave samples per pixel at 1")
     observers = observers or Observers()
-    with open_session(scene, settings or Settings(), Wants.of(observers, lobes), camera=camera) as session:
+    with open_session(scene, settings or Settings(), Wants.of(observers, lobes, sampled), camera=camera) as session:
         return evaluate(session, observers, out)
 
 

@@ -12,7 +12,7 @@ over all pairs.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -23,6 +23,7 @@ from taubench_gl.animation import View
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
+from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight
 from taubench_gl.evaluation.scale import describe_scale, median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run
@@ -33,10 +34,11 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity
+from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
-from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
+from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS, SAMPLED_COLUMNS
 from taubench_gl.settings import Settings
 
 TIMED_FIRST, TIMED_EVERY = 16, 16
@@ -48,18 +50,20 @@ class Wants:
     """What is read of every pair besides its counts.
 
     ``images``: mask, motion and channels of ``Pair``, so counts are read at once; ``channels``: to draw for it besides
-    those the columns need; ``distances``: of every pixel; ``lobes``: of direct and indirect, to measure apart.
+    those the columns need; ``distances``: of every pixel; ``lobes``: of direct and indirect, to measure apart;
+    ``sampled``: columns of light by path tracing at random pixels, with light method ``auto``.
     """
 
     images: bool = False
     channels: tuple[str, ...] = ()
     distances: bool = False
     lobes: tuple[str, ...] = ()
+    sampled: bool = False
 
     @classmethod
-    def of(cls, observers: Observers, lobes: Collection[str] = ()) -> Wants:
+    def of(cls, observers: Observers, lobes: Collection[str] = (), sampled: bool = False) -> Wants:
         """Those of ``observers``."""
-        return cls(observers.on_pair is not None, observers.channels, observers.distances, tuple(lobes))
+        return cls(observers.on_pair is not None, observers.channels, observers.distances, tuple(lobes), sampled)
 
 
 class ColumnAdder(Protocol):
@@ -99,6 +103,9 @@ class Input(Protocol):
 
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """Add what only this kind of input has."""
+
+    def sampled_light(self, session: Session) -> SampledLight | None:
+        """Of the columns of light that are sampled, if any."""
 
 
 class Session(GpuOwner):
@@ -141,6 +148,7 @@ class Session(GpuOwner):
         unmeasured = dict(self.source.unmeasured)
         self.stats = SequenceStats(tuple(c for c in COLUMNS if c not in unmeasured), unmeasured)
         self.brightness, self.depths = Brightness(), []
+        self.sampled = self.given.sampled_light(self)
 
     def pairs(
         self, schedule: Schedule | None = None, checked: Collection[int] | None = None, *, continued: bool = False
@@ -176,6 +184,17 @@ class Session(GpuOwner):
             finished = self.evaluator.finish()
         yield from self._completed(finished)
 
+    def sample_light(self, watch: Callable[[str], None] = lambda text: None) -> None:
+        """After ``pairs``: path-traced light at random pixels, in rounds; ``watch`` gets a line about each."""
+        if self.sampled is None or self.sampled.done:
+            return
+        self.sampled.run(self.open_light().visit, watch)
+
+    def open_light(self) -> LightVisits:
+        """What decides pixels of the session's pairs under path-traced light."""
+        with self.gpu:
+            return LightVisits(self, sampled_columns(self.source.unmeasured, self.settings.metrics.columns))
+
     def _check(self) -> None:
         """Measure brightness and depth of the current frame."""
         self.depths.extend(median_depths(self.source))
@@ -185,6 +204,8 @@ class Session(GpuOwner):
     def _completed(self, finished: list[EvaluatedPair]) -> Iterator[Pair]:
         for one in finished:
             row = {"frame": one.frame, "time_s": one.frame / self.settings.sequence.fps}
+            if self.sampled is not None:
+                self.sampled.add(one.frame - 1 - self.given.frames[0], one.counts)
             row |= self.stats.add(one.counts) | camera_row(one.views, self.settings.metrics.unit_scale)
             self.rows.append(row)
             with contextlib.closing(Pair(one, row, self.evaluator)) as pair:
@@ -210,6 +231,8 @@ class Session(GpuOwner):
             describe_scale(summary, self.depths, self.settings)
             for adder in self.adders:
                 summary |= adder.blocks(self)
+            if self.sampled is not None:
+                self.sampled.finish(summary, self.rows, self.given.frames)
             self.given.amend(summary, self)
             summary["timing"] = self.timer.summary()
             summary["provenance"] = provenance(self.gpu, self.timer.clock)
@@ -225,7 +248,8 @@ def evaluate(session: Session, observers: Observers, out: str | Path | None = No
     observers = replace(observers, scene=session.given.name)
     with contextlib.ExitStack() as stack:
         if out is not None:
-            writer = stack.enter_context(RunWriter(out, frame_columns(session.settings)))
+            columns = frame_columns(session.settings, session.sampled is not None)
+            writer = stack.enter_context(RunWriter(out, columns))
             observers = replace(observers, writer=writer)
         with session.gpu:
             total = sum(evaluate for _, evaluate in frame_schedule(session.given.frames, session.settings))
@@ -236,13 +260,14 @@ def evaluate(session: Session, observers: Observers, out: str | Path | None = No
                 for pair in session.finish():
                     _report(pair, observers, len(session.rows), total)
                 raise
+            session.sample_light()
             summary = session.summary()
         return finish_run(summary, session.rows, observers)
 
 
-def frame_columns(settings: Settings) -> tuple[str, ...]:
-    """Columns of frames.csv."""
-    return FRAME_COLUMNS + EXACT_COLUMNS * settings.metrics.exact
+def frame_columns(settings: Settings, sampled: bool = False) -> tuple[str, ...]:
+    """Columns of frames.csv; ``sampled``: of a run with sampled light."""
+    return FRAME_COLUMNS + EXACT_COLUMNS * settings.metrics.exact + SAMPLED_COLUMNS * sampled
 
 
 def _report(pair: Pair, observers: Observers, done: int, total: int) -> None:

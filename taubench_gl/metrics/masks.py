@@ -83,8 +83,7 @@ def pair_masks(
 
     previous = {n: value_of(n, history[FEATURE[n].channel]) for n in names}
     rows, columns = np.nonzero(sampled_pixels)
-    sampler = SAMPLERS[sampling]
-    sampled = sampler(previous, moved.at_px[rows, columns], surface[rows, columns])
+    sampled = sample_history(sampling, previous, moved.at_px[rows, columns], surface[rows, columns])
     finite = _finite(sampled)
 
     sky = ~surface & np.isfinite(now["position"]).all(axis=-1)
@@ -176,44 +175,54 @@ def _finite(channels: Mapping[str, Array]) -> Array:
     return np.logical_and.reduce([np.isfinite(v).all(axis=-1) for v in channels.values()])
 
 
-def _nearest(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
-    """History at floor(x + 0.5), y up as on the GPU (docs/conventions.md).  (K, 2) -> {name: (K, n)}."""
-    h, w = history["position"].shape[:2]
-    column = np.clip(np.floor(at_px[:, 0] + 0.5).astype(np.int64), 0, w - 1)
-    up = np.clip(np.floor((h - 1) - at_px[:, 1] + 0.5).astype(np.int64), 0, h - 1)
-    return {n: v[h - 1 - up, column] for n, v in history.items()}
+def history_taps(
+    sampling: str, at_px: Array, surface: Array, history_surface: Array, finite: Array
+) -> tuple[Array, Array]:
+    """Pixels of the previous frame that the history at K positions is made of, and their weights.
 
+    ``at_px`` (K, 2): previous coordinates, y down; ``surface`` (K,) bool: whether the current pixel shows a surface;
+    ``history_surface``, ``finite`` (h, w) bool: of the previous frame.  Returns (K, T, 2) int64 columns and rows from
+    the top, and (K, T) float64 weights with the sum 1; NaN where no tap is finite.
 
-def _bilinear(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
-    """Blend of the taps that are inside, finite and of the same kind (surface or sky); else the heaviest finite tap."""
-    h, w = history["position"].shape[:2]
+    nearest: floor(x + 0.5), y up as on the GPU (docs/conventions.md).  bilinear: the taps that are inside, finite and
+    of the same kind (surface or sky); else the heaviest finite one.
+    """
+    h, w = history_surface.shape
     x, y = at_px[:, 0], (h - 1) - at_px[:, 1]
-    base_x, base_y = np.floor(x), np.floor(y)
-    sums = {n: np.zeros((len(x), v.shape[-1])) for n, v in history.items()}
-    nearest = {n: np.full((len(x), v.shape[-1]), np.nan) for n, v in history.items()}
-    total, best = np.zeros(len(x)), np.full(len(x), -1.0)
-    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        column, up = (base_x + dx).astype(np.int64), (base_y + dy).astype(np.int64)
-        weight = (x - base_x if dx else 1 - (x - base_x)) * (y - base_y if dy else 1 - (y - base_y))
-        inside = (weight > 0) & (column >= 0) & (column < w) & (up >= 0) & (up < h)
-        tap = {n: v[h - 1 - np.clip(up, 0, h - 1), np.clip(column, 0, w - 1)] for n, v in history.items()}
-        finite = _finite(tap)
-        better = inside & finite & (weight > best)
-        use = inside & finite & ((tap["position"][:, 3] > 0) == surface)
-        best[better] = weight[better]
-        total[use] += weight[use]
-        for n, v in tap.items():
-            nearest[n][better] = v[better]
-            sums[n][use] += weight[use, None] * v[use]
-    blended = total > 0
-    out = {
-        n: np.where(blended[:, None], s / np.where(blended, total, 1.0)[:, None], nearest[n]) for n, s in sums.items()
-    }
-    length = np.linalg.norm(out["normal"], axis=-1, keepdims=True)
-    unit = blended[:, None] & (length > 0)
-    out["normal"] = np.where(unit, out["normal"] / np.where(length > 0, length, 1.0), out["normal"])
+    if sampling == "nearest":
+        column = np.clip(np.floor(x + 0.5).astype(np.int64), 0, w - 1)
+        up = np.clip(np.floor(y + 0.5).astype(np.int64), 0, h - 1)
+        return np.stack([column, h - 1 - up], axis=-1)[:, None], np.ones((len(x), 1))
+    corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+    base = np.floor(np.stack([x, y], axis=-1)).astype(np.int64)
+    part = np.stack([x, y], axis=-1) - base
+    at = base[:, None] + corners
+    weight = np.where(corners == 1, part[:, None], 1.0 - part[:, None]).prod(axis=-1)
+    inside = (weight > 0) & (at >= 0).all(axis=-1) & (at < [w, h]).all(axis=-1)
+    column, row = np.clip(at[..., 0], 0, w - 1), h - 1 - np.clip(at[..., 1], 0, h - 1)
+    possible = inside & finite[row, column]
+    used = np.where(possible & (history_surface[row, column] == surface[:, None]), weight, 0.0)
+    total = used.sum(axis=-1, keepdims=True)
+    heaviest = np.eye(4)[np.argmax(np.where(possible, weight, -1.0), axis=-1)]
+    heaviest[~possible.any(axis=-1)] = np.nan
+    weights = np.where(total > 0, used / np.where(total > 0, total, 1.0), heaviest)
+    return np.stack([column, row], axis=-1), weights
+
+
+def blend(values: Array, weights: Array) -> Array:
+    """Sum of taps (..., T, n) by ``weights`` (..., T); what has no weight may be NaN or infinite."""
+    weights = weights[..., None]
+    return np.where(weights == 0.0, 0.0, weights * values).sum(axis=-2)
+
+
+def sample_history(sampling: str, history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
+    """``history``, which contains ``position`` (h, w, 4), at K positions.  Arguments as of ``history_taps``.
+
+    {name: (K, n)}; blended normals are unit vectors.
+    """
+    taps, weights = history_taps(sampling, at_px, surface, history["position"][..., 3] > 0, _finite(history))
+    out = {n: blend(v[taps[..., 1], taps[..., 0]], weights) for n, v in history.items()}
+    if sampling == "bilinear" and "normal" in out:
+        length = np.linalg.norm(out["normal"], axis=-1, keepdims=True)
+        out["normal"] = out["normal"] / np.where(length > 0, length, 1.0)
     return out
-
-
-SAMPLERS = {"nearest": _nearest, "bilinear": _bilinear}
-"""Samplers of the history at K positions: (history, at_px (K, 2), surface (K,) bool) -> {name: (K, n)}."""

@@ -192,6 +192,11 @@ def _first_reason(rate: str) -> Array:
     return out
 
 
+def first_reasons(rate: str) -> tuple[Array, list[str]]:
+    """Index of each word's reason among the names of reasons, one past the end for none and sky: (MASK_WORDS,)."""
+    return _first_reason(rate), [name for _, name in _reasons_of(rate)]
+
+
 @cache
 def _reasons_of(rate: str) -> list[tuple[Reason, str]]:
     """Bits and names of the reasons of a rate, in order."""

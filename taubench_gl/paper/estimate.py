@@ -28,9 +28,6 @@ LEAST = (160, 90)
 PROBES = (4, 12)
 """Samples per pixel at which it is timed: the difference is the time of the samples alone."""
 
-TAPS = 2
-"""Pixels whose light a random pixel needs: itself and its history."""
-
 
 def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
     """What is left of the images (Table 4).  Tables 1 to 3 take seconds and are left out.  Raises TaubenchError."""
@@ -73,8 +70,6 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str]:
     if light.light != "raster":
         width, height = _probe_size(settings)
         pixels = drawn * settings.sequence.width * settings.sequence.height
-        if job.pixels is not None:
-            pixels = min(TAPS * job.pixels, pixels)
         few, more = (_slowest(scene, window.replace(spp=spp, width=width, height=height)) for spp in PROBES)
         sample = max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
         seconds += sample * pixels * light.path_samples

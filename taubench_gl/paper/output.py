@@ -80,11 +80,7 @@ def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: 
     for result, scene in zip(results, jobs, strict=True):
         if not result.images:
             continue
-        whole = [light for light in result.images if scene.images[light].pixels is None]
-        if not whole:
-            notes.append(f"No figures of {result.scene.label}: they are of whole images, as of --light raster.")
-            continue
-        light = whole[-1]  # path-traced where it was asked for: it has the better indirect light
+        light = list(result.images)[-1]  # path-traced where it was asked for: it has the better indirect light
         run, job = result.images[light], scene.images[light]
         stem = f"{result.scene.name}-{job.id[-8:]}".replace(".", "-")
         files = place / f"{stem}-figure-1.png", place / f"{stem}-figure-2.png"
@@ -169,7 +165,6 @@ def values_of(
         "citation": paper_numbers()["citation"],
         "quick": options.quick,
         "size": list(options.size),
-        "pixels": options.pixels,
         "scenes": blocks,
         "missing": available.missing,
         "thresholds": {

@@ -64,19 +64,21 @@ def plan(scenes: Sequence[PaperScene], options: PaperOptions) -> list[SceneJobs]
             own |= {"pairs": QUICK_PAIRS if options.quick else "all"}
             traced = light == "path-traced"
             own |= {"spp": options.spp} if traced and options.spp is not None else {}
-            pixels = options.pixels if traced else None
-            images[light] = _job(scene, f"table 4, {light}", scene.settings | own, options.lobes, pixels)
+            images[light] = _job(scene, f"table 4, {light}", scene.settings | own, options.lobes)
         jobs.append(SceneJobs(scene, camera, images))
     return jobs
 
 
-def _job(
-    scene: PaperScene, part: str, settings: dict[str, Any], lobes: tuple[str, ...] = (), pixels: int | None = None
-) -> Job:
-    # Lobes and pixels are no settings: without them here, two jobs would share an id and a folder.
-    name = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}" + ("" if pixels is None else f"{pixels}-pixels")
+def _job(scene: PaperScene, part: str, settings: dict[str, Any], lobes: tuple[str, ...] = ()) -> Job:
     checked = Settings(**settings)
-    return Job(job_id(name, checked), scene.path, checked, {"part": part}, lobes=lobes, pixels=pixels)
+    # Lobes are no settings: without them here, two jobs would share an id and a folder.
+    return Job(
+        job_id(f"{scene.name}-{scene.kind}-{'+'.join(lobes)}", checked),
+        scene.path,
+        checked,
+        {"part": part},
+        lobes=lobes,
+    )
 
 
 def run_jobs(jobs: Sequence[SceneJobs], out: Path, seconds: float | None, **how: Any) -> list[SceneResult]:

@@ -122,8 +122,6 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
             entries = [summary["discard"].get(name) or {} for name in COLUMNS]
             values = [entry.get("mean_percent") for entry in entries]
             label = f"{result.scene.label}, {light}"
-            if pixels := summary.get("sampling", {}).get("pixels"):
-                label += f", {pixels} pixels of each pair"
             row = table_row(label, values, summary, *(e.get("reason") for e in entries))
             marks = {i: _light_note(light) for i, name in enumerate(COLUMNS) if name in result.scene.fitted}
             rows += [_marked(row, {i: text for i, text in marks.items() if values[i] is not None})]

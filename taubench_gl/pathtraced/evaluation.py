@@ -92,6 +92,9 @@ class PathTracedInput:
     def views(self, session: Session) -> list[View]:
         return session.drawn
 
+    def sampled_light(self, session: Session) -> None:
+        """None: the files have their light."""
+
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """What the render recorded, and the noise floor of a second seed."""
         record = read_render(self.sequence.folder)

@@ -11,7 +11,8 @@ from batch_tools import DEMO, SMALL, final_files, spec_of
 
 from taubench_gl.batch.spec import BatchSpec, Job, read_spec
 from taubench_gl.batch.study import batch_store, run_batch, stored_spec
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import evaluate_scene, sampled_light
+from taubench_gl.evaluation.sampled_light import Plan
 from taubench_gl.run import load_run
 from taubench_gl.settings import Settings
 
@@ -51,14 +52,16 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"pairs": "strata:3", "samples_per_pixel": 2},
         {"frames": (4, 5)},
         {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
-        pytest.param(LIGHT, marks=pytest.mark.long),
+        {"light": "raster", **LIGHT},
+        {**LIGHT, "light_within": 2.5},
     ],
-    ids=["plain", "motion", "sampled", "no pairs", "exact", "light"],
+    ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light"],
 )
-def test_results_equal_those_of_evaluate(tmp_path, changes):
-    """Pairs, sums, curves, census, camera and cuts, with a chunk boundary at every other pair."""
+def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
+    """Pairs, sums, curves, census, camera, cuts and rounds of light, with a chunk boundary at every other pair."""
+    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=3, pixels=16, limit=128))
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")} | changes
-    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once")
+    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once", sampled=True)
     plain = {k: v for k, v in settings.items() if k != "frames"}
     lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
     first, stop = settings["frames"]

@@ -1,0 +1,298 @@
+"""Masks of single pixels under path-traced light, with as many samples as each pixel needs for a yes or no.
+
+A pixel has sample numbers of its own, the same in both frames of the pair: noise that a surface point has in both is no
+change.  Samples come in parts with independent numbers, so that their spread tells how sure a distance is.  A pixel is
+decided when its distances are clear of their thresholds; the others get twice as many samples, up to a limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.evaluation.pairs import PairEvaluator
+from taubench_gl.features import FEATURE_BIT, LIGHT_FEATURES, RADIANCE_FEATURES
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.masks import blend, history_taps
+from taubench_gl.metrics.path_samples import PART
+from taubench_gl.settings import MAX_BOUNCES, Settings
+from taubench_gl.srgb import LUMINANCE
+
+Array = np.ndarray
+
+LEAST = 64
+"""Samples of every pixel."""
+
+LIMIT = 512
+"""Most samples of a pixel."""
+
+CONFIDENCE = 0.9973
+"""With which a distance is clear of its threshold, by Student's t over the parts: three standard deviations."""
+
+FLOOR_QUANTILE = 0.999
+"""The error of a distance is at least what one more sample would add that is as far off as this quantile of the pair's
+parts: equal samples do not prove that all others are equal."""
+
+AUDITED = (0.02, 0.1)
+"""Share of the decided pixels that are traced to the limit all the same; the second one of those that are decided by
+less than twice the distance that CONFIDENCE asks for, where errors are."""
+
+LIGHT_BITS = np.uint32(sum(FEATURE_BIT[name] for name in LIGHT_FEATURES) | int(Reason.LIT | Reason.SHADOWED))
+
+
+def decided_light(settings: Settings) -> Settings:
+    """``settings`` with all light path-traced, by numbers that differ from pixel to pixel."""
+    light = {
+        "light": "path-traced", "indirect": "auto", "pattern": "independent", "bounces": MAX_BOUNCES,
+        "bidirectional": True,
+    }  # fmt: skip
+    picture = {"columns": RADIANCE_FEATURES, "pairs": "all", "samples_per_pixel": 1, "storage": "float", "exact": False}
+    return settings.replace(**light, **picture, spp=PART)
+
+
+@dataclass(frozen=True, slots=True)
+class PreviewPair:
+    """Channels of a pair under preview light, which decide all of its masks but those of light.
+
+    Images: row 0 at the top.  A color is that of the display, which the background keeps.
+    """
+
+    frame: int  # the later one
+    words: Array  # (h, w) uint32 reason words
+    distances: Mapping[str, Array]  # light column -> (h, w)
+    at_px: Array  # (h, w, 2) float64 previous coordinates, y down
+    surface: tuple[Array, Array]  # (h, w) bool, of the previous and the current frame
+    emission: tuple[Array, Array] | None  # (h, w, 3)
+    color: tuple[Array, Array] | None  # (h, w, 3)
+
+    @property
+    def traced(self) -> Array:
+        """Pixels whose masks depend on path-traced light: a comparison with a surface in either frame.  (h, w) bool."""
+        sky = np.uint32(Reason.SKY | Reason.HISTORY_SKY)
+        return ((self.words & NOT_COMPARABLE) == 0) & ((self.words & sky) != sky)
+
+
+def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, columns: Collection[str]) -> PreviewPair:
+    """The pair that ``evaluator``, which writes images and distances, has submitted last.  ``columns``: of light."""
+    motion, (width, height) = evaluator.motion(), source.size
+    across, down = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    up = (height - 1 - down) - motion[..., 1]  # in float32, as the masks add it
+
+    def both(name: str) -> tuple[Array, Array]:
+        return source.read(name, previous=True), source.read(name)
+
+    color = None
+    if "color" in columns:
+        color = tuple(image[..., :3] for image in both("color"))
+    emission = tuple(image[..., :3] for image in both("emission")) if "emission" in source.channels else None
+    distances = evaluator.distances().features
+    return PreviewPair(
+        frame,
+        evaluator.mask(),
+        {name: distances[name] for name in columns},
+        np.stack([across + motion[..., 0], (height - 1) - up.astype(np.float64)], axis=-1),
+        tuple(image[..., 3] > 0 for image in both("position")),
+        emission,
+        color,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Decisions:
+    """Of n pixels of a pair.
+
+    Pixels that were audited have the word and the distances of the limit; ``first`` is the word with which they were
+    decided, and ``audited`` the probability with which they were drawn, 0 where they were not.
+    """
+
+    words: Array  # (n,) uint32 reason words with path-traced light
+    distances: Mapping[str, Array]  # column, and with lobes "column lobe" -> (n,) float64
+    samples: Array  # (n,) int64, of the current pixel and each tap of its history
+    undecided: Array  # (n,) bool: the limit came first
+    first: Array  # (n,) uint32
+    audited: Array  # (n,) float64
+
+
+class DecidedPixels:
+    """Draws the pairs of a scene and decides their pixels."""
+
+    def __init__(self, variant: Callable[..., RasterSource], settings: Settings, columns: Collection[str]):
+        """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide."""
+        self._settings, self.columns = settings, tuple(columns)
+        self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
+        traced = decided_light(settings)
+        self._sources = tuple(variant(traced, pixel_list=True) for _ in range(2))  # previous, current
+        self._pair: PreviewPair | None = None
+        self._fresh = True
+
+    def draw(self, pair: PreviewPair) -> None:
+        """``pair`` is the one whose pixels are decided from now on."""
+        self._pair, self._fresh = pair, True
+        for k, source in enumerate(self._sources):
+            source.draw(pair.frame - 1 + k)
+
+    def decide(self, at: Array, limit: int, seed: Collection[int]) -> Decisions:
+        """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``.
+
+        ``limit``: samples per pixel at most; ``seed``: of the audit.
+        """
+        listed = self._listed(at)
+        count, least, most = len(at), LEAST // PART, max(LEAST, limit) // PART
+        audit = np.random.default_rng(list(seed)).random(count)
+        words, first = listed.words.copy(), listed.words.copy()
+        distances = {name: np.zeros(count) for name in self.columns}
+        samples, decided, audited = np.zeros(count, np.int64), np.zeros(count, bool), np.zeros(count)
+        active, light, floor = np.arange(count), np.zeros((count, 0)), None
+        while len(active):
+            had = light.shape[1]
+            new = self._trace(listed.at[active], listed.taps[active], had, min(had or least, most - had))
+            light = new if not had else np.concatenate([light, new], axis=1)
+            parts = light.shape[1]
+            compared = listed.take(active)
+            found, error, bits = self._compare(compared, light)
+            if floor is None:
+                floor = self._floor(compared, light)
+            samples[active] = PART * parts
+            words[active] = (listed.words[active] & ~LIGHT_BITS) | bits
+            for name in self.columns:
+                distances[name][active] = found[name]
+            margin = self._margin(found, error, floor, parts)
+            now = ~decided[active] & (margin > 1.0)
+            first[active[now]], decided[active[now]] = words[active[now]], True
+            if parts < most:
+                share = np.where(margin[now] < 2.0, AUDITED[1], AUDITED[0])
+                audited[active[now]] = np.where(audit[active[now]] < share, share, 0.0)
+            if parts >= most:
+                break
+            kept = ~decided[active] | (audited[active] > 0.0)
+            active, light = active[kept], light[kept]
+        first[~decided] = words[~decided]
+        return Decisions(words, distances, samples, ~decided, first, audited)
+
+    def _listed(self, at: Array) -> _Listed:
+        pair = self._pair
+        rows = at[:, 1], at[:, 0]
+        here, before = pair.surface[1][rows], pair.surface[0]
+        taps, weights = history_taps(
+            self._settings.metrics.sampling, pair.at_px[rows], here, before, np.ones_like(before)
+        )
+        every = np.concatenate([at[:, None], taps], axis=1)
+        frame = np.minimum(np.arange(every.shape[1]), 1)  # 0: the current pixel, then its history
+
+        def both(images: tuple[Array, Array] | None) -> Array | None:
+            if images is None:
+                return None
+            return np.where(
+                (frame == 0)[:, None], images[1][every[..., 1], every[..., 0]], images[0][every[..., 1], every[..., 0]]
+            ).astype(np.float64)
+
+        surface = np.where(
+            frame == 0, pair.surface[1][every[..., 1], every[..., 0]], before[every[..., 1], every[..., 0]]
+        )
+        return _Listed(at, taps, weights, pair.words[rows], surface, both(pair.emission), both(pair.color))
+
+    def _trace(self, at: Array, taps: Array, first: int, count: int) -> Array:
+        """Radiance of parts: (m, count, 1 + taps, lobes, 3) float64, of the current pixel and its history."""
+        samples, frame, history = range(PART * first, PART * (first + count)), self._pair.frame, taps.shape[1]
+        keys = np.repeat(at, history, axis=0)
+        drawn, self._fresh = self._fresh, False
+        before, now = (
+            source.listed_light(frame, pixels, of, samples, drawn=drawn, parts=True)
+            for source, pixels, of in zip(self._sources, (taps.reshape(-1, 2), at), (keys, at), strict=True)
+        )
+        every = np.concatenate([now[:, None], before.reshape(len(at), history, *before.shape[1:])], axis=1)
+        parts = every.reshape(*every.shape[:2], count, PART, *every.shape[3:]).astype(np.float64).mean(axis=3)
+        return parts.swapaxes(1, 2)
+
+    def _values(self, listed: _Listed, light: Array) -> dict[str, tuple[Array, Array]]:
+        """Column -> its value in the current frame and in the history, from radiance (m, ..., 1 + taps, lobes, 3)."""
+        exposure, expand = self._settings.lighting.exposure_factor, (slice(None), *[None] * (light.ndim - 4))
+        direct, indirect = light[..., :2, :].sum(axis=-2), light[..., 2:, :].sum(axis=-2)
+        values = {"direct": direct * exposure, "indirect": indirect * exposure}
+        if "color" in self.columns:
+            emission = 0.0 if listed.emission is None else listed.emission[expand]
+            shown = display_color(direct + indirect + emission, exposure, self._settings.lighting.tone_map)
+            values["color"] = np.where(listed.surface[expand][..., None], shown, listed.color[expand])
+        weights = listed.weights[expand]
+        return {n: (values[n][..., 0, :], blend(values[n][..., 1:, :], weights)) for n in self.columns}
+
+    def _parts(self, listed: _Listed, light: Array) -> dict[str, Array]:
+        """Column -> distance (m, ...) of radiance (m, ..., 1 + taps, lobes, 3)."""
+        return {
+            name: np.linalg.norm(now - before, axis=-1) if name in RADIANCE_FEATURES
+            else np.abs(now - before).max(axis=-1)
+            for name, (now, before) in self._values(listed, light).items()
+        }  # fmt: skip
+
+    def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
+        """Distances (m,) and their standard errors (m,) by column, and light bits (m,), of parts ``light``.
+
+        Errors: the jackknife over parts (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Eq. 11.5).
+        """
+        parts, mean = light.shape[1], light.mean(axis=1)
+        found = self._parts(listed, mean)
+        without = self._parts(listed, (light.sum(axis=1, keepdims=True) - light) / (parts - 1))
+        error = {
+            name: np.sqrt((parts - 1) / parts * ((d - d.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
+            for name, d in without.items()
+        }
+        bits = np.zeros(len(mean), np.uint32)
+        for name, distance in found.items():
+            bits[distance > self._thresholds[name]] |= np.uint32(FEATURE_BIT[name])
+        if "direct" in found:
+            now, before = self._values(listed, mean)["direct"]
+            change, over = (now - before) @ LUMINANCE, found["direct"] > self._thresholds["direct"]
+            bits[over & (change > 0)] |= np.uint32(Reason.LIT)
+            bits[over & (change < 0)] |= np.uint32(Reason.SHADOWED)
+        return found, error, bits
+
+    def _floor(self, listed: _Listed, light: Array) -> dict[str, float]:
+        """Column -> quantile of how far a part's distance is from that of all parts."""
+        mean = self._parts(listed, light.mean(axis=1))
+        return {
+            name: float(np.quantile(np.abs(distance - mean[name][:, None]), FLOOR_QUANTILE))
+            for name, distance in self._parts(listed, light).items()
+        }
+
+    def _margin(
+        self, found: Mapping[str, Array], error: Mapping[str, Array], floor: Mapping[str, float], parts: int
+    ) -> Array:
+        """Least distance between a column and its threshold, in units of what CONFIDENCE asks for.  (m,)."""
+        clear = clear_errors(parts)
+        out = np.full(len(next(iter(found.values()))), np.inf)
+        for name, distance in found.items():
+            bound = clear * np.maximum(error[name], floor[name] / (PART * parts + 1))
+            away = np.abs(distance - self._thresholds[name])
+            out = np.minimum(out, np.where(bound > 0, away / np.where(bound > 0, bound, 1.0), np.inf))
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class _Listed:
+    """Pixels of one pair: of each the current pixel, then the taps of its history."""
+
+    at: Array  # (n, 2)
+    taps: Array  # (n, t, 2)
+    weights: Array  # (n, t)
+    words: Array  # (n,) uint32, of the preview
+    surface: Array  # (n, 1 + t) bool
+    emission: Array | None  # (n, 1 + t, 3)
+    color: Array | None  # (n, 1 + t, 3), of the background
+
+    def take(self, rows: Array) -> _Listed:
+        """Those of ``rows``."""
+        values = (getattr(self, name) for name in self.__slots__)
+        return _Listed(*(None if v is None else v[rows] for v in values))
+
+
+@lru_cache
+def clear_errors(parts: int) -> float:
+    """Standard errors between a distance and its threshold with which a pixel of so many ``parts`` is decided."""
+    from scipy.special import stdtrit  # imported late: 0.3 s
+
+    return float(stdtrit(parts - 1, 0.5 + 0.5 * CONFIDENCE))

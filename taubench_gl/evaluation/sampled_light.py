@@ -1,0 +1,197 @@
+"""Light columns by path tracing, estimated at random pixels of random pairs: rounds, until the intervals are narrow.
+
+Which pixels a round has is fixed by the settings and the pairs; the rounds end by their intervals or by their samples,
+not by a clock.  So results do not depend on speed, on workers or on kills.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taubench_gl.evaluation.decided_pixels import LIMIT, DecidedPixels, read_preview
+from taubench_gl.evaluation.schedule import sampled_pairs
+from taubench_gl.features import FEATURE_BIT
+from taubench_gl.metrics.counts import Counts
+from taubench_gl.metrics.pair_sample import PairSample
+from taubench_gl.metrics.pixel_sample import PixelStrata
+from taubench_gl.metrics.reuse_rate import unmeasured_rates
+from taubench_gl.metrics.sampled_light import (
+    STRATA,
+    LightEstimate,
+    Visit,
+    draw_pixels,
+    sampled_columns,
+    strata_of,
+)
+from taubench_gl.run_schema import SAMPLED_COLUMNS
+from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.evaluation.session import Session
+
+SEED = 20
+"""Beside that of the settings: of pairs, pixels and audits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Sizes of the rounds.  Drawing a pair costs as much as deciding some dozen of its pixels."""
+
+    pairs: int = 8  # that a round visits
+    pixels: int = 128  # of a visit
+    limit: int = LIMIT  # most samples of a pixel, in each frame
+    samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
+
+
+PLAN = Plan()
+
+
+def samples_light(settings: Settings) -> bool:
+    """Whether light columns of a rendered scene are estimated at sampled pixels."""
+    metrics = settings.metrics
+    exact = metrics.exact or metrics.samples_per_pixel > 1
+    return settings.lighting.light == "auto" and metrics.lit and not exact
+
+
+def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
+    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair)."""
+    order = np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
+    size = min(PLAN.pairs, pairs)
+    every = range(number * size, (number + 1) * size)
+    return [(order[k % pairs], k // pairs) for k in every]
+
+
+class LightVisits:
+    """Draws pairs of a session's scene once more and decides random pixels of them."""
+
+    def __init__(self, session: Session, columns: Sequence[str]):
+        settings = self._settings = session.settings
+        self._session, self._columns = session, tuple(columns)
+        extra = ("emission",) if "color" in columns else ()
+        self._source = session.variant(settings, extra=extra)
+        self._evaluator = session.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
+        self._decided = DecidedPixels(session.variant, settings, columns)
+        self._thresholds = {name: settings.metrics.threshold(name) for name in self._columns}
+
+    def visit(self, position: int, number: int) -> Visit:
+        """The pixels of visit ``number`` of the pair at ``position``."""
+        with self._session.gpu:
+            return self._visit(position, number)
+
+    def _visit(self, position: int, number: int) -> Visit:
+        frame = self._session.given.frames[position + 1]
+        self._evaluator.restart()
+        self._evaluator.step(frame - 1, False)
+        self._evaluator.step(frame)
+        pair = read_preview(self._source, self._evaluator, frame, self._columns)
+        seed = (SEED, self._settings.lighting.seed, frame)
+        image = strata_of(pair.words, pair.distances, self._thresholds, pair.traced)
+        strata = PixelStrata.of(image, STRATA, seed)
+        flat, stratum = draw_pixels(strata, number, PLAN.pixels)
+        self._decided.draw(pair)
+        width = pair.words.shape[1]
+        decisions = self._decided.decide(np.stack([flat % width, flat // width], axis=-1), PLAN.limit, (*seed, number))
+        return Visit(
+            position, strata.sizes, stratum, pair.words.ravel()[flat], decisions.first, decisions.words,
+            decisions.audited, decisions.undecided, decisions.samples,
+            {name: pair.distances[name].ravel()[flat].astype(np.float64) for name in self._columns},
+            decisions.distances,
+        )  # fmt: skip
+
+
+class SampledLight:
+    """The sampled light of one run: the preview's counts of every pair first, then rounds of visits."""
+
+    def __init__(self, settings: Settings, frames: range, unmeasured: Mapping[str, str]):
+        """``unmeasured``: column -> why the preview has none."""
+        columns = sampled_columns(unmeasured, settings.metrics.columns)
+        shading = "shading" not in unmeasured_rates(unmeasured)
+        self.sample: PairSample = sampled_pairs(frames, settings)
+        thresholds = {name: settings.metrics.threshold(name) for name in columns}
+        self.estimate = LightEstimate(columns, thresholds, shading, settings.lighting.light_within)
+        self._settings, self.rounds = settings, 0
+
+    @classmethod
+    def of(cls, settings: Settings, frames: range, unmeasured: Mapping[str, str]) -> SampledLight | None:
+        """None where no column is sampled."""
+        sampled = samples_light(settings) and sampled_columns(unmeasured, settings.metrics.columns)
+        return cls(settings, frames, unmeasured) if sampled else None
+
+    def add(self, position: int, counts: Counts) -> None:
+        """The preview's counts of the next pair."""
+        self.estimate.add_preview(position, counts)
+
+    def run(self, visit: Callable[[int, int], Visit], watch: Callable[[str], None] = lambda text: None) -> None:
+        """Rounds of ``visit(position, number)``, until ``done``; ``watch`` gets a line about each."""
+        limit, started = self._settings.lighting.light_time, time.monotonic()
+        while not self.done:
+            self.add_round([visit(*v) for v in self.next_round()])
+            watch(self.state)
+            if limit is not None and time.monotonic() - started >= limit:
+                break
+
+    def next_round(self) -> list[tuple[int, int]]:
+        """(position, number of the visit) of the visits of the next round."""
+        positions = self.estimate.positions
+        seed = self._settings.lighting.seed
+        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed)]
+
+    def add_round(self, visits: Sequence[Visit]) -> None:
+        """The visits of ``next_round``."""
+        for visit in visits:
+            self.estimate.add(visit)
+        self.rounds += 1
+        self._intervals = self.estimate.intervals(self.sample)
+        self._empty = not any(len(visit.words) for visit in visits)
+
+    @property
+    def done(self) -> bool:
+        """Whether no further round is needed, possible or allowed."""
+        if not self.rounds:
+            return not self.estimate.positions
+        return self._empty or self.narrow or self.estimate.samples >= PLAN.samples
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the intervals are as narrow as the settings ask for."""
+        return self.estimate.narrow(self._intervals)
+
+    @property
+    def state(self) -> str:
+        """The columns so far, in words."""
+        named = {at[1]: i for at, i in self._intervals.items() if at[0] == "discard" and at[2] == "mean_percent"}
+        text = ", ".join(f"{name} {i.mean:.1f} ±{i.half_width:.1f} %" for name, i in named.items())
+        return f"path-traced light, round {self.rounds}: {text}"
+
+    def finish(self, summary: dict[str, Any], rows: Sequence[dict[str, Any]], frames: range) -> None:
+        """Write the estimates into ``summary``, and the counts of the visited pairs into ``rows``."""
+        for row in rows:
+            row |= dict.fromkeys(SAMPLED_COLUMNS)
+        if not self.rounds:
+            return
+        self.estimate.amend(summary, self._intervals)
+        visits = [visit for of_pair in self.estimate.visits.values() for visit in of_pair]
+        wrong = sum(int(np.count_nonzero((v.first != v.words) & (v.audited > 0))) for v in visits)
+        summary["sampled_light"] = {
+            "rounds": self.rounds, "pairs": len(self.estimate.visits), "pixels": sum(len(v.words) for v in visits),
+            "samples": self.estimate.samples, "most_samples_per_pixel": PLAN.limit,
+            "audited": sum(int(np.count_nonzero(v.audited)) for v in visits), "audited_wrong": wrong,
+            "within_points": self._settings.lighting.light_within, "narrow": self.narrow,
+        }  # fmt: skip
+        by_frame = {row["frame"]: row for row in rows}
+        for position, of_pair in self.estimate.visits.items():
+            words = np.concatenate([v.words for v in of_pair])
+            by_frame[frames[position + 1]] |= sampled_counts(words, self.estimate.columns)
+
+
+def sampled_counts(words: np.ndarray, columns: Sequence[str]) -> dict[str, int | None]:
+    """SAMPLED_COLUMNS of a pair with the reason words of its sampled pixels (n,)."""
+    counts: dict[str, int | None] = dict.fromkeys(SAMPLED_COLUMNS) | {"sampled": len(words)}
+    for column in columns:
+        counts[f"sampled_{column}"] = int(np.count_nonzero(words & np.uint32(FEATURE_BIT[column])))
+    return counts

@@ -1,0 +1,93 @@
+"""The difference estimator at random pixels of random pairs: its expectation and its coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.metrics.pair_sample import sample_pairs
+from taubench_gl.metrics.pixel_sample import (
+    NORMAL_95,
+    PixelStrata,
+    SampledPair,
+    estimate_share,
+    pair_differences,
+    stratum_variances,
+)
+
+SHAPE, STRATA = (24, 32), 3
+
+
+def population(pairs: int, rng: np.random.Generator):
+    """Strata, x and y of every pixel of ``pairs`` pairs, (pairs, h, w): they disagree by stratum, and more in later
+    pairs.
+    """
+    strata = rng.integers(-1, STRATA, (pairs, *SHAPE))
+    x = rng.random((pairs, *SHAPE)) < 0.2 + 0.5 * (np.arange(pairs) / pairs)[:, None, None]
+    rate = np.array([0.0, 0.01, 0.05, 0.3])[strata + 1] * (0.5 + np.arange(pairs) / pairs)[:, None, None]
+    y = np.where(rng.random(x.shape) < rate, ~x, x)
+    return strata, x, y
+
+
+def estimated(strata, x, y, rng, *, visits: int, pixels: int, scheme=("all", 1)):
+    """The interval of one sample of ``visits`` random pairs among those of ``scheme``, and the true share."""
+    sample = sample_pairs(len(x), *scheme, rng=rng)
+    known = np.array(sample.positions)
+    rows = rng.permutation(len(known))[:visits]
+    drawn = []
+    for row in rows:
+        pair = known[row]
+        of = PixelStrata.of(strata[pair], STRATA, rng.integers(1 << 30, size=2))
+        flat, stratum = of.take(0, of.counts(np.array([0.15, 0.3, 0.5]), pixels))
+        d = y[pair].ravel()[flat].astype(float) - x[pair].ravel()[flat]
+        drawn.append(SampledPair(x[pair].size, of.sizes, stratum, d[:, None]))
+    differences, within = pair_differences(drawn)
+    control = x[known].mean(axis=(1, 2))
+    return estimate_share(sample, control, rows.tolist(), differences[:, 0], within[:, 0]), float(y.mean())
+
+
+@pytest.mark.parametrize(
+    ("visits", "pixels", "scheme"), [(4, 96, ("all", 1)), (12, 96, ("all", 1)), (6, 96, ("strata", 4))]
+)
+def test_intervals_hold_at_least_as_often_as_they_say(visits, pixels, scheme):
+    rng = np.random.default_rng(visits + pixels)
+    strata, x, y = population(12, rng)
+    ends, means = [], []
+    for _ in range(600):
+        found, truth = estimated(strata, x, y, rng, visits=visits, pixels=pixels, scheme=scheme)
+        ends.append(found.ends[0] <= truth <= found.ends[1])
+        means.append(found.mean)
+    # A share of 600 that is 95 % is above 92.2 % with a probability of 99.9 %.
+    assert np.mean(ends) > 0.922
+    if scheme == ("all", 1):  # y = x + d is unbiased: its mean over samples has their spread / sqrt(600)
+        assert abs(np.mean(means) - truth) < 4.0 * np.std(means) / np.sqrt(600)
+
+
+def test_every_pixel_of_every_pair_has_no_error():
+    rng = np.random.default_rng(1)
+    strata, x, y = population(3, rng)
+    y = np.where(strata < 0, x, y)  # known without a sample
+    found, truth = estimated(strata, x, y, rng, visits=3, pixels=10**9)
+    assert found.mean == pytest.approx(truth, abs=1e-12) and found.half_width == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_stratum_without_a_difference_has_the_interval_of_the_rule_of_three():
+    pair = SampledPair(1000, np.array([1000]), np.zeros(300, np.int64), np.zeros((300, 1)))
+    _, variance = stratum_variances([pair])
+    assert NORMAL_95 * np.sqrt(variance[0, 0] / 300) == pytest.approx(3.0 / 300)
+
+
+def test_visits_of_a_pair_have_other_pixels():
+    of = PixelStrata.of(np.random.default_rng(2).integers(-1, 3, SHAPE), 3, (1, 2))
+    counts = of.counts(np.array([0.2, 0.2, 0.9]), 100)
+    taken = np.concatenate([of.take(k, counts)[0] for k in range(20)])
+    assert len(np.unique(taken)) == len(taken) == of.sizes.sum()
+    assert counts[2] > 3 * counts[0] * of.sizes[2] / of.sizes[0]
+
+
+def test_pixels_beyond_the_known_pairs_widen_the_interval():
+    rng = np.random.default_rng(5)
+    strata, x, y = population(12, rng)
+    every, _ = estimated(strata, x, y, rng, visits=6, pixels=60)
+    some, _ = estimated(strata, x, y, rng, visits=6, pixels=60, scheme=("strata", 3))
+    assert every.of_pixels == every.half_width and some.of_pixels < some.half_width
