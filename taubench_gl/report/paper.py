@@ -111,6 +111,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     floor = "the noise floor is unknown; it requires a second render with another seed."
     for texts in (
         [conditions(summary) for summary in summaries],
+        [sampled_text(summary) for summary in summaries],
         [sensitivity(summary) for summary in summaries],
         [floor if s.get("path_traced") and not s.get("noise_floor") else None for s in summaries],
     ):
@@ -138,6 +139,10 @@ def _discard_rows(label: str, summary: Summary, exact_columns: Sequence[str]) ->
 
     nothing: list[float | None] = [None] * len(exact_columns)
     rows = [row(all_pixels, "mean_percent", [_mean_of(exact, name) for name in exact_columns], all_pixels)]
+    if any(half_width(entry) is not None for entry in entries):
+        widths = [*map(half_width, entries), *nothing]
+        cells = table_row(f"{label}, {INTERVAL}", widths, summary, *["of every pixel"] * len(widths))
+        rows.append(replace(cells, percent_of=all_pixels))
     if floor := summary.get("noise_floor"):
         # Two renders of the same frames: one pair per frame, hence N + 1 pairs.
         noise = [floor.get(name) or {} for name in COLUMNS]
@@ -235,6 +240,27 @@ def conditions(summary: Summary) -> str:
         size += " (--size paper: {}x{})".format(*PAPER_SIZE)
     ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
     return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
+
+
+INTERVAL = "± of 95 % intervals"
+
+
+def half_width(entry: Mapping[str, Any]) -> float | None:
+    """Half width of the 95 % interval of an estimated share, points; None where every pixel was measured."""
+    ends = entry.get("interval95_percent")
+    return None if ends is None else 0.5 * (ends[1] - ends[0])
+
+
+def sampled_text(summary: Summary) -> str | None:
+    """At which pixels the columns of light are path-traced, and what the preview gives; None where none is sampled."""
+    about = summary.get("sampled_light")
+    entries = {n: e for n, e in (summary.get("discard") or {}).items() if (e or {}).get("preview_percent") is not None}
+    if not about or not entries:
+        return None
+    preview = ", ".join(f"{name} {two_decimals(entry['preview_percent'])} %" for name, entry in entries.items())
+    undecided = next(iter(entries.values())).get("undecided_percent")
+    text = f"path-traced light at {about['pixels']:,} random pixels of {about['pairs']} pairs"
+    return f"{text}, {two_decimals(undecided)} % of them undecided; images show the preview, which has {preview}."
 
 
 def sensitivity(summary: Summary) -> str | None:

@@ -9,7 +9,7 @@ from typing import Any
 from taubench_gl.glossary import CONCEPTS, REUSE_REASONS, STATISTICS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import run_labels
-from taubench_gl.report.paper import SAMPLING_COLUMNS, exact_tables, paper_tables, table_row
+from taubench_gl.report.paper import INTERVAL, SAMPLING_COLUMNS, exact_tables, half_width, paper_tables, table_row
 from taubench_gl.report.table import Column, Table
 
 Summary = Mapping[str, Any]
@@ -34,7 +34,7 @@ def reusable_sentence(summary: Summary) -> str:
     if rate is None:
         return f"reusable pixels are unknown: {_why(block, 'surface')}"
     shares = {name: entry["mean_percent"] for name, entry in (block.get("reasons") or {}).items()}
-    return sentence(block[rate]["mean_percent"], shares, rate, block.get("sky_percent"))
+    return sentence(block[rate]["mean_percent"], shares, rate, block.get("sky_percent"), half_width(block[rate]))
 
 
 def headline(summary: Summary) -> str:
@@ -44,20 +44,25 @@ def headline(summary: Summary) -> str:
 
 
 def sentence(
-    percent: float, shares: Mapping[str, float], rate: str = "shading", sky_percent: float | None = None
+    percent: float,
+    shares: Mapping[str, float],
+    rate: str = "shading",
+    sky_percent: float | None = None,
+    half: float | None = None,
 ) -> str:
     """The sentence from a reuse rate and the shares of its disjoint reasons, in % of surface pixels.
 
-    ``sky_percent``: of all pixels.
+    ``sky_percent``: of all pixels; ``half``: half width of the interval of an estimated rate, points.
     """
-    text = _rate_and_reasons(percent, shares)
+    text = _rate_and_reasons(percent, shares, half)
     if rate != "shading":
         text = f"by geometry {text} (light was not measured)"
     return f"{text}; sky fills {percent_text(sky_percent)} of the image" if sky_percent else text
 
 
-def _rate_and_reasons(percent: float, shares: Mapping[str, float]) -> str:
-    text = f"{percent_text(percent)} of surface pixels can be reused"
+def _rate_and_reasons(percent: float, shares: Mapping[str, float], half: float | None) -> str:
+    rate = percent_text(percent) if half is None else f"{percent:.1f} ± {half:.1f} %"
+    text = f"{rate} of surface pixels can be reused"
     phrases, covered = _largest(shares, 100.0 - percent)
     if not phrases:
         return text
@@ -101,11 +106,14 @@ def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
 def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str, ...]) -> Table:
     """A row for each rate of each run."""
     rows = []
+    sampled = any(half_width((s.get("reusable") or {}).get("shading") or {}) is not None for s in summaries)
     for label, summary in zip(labels, summaries, strict=True):
         block = summary.get("reusable") or {}
         for rate in RATES:
             entry = block.get(rate) or {}
-            values = [reprojection_of(summary), *(entry.get(key) for key in _STATISTICS), block.get("sky_percent")]
+            shares = [entry.get(key) for key in ("mean_percent", "min_percent", "max_percent")]
+            shares += [half_width(entry)] * sampled
+            values = [reprojection_of(summary), *shares, entry.get("of_picture_percent"), block.get("sky_percent")]
             row = table_row(f"{label}, {rate}", values, summary, *[_why(block, rate)] * len(values))
             rows.append(replace(row, percent_of=OF_SURFACE))
     of_all = STATISTICS["of_picture_percent"].label
@@ -114,15 +122,13 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
         Column("reusable", "%", 2, "; ".join(CONCEPTS[rate].tooltip for rate in RATES)),
         Column("min", "%", 2, STATISTICS["min_percent"].tooltip),
         Column("max", "%", 2, STATISTICS["max_percent"].tooltip),
+        *([Column("±", "%", 2, f"Half width: {INTERVAL}")] * sampled),
         Column(of_all.removeprefix("% "), "%", 2, STATISTICS["of_picture_percent"].tooltip, of_all),
         Column("sky", "%", 2, STATISTICS["sky_percent"].tooltip, of_all),
         *SAMPLING_COLUMNS,
     )
     notes = ("A mean is a total over all pairs by a total; min and max are of a pair. sky: % of all pixels.",)
     return Table("reusable", f"Reusable pixels, {OF_SURFACE}", columns, tuple(rows), notes, lead)
-
-
-_STATISTICS = ("mean_percent", "min_percent", "max_percent", "of_picture_percent")
 
 
 def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:

@@ -52,8 +52,8 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"pairs": "strata:3", "samples_per_pixel": 2},
         {"frames": (4, 5)},
         {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
-        {"light": "raster", **LIGHT},
-        {**LIGHT, "light_within": 2.5},
+        LIGHT,
+        {"light": "auto", "light_within": 2.5, **LIGHT},
     ],
     ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light"],
 )

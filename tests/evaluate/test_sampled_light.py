@@ -1,0 +1,192 @@
+"""Light columns at sampled pixels: decided pixels, rounds, and what a run says of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taubench_gl.conventions import NOT_COMPARABLE
+from taubench_gl.evaluation import Wants, evaluate_scene, open_session, sampled_light
+from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
+from taubench_gl.evaluation.sampled_light import Plan, round_of
+from taubench_gl.features import FEATURE_BIT
+from taubench_gl.metrics.sampled_light import Visit
+from taubench_gl.run import load_run
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.settings import FIXED_LIGHTING, Settings
+
+DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
+SMALL = {"width": 32, "height": 18, "light": "auto", **FIXED_LIGHTING}
+DEMO_SETTINGS = {"width": 48, "height": 27, "frames": (20, 26), "light": "auto", "shadow_size": 64, "probes": 32}
+ALL = Plan(pairs=4, pixels=10**6, limit=128, samples=1 << 40)
+
+
+def lamp_over_floor(*, moves: bool = True, emits: float = 0.0):
+    """A floor, a box that throws a shadow, and a lamp that moves: a point light or a box that ``emits``."""
+    b = SceneBuilder()
+    gray = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(box((0.5, 1.0, 0.5), material=gray)), translation=(-0.6, 0.5, 0.0))
+    if emits:
+        glow = b.material(emissive=(emits, emits, 0.5 * emits), emissive_strength=emits)
+        mover = b.node(mesh=b.mesh(box((0.4, 0.4, 0.4), material=glow)), translation=(0.5, 1.6, 0.5))
+    else:
+        mover = b.light(translation=(0.5, 1.6, 0.5), kind="point", intensity=20.0)
+    if moves:
+        b.animate(mover, "translation", [0.0, 0.125], [(0.5, 1.6, 0.5), (1.4, 1.6, 0.5)])
+    b.camera(translation=(0.0, 1.5, 4.0), rotation=turn_x(-15.0))
+    return b.build()
+
+
+def opened(scene, **settings):
+    chosen = Settings(**({"fps": 24.0, "frames": (0, 3), "spp": 1} | SMALL | settings))
+    return open_session(scene, chosen, Wants(images=True, distances=True, channels=("emission",), sampled=True))
+
+
+def decided(session, frame, limit, columns=("direct", "indirect", "color")):
+    """The preview of a pair, its pixels (n, 2) that light decides, and their decisions."""
+    with session.gpu:
+        session.evaluator.restart()
+        session.evaluator.step(frame - 1, False)
+        session.evaluator.step(frame)
+        pair = read_preview(session.source, session.evaluator, frame, columns)
+        pixels = DecidedPixels(session.variant, session.settings, columns)
+        pixels.draw(pair)
+        rows, across = np.nonzero(pair.traced)
+        at = np.stack([across, rows], axis=-1)
+        return pair, at, pixels.decide(at, limit, (1,))
+
+
+def test_light_without_noise_is_decided_by_the_least_samples_as_the_preview_says():
+    """Shadow rays and shadow maps differ in texels beside edges."""
+    with opened(lamp_over_floor()) as session:
+        pair, at, found = decided(session, 1, 512, ("direct",))
+    assert (found.samples[found.audited == 0.0] == LEAST).all() and not found.undecided.any()
+    preview = pair.words[at[:, 1], at[:, 0]]
+    bit = np.uint32(FEATURE_BIT["direct"])
+    assert np.mean((preview ^ found.words) & bit != 0) < 0.02
+    assert np.mean(found.words & bit != 0) > 0.05
+    assert np.median(np.abs(found.distances["direct"] - pair.distances["direct"][at[:, 1], at[:, 0]])) < 1e-3
+
+
+@pytest.mark.parametrize("emits", [0.0, 40.0])
+def test_a_still_pair_has_distances_of_zero(emits):
+    """A surface point has the same numbers in both frames, so noise is no change."""
+    with opened(lamp_over_floor(moves=False, emits=emits), camera=0, light_unit="candela") as session:
+        _, at, found = decided(session, 1, 128)
+    assert len(at) > 100
+    for name, distance in found.distances.items():
+        assert not distance.any(), name
+
+
+def test_decisions_are_those_of_many_more_samples():
+    with opened(lamp_over_floor(emits=2.0), width=24, height=14) as session:
+        _, _, few = decided(session, 1, 512)
+        _, _, many = decided(session, 1, 2048)
+    bits = np.uint32(sum(FEATURE_BIT[n] for n in ("direct", "indirect", "color")))
+    clear = ~few.undecided
+    assert clear.mean() > 0.8
+    assert np.mean(((few.words ^ many.words) & bits)[clear] != 0) < 0.01
+    assert (many.samples >= few.samples).all() and (few.samples[few.undecided] == 512).all()
+
+
+def test_only_pixels_that_light_decides_are_traced():
+    with opened(DEMO, width=64, height=36, frames=(29, 31)) as session:
+        pair, _, _ = decided(session, 30, 64)
+    assert 0.5 < pair.traced.mean() < 1.0
+    assert not (pair.words[pair.traced] & NOT_COMPARABLE).any()
+
+
+def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
+    monkeypatch.setattr(sampled_light, "PLAN", ALL)
+    scene = lamp_over_floor(emits=40.0)
+    with opened(scene) as session:
+        shares = []
+        for frame in (1, 2):
+            _, _, found = decided(session, frame, ALL.limit)
+            words = np.where(found.undecided, found.words, found.first)
+            shares.append(np.count_nonzero(words & np.uint32(FEATURE_BIT["indirect"])) / (32 * 18))
+    monkeypatch.setattr("taubench_gl.evaluation.decided_pixels.AUDITED", (0.0, 0.0))
+    settings = Settings(frames=(0, 3), spp=1, **SMALL)
+    entry = evaluate_scene(scene, settings, sampled=True).summary["discard"]["indirect"]
+    assert entry["mean_percent"] == pytest.approx(100 * np.mean(shares), abs=1e-9)
+    assert entry["interval95_percent"] == pytest.approx([entry["mean_percent"]] * 2, abs=1e-6)
+    assert entry["method"] == "sampled" and entry["pixels"] > 500
+
+
+def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
+    settings = Settings(frames=(0, 3), **SMALL)
+    scene = lamp_over_floor(emits=40.0)
+    truth = evaluate_scene(scene, settings.replace(light="path-traced", spp=128)).summary["discard"]["direct"]
+    entry = evaluate_scene(scene, settings, sampled=True).summary["discard"]["direct"]
+    low, high = entry["interval95_percent"]
+    assert low - 1.0 < truth["mean_percent"] < high + 1.0 and truth["mean_percent"] > 5.0
+    assert high - low <= 2.0 * settings.lighting.light_within + 1e-9
+
+
+def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
+    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=24, limit=64))
+    settings = Settings(**DEMO_SETTINGS, light_within=4.0)
+    plain = evaluate_scene(DEMO, settings)
+    evaluate_scene(DEMO, settings, out=tmp_path / "run", sampled=True)
+    run = load_run(tmp_path / "run")  # which checks it
+    summary, discard = run.summary, run.summary["discard"]
+    for name, entry in discard.items():
+        before = plain.summary["discard"][name]
+        if name in ("direct", "indirect", "color"):
+            low, high = entry["interval95_percent"]
+            assert low <= entry["mean_percent"] <= high and entry["preview_percent"] == before["mean_percent"]
+            assert entry["max_percent"] is None
+        else:
+            assert entry == before
+    shading, reasons = summary["reusable"]["shading"], summary["reusable"]["reasons"]
+    total = shading["mean_percent"] + sum(entry["mean_percent"] for entry in reasons.values())
+    assert total == pytest.approx(100.0, abs=1e-9)
+    assert summary["reusable"]["surface"] == plain.summary["reusable"]["surface"]
+    visited = [row for row in run.frames if row["sampled"]]
+    assert len(visited) == summary["sampled_light"]["pairs"] <= len(run.frames)
+    assert sum(row["sampled"] for row in visited) == summary["sampled_light"]["pixels"]
+    assert [{k: v for k, v in row.items() if not k.startswith("sampled")} for row in run.frames] == plain.frames
+
+
+def test_a_run_within_its_budget_ends(monkeypatch):
+    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=8, limit=64, samples=6000))
+    settings = Settings(**DEMO_SETTINGS, light_within=1e-3)
+    summary = evaluate_scene(DEMO, settings, sampled=True).summary["sampled_light"]
+    assert not summary["narrow"] and summary["rounds"] > 1
+    assert 6000 <= summary["samples"] < 6000 + 2 * 2 * 64 * (16 + 20)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"light": "raster"}, {"light": "preview"}, {"exact": True}, {"samples_per_pixel": 2},
+                {"columns": ("position",)}, {"light": "path-traced", "spp": 1}],
+)  # fmt: skip
+def test_what_is_not_sampled_has_no_interval(changes):
+    settings = Settings(**DEMO_SETTINGS | {"frames": (20, 22)} | changes)
+    summary = evaluate_scene(DEMO, settings, sampled=True).summary
+    assert "sampled_light" not in summary
+    assert all("interval95_percent" not in entry for entry in summary["discard"].values())
+
+
+def test_rounds_visit_other_pairs_until_all_had_a_visit():
+    visits = [visit for number in range(6) for visit in round_of(number, 20, seed=0)]
+    assert len(set(visits)) == len(visits) == 48
+    assert {row for row, _ in visits[:20]} == set(range(20)) and {number for _, number in visits[:20]} == {0}
+    assert visits[:8] != [visit for visit in round_of(0, 20, seed=1)]
+    assert round_of(3, 2, seed=0)[0][1] == 3
+
+
+def test_records_of_visits_keep_every_bit():
+    rng = np.random.default_rng(3)
+    n = 5
+    words = [rng.integers(0, 2**16, n).astype(np.uint32) for _ in range(3)]
+    distances = [{"direct": rng.random(n)} for _ in range(2)]
+    visit = Visit(3, rng.integers(0, 9, 16), rng.integers(0, 16, n), *words, rng.random(n), rng.random(n) < 0.5,
+                  rng.integers(64, 512, n), *distances)  # fmt: skip
+    again = Visit.of_record(json.loads(json.dumps(visit.record())))
+    for name in Visit.__slots__:
+        a, b = (of["direct"] if isinstance(of, dict) else of for of in (getattr(visit, name), getattr(again, name)))
+        assert np.array_equal(a, b) and np.asarray(a).dtype == np.asarray(b).dtype
