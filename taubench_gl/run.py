@@ -36,12 +36,16 @@ def total_discards(row: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Reported once per evaluated pair.  ``frame_seconds`` is the wall-clock time of this pair."""
+    """Reported once per evaluated pair, and then after each round of sampled light.
+
+    ``frame_seconds``: wall-clock time of this pair, 0 of a round; ``text``: about the round, else empty.
+    """
 
     scene: str
     done: int
     total: int
     frame_seconds: float
+    text: str = ""
 
 
 @dataclass(slots=True)

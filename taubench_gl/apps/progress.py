@@ -81,6 +81,11 @@ class ProgressBar(Bars):
         return self
 
     def __call__(self, progress: Progress) -> None:
+        if progress.text:
+            self.set_bar(self.name, progress.done, progress.total, progress.text)
+            if not self.on_terminal:
+                self.say(f"{self.name}: {progress.text}")
+            return
         self._seconds += progress.frame_seconds
         rate = f"{progress.done / self._seconds:.2f} {self.unit}/s" if self._seconds > 0 else ""
         left = self._seconds / progress.done * (progress.total - progress.done)

@@ -113,6 +113,7 @@ class Decisions:
     words: Array  # (n,) uint32 reason words with path-traced light
     distances: Mapping[str, Array]  # column, and with lobes "column lobe" -> (n,) float64
     samples: Array  # (n,) int64, of the current pixel and each tap of its history
+    decided_samples: Array  # (n,) int64, when the pixel was decided
     undecided: Array  # (n,) bool: the limit came first
     first: Array  # (n,) uint32
     audited: Array  # (n,) float64
@@ -146,7 +147,8 @@ class DecidedPixels:
         audit = np.random.default_rng(list(seed)).random(count)
         words, first = listed.words.copy(), listed.words.copy()
         distances = {name: np.zeros(count) for name in self.columns}
-        samples, decided, audited = np.zeros(count, np.int64), np.zeros(count, bool), np.zeros(count)
+        samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        decided, audited = np.zeros(count, bool), np.zeros(count)
         active, light, floor = np.arange(count), np.zeros((count, 0)), None
         while len(active):
             had = light.shape[1]
@@ -164,6 +166,7 @@ class DecidedPixels:
             margin = self._margin(found, error, floor, parts)
             now = ~decided[active] & (margin > 1.0)
             first[active[now]], decided[active[now]] = words[active[now]], True
+            decided_samples[active[~decided[active] | now]] = PART * parts
             if parts < most:
                 share = np.where(margin[now] < 2.0, AUDITED[1], AUDITED[0])
                 audited[active[now]] = np.where(audit[active[now]] < share, share, 0.0)
@@ -172,7 +175,7 @@ class DecidedPixels:
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
         first[~decided] = words[~decided]
-        return Decisions(words, distances, samples, ~decided, first, audited)
+        return Decisions(words, distances, samples, decided_samples, ~decided, first, audited)
 
     def _listed(self, at: Array) -> _Listed:
         pair = self._pair

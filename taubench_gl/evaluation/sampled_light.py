@@ -9,13 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from taubench_gl.evaluation.decided_pixels import LIMIT, DecidedPixels, read_preview
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.features import FEATURE_BIT
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import PairSample
 from taubench_gl.metrics.pixel_sample import PixelStrata
@@ -30,9 +32,6 @@ from taubench_gl.metrics.sampled_light import (
 )
 from taubench_gl.run_schema import SAMPLED_COLUMNS
 from taubench_gl.settings import Settings
-
-if TYPE_CHECKING:
-    from taubench_gl.evaluation.session import Session
 
 SEED = 20
 """Beside that of the settings: of pairs, pixels and audits."""
@@ -69,22 +68,28 @@ def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
 class LightVisits:
     """Draws pairs of a session's scene once more and decides random pixels of them."""
 
-    def __init__(self, session: Session, columns: Sequence[str]):
-        settings = self._settings = session.settings
-        self._session, self._columns = session, tuple(columns)
-        extra = ("emission",) if "color" in columns else ()
-        self._source = session.variant(settings, extra=extra)
-        self._evaluator = session.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
-        self._decided = DecidedPixels(session.variant, settings, columns)
+    def __init__(
+        self,
+        owner: GpuOwner,
+        variant: Callable[..., RasterSource],
+        settings: Settings,
+        frames: range,
+        columns: Sequence[str],
+    ):
+        """``owner``: of what is opened; ``variant``: opens a source of the scene; ``frames``, ``columns``: of the run."""
+        self._gpu, self._settings, self._frames, self._columns = owner.gpu, settings, frames, tuple(columns)
+        self._source = variant(settings, extra=("emission",) if "color" in columns else ())
+        self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
+        self._decided = DecidedPixels(variant, settings, columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self._columns}
 
     def visit(self, position: int, number: int) -> Visit:
         """The pixels of visit ``number`` of the pair at ``position``."""
-        with self._session.gpu:
+        with self._gpu:
             return self._visit(position, number)
 
     def _visit(self, position: int, number: int) -> Visit:
-        frame = self._session.given.frames[position + 1]
+        frame = self._frames[position + 1]
         self._evaluator.restart()
         self._evaluator.step(frame - 1, False)
         self._evaluator.step(frame)
@@ -129,6 +134,8 @@ class SampledLight:
     def run(self, visit: Callable[[int, int], Visit], watch: Callable[[str], None] = lambda text: None) -> None:
         """Rounds of ``visit(position, number)``, until ``done``; ``watch`` gets a line about each."""
         limit, started = self._settings.lighting.light_time, time.monotonic()
+        if not self.done:
+            watch("path-traced light at random pixels")
         while not self.done:
             self.add_round([visit(*v) for v in self.next_round()])
             watch(self.state)
@@ -166,7 +173,7 @@ class SampledLight:
         """The columns so far, in words."""
         named = {at[1]: i for at, i in self._intervals.items() if at[0] == "discard" and at[2] == "mean_percent"}
         text = ", ".join(f"{name} {i.mean:.1f} ±{i.half_width:.1f} %" for name, i in named.items())
-        return f"path-traced light, round {self.rounds}: {text}"
+        return f"round {self.rounds} of path-traced light: {text}"
 
     def finish(self, summary: dict[str, Any], rows: Sequence[dict[str, Any]], frames: range) -> None:
         """Write the estimates into ``summary``, and the counts of the visited pairs into ``rows``."""

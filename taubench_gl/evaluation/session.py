@@ -193,7 +193,8 @@ class Session(GpuOwner):
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
-            return LightVisits(self, sampled_columns(self.source.unmeasured, self.settings.metrics.columns))
+            columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
+            return LightVisits(self, self.variant, self.settings, self.given.frames, columns)
 
     def _check(self) -> None:
         """Measure brightness and depth of the current frame."""
@@ -260,7 +261,12 @@ def evaluate(session: Session, observers: Observers, out: str | Path | None = No
                 for pair in session.finish():
                     _report(pair, observers, len(session.rows), total)
                 raise
-            session.sample_light()
+
+            def watch(text: str) -> None:
+                if observers.progress is not None:
+                    observers.progress(Progress(observers.scene, total, total, 0.0, text))
+
+            session.sample_light(watch)
             summary = session.summary()
         return finish_run(summary, session.rows, observers)
 

@@ -251,6 +251,12 @@ def half_width(entry: Mapping[str, Any]) -> float | None:
     return None if ends is None else 0.5 * (ends[1] - ends[0])
 
 
+def interval_text(entry: Mapping[str, Any]) -> str | None:
+    """``95 %: 13.2 to 14.9 %``; None where every pixel was measured."""
+    ends = entry.get("interval95_percent")
+    return ends and f"95 %: {two_decimals(ends[0])} to {two_decimals(ends[1])} %"
+
+
 def sampled_text(summary: Summary) -> str | None:
     """At which pixels the columns of light are path-traced, and what the preview gives; None where none is sampled."""
     about = summary.get("sampled_light")

@@ -114,7 +114,12 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
             shares = [entry.get(key) for key in ("mean_percent", "min_percent", "max_percent")]
             shares += [half_width(entry)] * sampled
             values = [reprojection_of(summary), *shares, entry.get("of_picture_percent"), block.get("sky_percent")]
-            row = table_row(f"{label}, {rate}", values, summary, *[_why(block, rate)] * len(values))
+            why = [_why(block, rate)] * len(values)
+            if half_width(entry) is not None:
+                why[2:4] = ["too few sampled pixels in a pair"] * 2
+            elif sampled and entry.get("mean_percent") is not None:
+                why[4] = "of every pixel"
+            row = table_row(f"{label}, {rate}", values, summary, *why)
             rows.append(replace(row, percent_of=OF_SURFACE))
     of_all = STATISTICS["of_picture_percent"].label
     columns = (

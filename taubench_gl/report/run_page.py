@@ -25,7 +25,7 @@ from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, shown_text, within_b
 from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import Page, macro, tag
 from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
-from taubench_gl.report.paper import paper_numbers, thresholds_of, two_decimals
+from taubench_gl.report.paper import interval_text, paper_numbers, sampled_text, thresholds_of, two_decimals
 from taubench_gl.report.plot import DASHES
 from taubench_gl.report.reusable import MERGED, TERMS, reprojection_of, reusable_sentence, run_tables
 from taubench_gl.report.run_frames import StoredFrames, stored_frames
@@ -112,6 +112,7 @@ def _run_view(summary: Summary, label: str) -> dict[str, Any]:
         "label": label,
         "about": _about(summary),
         "headline": reusable_sentence(summary),
+        "light": sampled_text(summary),
         "reprojection": reprojection_of(summary),
         "rates": [_rate(summary, rate) for rate in RATES],
         "sky": _sky(summary),
@@ -155,7 +156,7 @@ def _rate(summary: Summary, rate: str) -> dict[str, Any]:
     whole = entry.get("of_picture_percent")
     return view | {
         "mean": two_decimals(mean),
-        "range": "" if low is None else f"{two_decimals(low)} to {two_decimals(high)} %",
+        "range": interval_text(entry) or ("" if low is None else f"{two_decimals(low)} to {two_decimals(high)} %"),
         "of_all": "" if whole is None else f"{two_decimals(whole)} % of all pixels",
     }
 
@@ -195,7 +196,7 @@ def _figure(summary: Summary, column: str) -> dict[str, Any]:
     paper = {scene["name"]: scene["discard"].get(column) for scene in paper_numbers()["scenes"]}
     return figure | {
         "mean": two_decimals(mean),
-        "highest": None if highest is None else two_decimals(highest),
+        "range": interval_text(entry) or ("" if highest is None else f"worst frame {two_decimals(highest)} %"),
         "x": 4.0 + 112.0 * mean / end,
         "paper": [
             {"x": 4.0 + 112.0 * value / end, "text": f"{name}: {value:g} %"}
@@ -287,6 +288,7 @@ def _run_data(run: ReportRun, label: str, most: int, budget: int) -> dict[str, A
         "label": label,
         "pairs": summary.get("pairs") or 0,
         "sampled": bool(summary.get("sampling")),
+        "preview": bool(summary.get("sampled_light")),
         "pixels": _pixels(run),
         "width": settings.get("width"),
         "height": settings.get("height"),

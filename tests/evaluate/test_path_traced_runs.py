@@ -9,13 +9,12 @@ import pytest
 
 from taubench_gl.evaluation import Observers, evaluate_scene, open_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
-from taubench_gl.evaluation.lighting import SAMPLE_BUDGET, SAMPLE_COUNTS
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 
 SMALL = {"width": 32, "height": 18, "frames": (0, 3), "bounces": 3}
-METHODS = ("raster", "auto", "path-traced")
+METHODS = ("raster", "auto", "preview", "path-traced")
 
 
 def lamp(strength: float = 5.0, *, lights: int = 0, moves: bool = True):
@@ -61,19 +60,8 @@ def test_all_methods_and_seeds_are_metered_alike():
 
 def test_the_default_number_of_samples_is_resolved():
     resolved = [open_scene(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
-    assert resolved[0] is None and resolved[1] in SAMPLE_COUNTS and resolved[2] == 256
-
-
-def test_auto_takes_as_few_samples_as_noise_and_budget_allow():
-    def samples(**given) -> int:
-        settings = Settings(**(SMALL | {"light": "auto"} | given))
-        return open_scene(lamp(), settings).settings.lighting.spp
-
-    loose = {"direct": 1e3, "indirect": 1e3}
-    assert samples(thresholds=loose) == SAMPLE_COUNTS[0] < samples()  # no noise exceeds such thresholds
-    large = SAMPLE_BUDGET // (1920 * 1080)
-    assert samples(width=1920, height=1080, frames=(0, 2)) <= large
-    assert samples(spp=3) == 3
+    assert resolved == [None, 4, 4, 256]
+    assert open_scene(lamp(), Settings(light="preview", spp=3, **SMALL)).settings.lighting.spp == 3
 
 
 def test_what_raster_leaves_out_is_noted():

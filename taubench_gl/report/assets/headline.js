@@ -110,6 +110,7 @@ function makeHeadline(box, run, state) {
     lines.push(frames.length === run.pairs ? `At these thresholds, mean of ${frames.length === 1 ? "the pair" : `all ${frames.length} pairs`}`
       : `At these thresholds, mean of the ${frames.length} of ${run.pairs} pairs with images${run.sampled ? ", all with one weight" : ""}`);
     if (set.step > 1) lines[0] += `, one of ${set.step} rows and columns`;
+    if (run.preview) lines.push("Light is that of the preview");
     if (damaged) lines.push(`The distances of ${damaged} frames are damaged`);
     if (unknown & bits.disoccluded) lines.push("So far below the threshold of the run, disoccluded and newly occluding pixels count as changed in position");
     if (unknown & bits.lit) lines.push("So far below the threshold of the run, brightened and darkened pixels count as changed in light color");
