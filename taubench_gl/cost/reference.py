@@ -73,8 +73,8 @@ class TracedPixels(GpuOwner):
                 check()
                 self._source.draw(frame)
                 self._source.trace(frame, self._counts[seed], count, at, seed)
-                found = [self._read(name, at) for name in ("direct", "indirect")]
-                added[frame] = count * np.concatenate(found, axis=-1)
+                means = [self._read(name, at) for name in ("direct", "indirect")]
+                added[frame] = count * np.concatenate(means, axis=-1)
         for frame, sums in added.items():
             self._sums[seed][frame] += sums
         self._counts[seed] += count
@@ -124,7 +124,7 @@ def traced_masks(
 
 def render_light(render: Render, settings: Settings, frames: Sequence[int]) -> Light:
     """Light of path-traced files, for the pairs that end at ``frames``."""
-    found: dict[int, tuple[Array, Array]] = {}
+    light: dict[int, tuple[Array, Array]] = {}
     for frame in frames:
-        found |= render.light(settings, frame)
-    return found.__getitem__
+        light |= render.light(settings, frame)
+    return light.__getitem__
