@@ -21,8 +21,8 @@ _HINT = "'taubench-gl cost' writes presets"
 def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
     """Write the size, every field that differs from its default, and ``measured``.  Raises OutputError."""
     default = {n: v for n, v in Settings().to_dict().items() if n not in ("width", "height")}
-    given = {n: v for n, v in settings.to_dict().items() if n not in SELECTING}
-    values = {n: v for n, v in given.items() if n not in default or v != default[n]}
+    every = {n: v for n, v in settings.to_dict().items() if n not in SELECTING}
+    values = {n: v for n, v in every.items() if n not in default or v != default[n]}
     lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]", *(f"{k} = {_toml(v)}" for k, v in values.items())]
     lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
     write_atomically(path, "\n".join(lines) + "\n")
@@ -33,12 +33,12 @@ def load_preset(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     values = read_toml(path, fault=SettingsError)
     if values.get("schema") != PRESET_SCHEMA:
-        what = f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}"
-        raise SettingsError(what, where=str(path), hint=_HINT)
+        message = f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}"
+        raise SettingsError(message, where=str(path), hint=_HINT)
     settings = values.get("settings")
     if not isinstance(settings, dict):
-        what = "has no table [settings]" if settings is None else "settings is not a table"
-        raise SettingsError(what, where=str(path), hint=_HINT)
+        message = "has no table [settings]" if settings is None else "settings is not a table"
+        raise SettingsError(message, where=str(path), hint=_HINT)
     allowed = tuple(name for name in FIELDS if name not in SELECTING)
     try:
         for name in settings:

@@ -18,7 +18,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "selftest")]
 from guards import GUARDS, Guard  # noqa: E402
 
 from taubench_gl.gpu.context import open_gpu  # noqa: E402
-from taubench_gl.report.numerics import PATH, SCHEMA  # noqa: E402
+from taubench_gl.report.cost import NUMERICS  # noqa: E402
 from taubench_gl.selftest.runner import DEFAULT_SIZE, run_selftest  # noqa: E402
 
 NUMERIC = (
@@ -50,9 +50,14 @@ def main() -> int:
     gpu = open_gpu()
     rows = [row(guard, gpu) for guard in GUARDS if guard.name in NUMERIC]
     rows.sort(key=lambda r: NUMERIC.index(r["guard"]))
-    about = {"schema": SCHEMA, "renderer": gpu.renderer, "driver": gpu.version, "date": date.today().isoformat()}
+    about = {
+        "schema": "taubench-gl/numerics/1",
+        "renderer": gpu.renderer,
+        "driver": gpu.version,
+        "date": date.today().isoformat(),
+    }
     text = json.dumps(about | {"size": DEFAULT_SIZE, "rows": rows}, indent=1, allow_nan=False)
-    PATH.write_text(text + "\n", encoding="utf-8")
+    NUMERICS.write_text(text + "\n", encoding="utf-8")
     for r in rows:
         print(f"{r['guard']:<22} {r['case']:<24} {r['error']:.3g} -> {r['error_without']:.3g}")
     return 0

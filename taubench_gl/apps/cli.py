@@ -137,8 +137,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
             raise
         _drop_output(sys.stdout)
         with contextlib.suppress(OSError):  # messages may go to the same disk
-            what = f"{error.filename or 'output'} cannot be written: {error.strerror}"
-            click.echo(f"taubench-gl: error: {what}", err=True)
+            message = f"{error.filename or 'output'} cannot be written: {error.strerror}"
+            click.echo(f"taubench-gl: error: {message}", err=True)
         code = EXIT_ERROR
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -190,9 +190,9 @@ def check(
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         report = check_method(gpu, method, values)
-    what = "a Python class" if method.factory else f"{len(method.passes)} pass{'es' * (len(method.passes) != 1)}"
+    kind = "a Python class" if method.factory else f"{len(method.passes)} pass{'es' * (len(method.passes) != 1)}"
     reused = "not reported (alpha of the result is -1)" if report.reused is None else f"{100 * report.reused:.0f} %"
-    click.echo(f"{method.name}: {method.title}: valid, {what}, {method.bytes(FULL_HD) / 1e6:.1f} MB at 1920x1080")
+    click.echo(f"{method.name}: {method.title}: valid, {kind}, {method.bytes(FULL_HD) / 1e6:.1f} MB at 1920x1080")
     click.echo(f"ran {report.frames} frames of {report.size[0]}x{report.size[1]}; every pixel finite")
     click.echo(f"error against the noise-free frames {report.error:.4f} (no reuse {report.error_without_reuse:.4f})")
     click.echo(f"weight of history, mean over pixels: {reused}")

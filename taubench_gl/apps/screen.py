@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from taubench_gl.run import Run
 
 TABLE_FORMATS = ("text", "markdown", "csv", "latex", "html")
-EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
+EXIT_INTERRUPTED = 130
 
 
 # Messages

@@ -108,8 +108,8 @@ def _restored(source: str) -> Any:
 
     conflicting = sorted(given_options() - {"source", "lit", "window", "screenshots", "script", "bench"})
     if conflicting:
-        what = f"a session file has its own {conflicting[0].replace('_', ' ')}"
-        raise SettingsError(what, hint=f"leave --{conflicting[0].replace('_', '-')} out")
+        message = f"a session file has its own {conflicting[0].replace('_', ' ')}"
+        raise SettingsError(message, hint=f"leave --{conflicting[0].replace('_', '-')} out")
     return load(source, _resolve)
 
 

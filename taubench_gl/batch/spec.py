@@ -165,8 +165,8 @@ class _SceneEntry:
 def _scenes(values: Any, folder: Path, resolve: Resolver, errors: list[str]) -> Iterator[_SceneEntry]:
     """Every scene that exists; those that do not are appended to ``errors``."""
     if not isinstance(values, list) or not values:
-        what = "missing" if values is None else "empty" if values == [] else f"{values!r}, not a list"
-        errors.append(f'scenes is {what} (give paths, patterns or names: scenes = ["a.glb", "more/*.glb"])')
+        fault = "missing" if values is None else "empty" if values == [] else f"{values!r}, not a list"
+        errors.append(f'scenes is {fault} (give paths, patterns or names: scenes = ["a.glb", "more/*.glb"])')
         return
     for i, entry in enumerate(values):
         where = f"scenes[{i}]"
@@ -187,8 +187,8 @@ def _scenes(values: Any, folder: Path, resolve: Resolver, errors: list[str]) -> 
 def _one_scene(text: str, folder: Path, resolve: Resolver) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """(as written, argument of ``load_scene``, settings of its registry entry) of each scene that ``text`` matches."""
     if text.startswith("exr:"):
-        what = f"{text} names path-traced files, which a batch cannot evaluate"
-        raise SettingsError(what, hint="use taubench-gl evaluate exr:DIR")
+        message = f"{text} names path-traced files, which a batch cannot evaluate"
+        raise SettingsError(message, hint="use taubench-gl evaluate exr:DIR")
     plain = text.partition("@")[0]
     if plain.lower().endswith(".obj") and any(c in plain for c in "*%?["):  # numbered files are one animated scene
         yield text, str(folder.absolute() / text), {}

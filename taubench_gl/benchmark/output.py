@@ -75,8 +75,8 @@ def load_benchmark(path: str | Path) -> dict[str, Any]:
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
     values = read_json(file, dict[str, Any])
     if values.get("schema") != SCHEMA:
-        what = f"schema is {values.get('schema')!r}, expected {SCHEMA!r}"
-        raise OutputError(what, where=str(file), hint="give a benchmark.json, or the folder of --out")
+        message = f"schema is {values.get('schema')!r}, expected {SCHEMA!r}"
+        raise OutputError(message, where=str(file), hint="give a benchmark.json, or the folder of --out")
     try:
         checked(values, _Benchmark)
     except msgspec.ValidationError as error:

@@ -199,14 +199,10 @@ def inapplicable(case: Case, entry: Entry) -> str | None:
     name = entry.text.partition("@")[0]
     if is_sequence(name):
         return None if _frames_of(case, name).is_dir() else f"has no frames in {_frames_of(case, name)}"
-    try:
-        reads = load_method(MethodSpec.parse(entry.text).method).reads
-    except (MethodError, SettingsError):
-        return None
     missing = missing_inputs(case.kind, traced=bool(case.kind.path_samples))
     if case.kind.upscale != 1:
         missing[REFERENCE_INPUT] = "the reference has the size of the output"
-    lost = [name for name in reads if name in missing]
+    lost = [name for name in _reads(entry) if name in missing]
     return f"no {', '.join(lost)}: {missing[lost[0]]}" if lost else None
 
 
@@ -227,11 +223,15 @@ def _spec(case: Case, entry: Entry) -> MethodSpec:
     return replace(spec, label=entry.label)
 
 
+def _reads(entry: Entry) -> Sequence[str]:
+    """Inputs of a method; none where it cannot be loaded, which the evaluation reports."""
+    try:
+        return load_method(MethodSpec.parse(entry.text).method).reads
+    except (MethodError, SettingsError):
+        return ()
+
+
 def yardstick(entry: Entry) -> str | None:
     """Why a method is not ranked: it reads what a renderer does not know.  None for other methods."""
-    try:
-        reads = load_method(MethodSpec.parse(entry.text).method).reads
-    except (MethodError, SettingsError):
-        return None
-    lost = [name for name in (REFERENCE_INPUT, "exact_mask") if name in reads]
+    lost = [name for name in (REFERENCE_INPUT, "exact_mask") if name in _reads(entry)]
     return f"reads {' and '.join(lost)}, which no renderer has" if lost else None

@@ -144,15 +144,15 @@ class PairChannels:
             names = ["position", "normal", *extra]
             names += source.radiance if light else [c for c in ("color",) if c in source.radiance]
             for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
-                views, found = [], []
+                views, channels = [], []
                 for k in (frame - 1, frame):
                     check()
                     views.append(source.advance(k))
                     here = [*names, *(["prev_position"] if self._mode == "motion" else [])]
                     here += ["ids"] if source.cuts else []
-                    found.append({n: source.read(n) for n in here})
+                    channels.append({n: source.read(n) for n in here})
                 moved = reprojection(views[1], views[0], *source.size)
-                self._pairs.append(_Pair(frame, at, moved, tuple(found)))
+                self._pairs.append(_Pair(frame, at, moved, tuple(channels)))
 
     def looked_up(self) -> dict[int, Array]:
         """Frame -> its pixels whose light the masks depend on, (n, 2): the sample, and its history."""
@@ -188,7 +188,7 @@ class PairChannels:
                 dict(c) if light is None else self._lit(c, light(pair.frame - 1 + k))
                 for k, c in enumerate(pair.channels)
             )
-            found = pair_masks(
+            compared = pair_masks(
                 now,
                 before,
                 pair.reprojection,
@@ -198,7 +198,10 @@ class PairChannels:
                 exposure=self._settings.lighting.exposure_factor,
             )
             columns, rows = pair.at.T
-            yield found.mask[rows, columns], {name: image[rows, columns] for name, image in found.distances.items()}
+            yield (
+                compared.mask[rows, columns],
+                {name: image[rows, columns] for name, image in compared.distances.items()},
+            )
 
     def _lit(self, channels: Mapping[str, Array], light: tuple[Array, Array]) -> dict[str, Array]:
         """``channels`` with the radiance of ``light``; where there is no surface, the color of the background."""

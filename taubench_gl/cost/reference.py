@@ -120,7 +120,7 @@ def traced_masks(
 
 def render_light(render: Render, settings: Settings, frames: Sequence[int]) -> Light:
     """Light of path-traced files, for the pairs that end at ``frames``."""
-    found: dict[int, tuple[Array, Array]] = {}
+    light: dict[int, tuple[Array, Array]] = {}
     for frame in frames:
-        found |= render.light(settings, frame)
-    return found.__getitem__
+        light |= render.light(settings, frame)
+    return light.__getitem__

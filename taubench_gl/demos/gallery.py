@@ -64,14 +64,14 @@ def run_demo(name: str, out: str | Path, size: tuple[int, int] = SIZE) -> Result
 
     ``size``: width and height of a panel in pixels.
     """
-    chosen = find_demo(name)
+    demo = find_demo(name)
     with open_stage(size) as stage:
-        return run_demos(stage, [chosen], out)[0].result
+        return run_demos(stage, [demo], out)[0].result
 
 
 def run_demos(
     stage: Stage,
-    chosen: Sequence[Demo],
+    demos: Sequence[Demo],
     out: str | Path,
     *,
     index: bool = False,
@@ -83,9 +83,9 @@ def run_demos(
     """
     folder = output_folder(out)
     shown: list[Shown] = []
-    for i, demo in enumerate(chosen):
+    for i, demo in enumerate(demos):
         result, pair = demo.run(stage).saved(folder / f"{demo.stem}.png"), open_pair(stage, demo)
-        around = (chosen[i - 1] if i else None, chosen[i + 1] if i + 1 < len(chosen) else None)
+        around = (demos[i - 1] if i else None, demos[i + 1] if i + 1 < len(demos) else None)
         page = folder / f"{demo.stem}.html"
         write_atomically(page, demo_page(demo, result, pair, around if index else None))
         shown.append(Shown(demo, result, page))

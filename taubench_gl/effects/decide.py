@@ -222,13 +222,13 @@ def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wante
         parts = {
             name: Effect(
                 wanted and source in traced,
-                f"{what} by path tracing: {cost}"
+                f"{light} by path tracing: {cost}"
                 if source in traced
-                else f"{what}, the light method is raster"
+                else f"{light}, the light method is raster"
                 if method == "raster"
                 else f"no {'emissive surface of strength above 1' if source == 'emitters' else 'environment'}",
             )
-            for name, (source, what) in by_source.items()
+            for name, (source, light) in by_source.items()
         }
     return {"path_traced": whole, **parts}
 

@@ -84,21 +84,21 @@ class Brightness:
             notes.append(f"{share:.0f} % of lit pixels clip {where} at {exposure}: give a lower --exposure")
         if self.black > MOST_BLACK * self.pixels:
             share = 100.0 * self.black / self.pixels
-            what = f"{share:.0f} % of pixels are black {where} at {exposure}"
+            note = f"{share:.0f} % of pixels are black {where} at {exposure}"
             if settings.lighting.light_unit == "watt":
                 unit = f" ({unit_reason})" if unit_reason else ""
-                notes.append(f"{what} and light unit watt{unit}: intensities in candela need --light-unit candela")
+                notes.append(f"{note} and light unit watt{unit}: intensities in candela need --light-unit candela")
             else:
-                notes.append(f"{what}: a higher --exposure or an --environment may be needed")
+                notes.append(f"{note}: a higher --exposure or an --environment may be needed")
         if self.noisy > MOST_NOISY * self.pixels:
             share = 100.0 * self.noisy / self.pixels
             spp = settings.lighting.path_samples
-            what = f"noise of path-traced light exceeds a threshold in {share:.0f} % of pixels {where} at {spp} samples"
-            notes.append(f"{what}: where something moves, columns of light are too high; give a higher --spp")
+            note = f"noise of path-traced light exceeds a threshold in {share:.0f} % of pixels {where} at {spp} samples"
+            notes.append(f"{note}: where something moves, columns of light are too high; give a higher --spp")
         if self.behind > MOST_BEHIND * self.pixels:
             share = 100.0 * self.behind / self.pixels
-            what = f"{share:.0f} % of pixels {where} are seen through backs of single-sided faces"
-            notes.append(f"{what}, which cast shadows but are not drawn: --culling none draws them")
+            note = f"{share:.0f} % of pixels {where} are seen through backs of single-sided faces"
+            notes.append(f"{note}, which cast shadows but are not drawn: --culling none draws them")
         return notes
 
 

@@ -83,14 +83,14 @@ def misregistered(mask: Array, reasons: Reasons, column: str, settings: Settings
     light where the point's own value changed by more than the threshold.
     """
     bits = reasons.bits
-    found = ((mask & FEATURE_BIT[column]) != 0) & ((bits & Visibility.VISIBLE) != 0)
+    wrong = ((mask & FEATURE_BIT[column]) != 0) & ((bits & Visibility.VISIBLE) != 0)
     if column == "normal" or reprojection == "camera":
-        found &= (bits & Visibility.MOVED) == 0
+        wrong &= (bits & Visibility.MOVED) == 0
     if column in LIGHT:
-        found &= np.linalg.norm(reasons.light.total[column], axis=-1) <= settings.metrics.threshold(column)
+        wrong &= np.linalg.norm(reasons.light.total[column], axis=-1) <= settings.metrics.threshold(column)
     if column == "color":
-        found &= reasons.light.color <= settings.metrics.threshold(column)
-    return found
+        wrong &= reasons.light.color <= settings.metrics.threshold(column)
+    return wrong
 
 
 def missed(mask: Array, bits: Array) -> Array:
@@ -127,27 +127,27 @@ class ExactColumns:
 
     def complete(self, pair: Pair) -> None:
         """Add EXACT_COLUMNS to the row of ``pair``."""
-        found = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
-        pair.row.update(self.row(pair.mask, found))
+        reasons = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
+        pair.row.update(self.row(pair.mask, reasons))
 
-    def row(self, mask: Array, found: Reasons) -> dict[str, int | None]:
+    def row(self, mask: Array, reasons: Reasons) -> dict[str, int | None]:
         """EXACT_COLUMNS of one pair; None: not measured."""
-        bits, row = found.bits, dict.fromkeys(EXACT_COLUMNS)
+        bits, row = reasons.bits, dict.fromkeys(EXACT_COLUMNS)
         counts: dict[str, Array] = {class_column(name): bits & bit for name, bit in CLASSES.items()}
         for column in self._measured:
-            counts[f"misregistered_{column}"] = misregistered(mask, found, column, self._settings, self._reprojection)
+            counts[f"misregistered_{column}"] = misregistered(mask, reasons, column, self._settings, self._reprojection)
         if set(GEOMETRY) <= set(self._measured):
             counts["missed"] = missed(mask, bits)
-        if found.light is not None and found.light.total:
+        if reasons.light is not None and reasons.light.total:
             counts |= {name: bits & bit for name, bit in CHANGES.items()}
-        if found.light is not None and found.light.noise is not None:
-            counts["light_noise"] = self._noise(found)
+        if reasons.light is not None and reasons.light.noise is not None:
+            counts["light_noise"] = self._noise(reasons)
         return row | {name: int(np.count_nonzero(pixels)) for name, pixels in counts.items()}
 
-    def _noise(self, found: Reasons) -> Array:
+    def _noise(self, reasons: Reasons) -> Array:
         limits = {name: self._settings.metrics.threshold(name) for name in LIGHT}
-        above = [np.linalg.norm(v, axis=-1) > limits[name] for name, v in found.light.noise.items()]
-        return np.logical_or.reduce(above) & ((found.bits & Visibility.VISIBLE) != 0)
+        above = [np.linalg.norm(v, axis=-1) > limits[name] for name, v in reasons.light.noise.items()]
+        return np.logical_or.reduce(above) & ((reasons.bits & Visibility.VISIBLE) != 0)
 
 
 def changed_light(bits: Array) -> Array:

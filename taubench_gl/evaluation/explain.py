@@ -107,35 +107,35 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
     behind = bool(word & (Reason.BEHIND | Reason.FIRST | Reason.CUT | Reason.INVALID))
     at = None if behind else (at_up[0], pair.height - 1 - at_up[1])
     moved = (float(motion[0]), -float(motion[1]) + 0.0)
-    found = Explanation((x, row), word, moved, at, features, in_words(word))
+    explanation = Explanation((x, row), word, moved, at, features, in_words(word))
     if comparable and source.reprojection == "camera" and word & (Reason.POSITION | Reason.NORMAL):
-        return _with_object_motion(found, images, now)
-    return found
+        return _with_object_motion(explanation, images, now)
+    return explanation
 
 
-def _with_object_motion(found: Explanation, images: MaskedPair, now: Mapping[str, Array]) -> Explanation:
-    """``found`` with what motion reprojection would give.
+def _with_object_motion(explanation: Explanation, images: MaskedPair, now: Mapping[str, Array]) -> Explanation:
+    """``explanation`` with what motion reprojection would give.
 
     Without motion vectors, a surface that moves is compared with what was at its place, often itself: no occluder.
     """
     source, pair = images.source, images.pair
     p = now["position"][0, :3]
     if not now["position"][0, 3] > 0 or not isinstance(source, KnowsPreviousPosition):
-        return found
+        return explanation
     previous = source.previous_position(p)
     if previous is None:
-        return found
+        return explanation
     motion = float(np.linalg.norm(previous - p))
     meters = motion / images.settings.metrics.unit_scale
     q = previous + pair.camera_delta
-    word = _motion_word(images, found.pixel, now, q)
+    word = _motion_word(images, explanation.pixel, now, q)
     threshold = images.thresholds["position"]
     helps = not word & (FRUSTUM | Reason.POSITION | Reason.NORMAL)
-    words = found.reason
+    words = explanation.reason
     if motion > 1e-3 * threshold and (helps or motion > threshold):
         then = f": {in_words(word)}" if word else " it would be reusable"
         words = f"it moved {meters:.3g} m itself; with motion vectors{then}"
-    return replace(found, reason=words, object_motion_m=meters, motion_word=word)
+    return replace(explanation, reason=words, object_motion_m=meters, motion_word=word)
 
 
 def _motion_word(images: MaskedPair, pixel: tuple[int, int], now: Mapping[str, Array], q: Array) -> int:

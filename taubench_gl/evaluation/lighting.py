@@ -91,8 +91,8 @@ def require_float32(scene: Scene, settings: Settings, environment: Environment) 
     factor = 1.0 if isinstance(exposure, str) else max(exposure, 1.0)
     hint = f"light times exposure goes up to {MAX_LIGHT:g}"
     if not max(environment.radiance) * factor <= MAX_LIGHT:
-        what = f"the environment {settings.lighting.environment} is too bright at exposure {exposure}"
-        raise SettingsError(what, hint=hint, setting="environment")
+        message = f"the environment {settings.lighting.environment} is too bright at exposure {exposure}"
+        raise SettingsError(message, hint=hint, setting="environment")
     where, at = str(scene.path or scene.name), f" at exposure {exposure}"
     divisor = unit_divisor(settings.lighting.light_unit)
     keyed: dict[int, dict[str, float]] = {}
@@ -106,8 +106,10 @@ def require_float32(scene: Scene, settings: Settings, environment: Environment) 
             raise SceneError(f"light {light.name or index!r} is too bright{at}: {brightest:g}", where=where, hint=hint)
     for index, material in enumerate(scene.materials):
         if not max(material.emissive) * factor <= MAX_LIGHT:
-            what = f"the emission of material {material.name or index!r} is too bright{at}: {max(material.emissive):g}"
-            raise SceneError(what, where=where, hint=hint)
+            message = (
+                f"the emission of material {material.name or index!r} is too bright{at}: {max(material.emissive):g}"
+            )
+            raise SceneError(message, where=where, hint=hint)
 
 
 def environment_image(settings: Settings) -> EnvironmentImage | None:

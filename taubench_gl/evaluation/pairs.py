@@ -324,8 +324,8 @@ def _pixel_in(size: tuple[int, int], x: Any, y: Any) -> tuple[int, int]:
     except TypeError:
         raise SettingsError(f"pixel ({x!r:.30}, {y!r:.30}) is not two integers") from None
     if not (0 <= column < size[0] and 0 <= row < size[1]):
-        what = f"pixel ({column}, {row}) is outside the image"
-        raise SettingsError(what, hint=f"x from 0 to {size[0] - 1}, y from 0 to {size[1] - 1}")
+        message = f"pixel ({column}, {row}) is outside the image"
+        raise SettingsError(message, hint=f"x from 0 to {size[0] - 1}, y from 0 to {size[1] - 1}")
     return column, row
 
 

@@ -44,9 +44,9 @@ def require_scale(scene: Scene) -> None:
     """
     span = 2.0 * bounding_sphere(Poser(scene), [0.0])[1]
     if span * FLOAT32_STEP < LEAST_LENGTH:
-        what = f"the scene spans {span:.3g} units: squares of its smallest distances vanish in float32"
+        message = f"the scene spans {span:.3g} units: squares of its smallest distances vanish in float32"
         hint = f"scale it to at least {LEAST_LENGTH / FLOAT32_STEP:.2g} units, or give a position threshold above 0"
-        raise SceneError(what, where=scene.name, hint=hint)
+        raise SceneError(message, where=scene.name, hint=hint)
 
 
 def median_depths(source: Source) -> list[float]:
@@ -77,13 +77,13 @@ def _threshold_note(depth: float, settings: Settings) -> list[str]:
     unchecked = "position" not in metrics.columns or metrics.thresholds["position"] != threshold
     if unchecked or SMALLEST * depth <= threshold <= LARGEST * depth:
         return []
-    what = f"position threshold {threshold:.4g} m is {threshold / depth:.2g} of the median depth {depth:.3g} m"
+    message = f"position threshold {threshold:.4g} m is {threshold / depth:.2g} of the median depth {depth:.3g} m"
     if not USUAL_M[0] <= depth <= USUAL_M[1]:
         for scale, name in UNITS.items():
             if USUAL_M[0] <= depth * unit / scale <= USUAL_M[1]:
-                return [f"{what}: give --unit-scale {scale:g} if the scene is in {name}"]
+                return [f"{message}: give --unit-scale {scale:g} if the scene is in {name}"]
     return [
-        f"{what}: give --threshold position={USUAL_RATIO * depth:.1g}, or --unit-scale if its unit is not the meter"
+        f"{message}: give --threshold position={USUAL_RATIO * depth:.1g}, or --unit-scale if its unit is not the meter"
     ]
 
 
@@ -91,7 +91,7 @@ def _step_note(step: float | None, depth: float, settings: Settings, rendered: b
     """``step`` and ``depth``: meters; ``rendered``: frames are drawn at a rate that can be chosen."""
     if step is None or step <= FASTEST * depth:
         return []
-    what = f"the camera moves {step:.3g} m per frame, {step / depth:.2g} of the median depth {depth:.3g} m"
+    message = f"the camera moves {step:.3g} m per frame, {step / depth:.2g} of the median depth {depth:.3g} m"
     if not rendered:
-        return [f"{what}: are frames left out?"]
-    return [f"{what}: give --fps above {settings.sequence.fps:g} if the file has more frames per second"]
+        return [f"{message}: are frames left out?"]
+    return [f"{message}: give --fps above {settings.sequence.fps:g} if the file has more frames per second"]

@@ -27,8 +27,8 @@ def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
         count = frame_total(scene, camera, settings)
         first, stop = settings.sequence.frames
         given = f"{'' if first is None else first}:{'' if stop is None else stop}"
-        what = f"frames {given} selects no frame of {count}"
-        raise SettingsError(what, hint=f"choose within 0:{count}", setting="frames")
+        message = f"frames {given} selects no frame of {count}"
+        raise SettingsError(message, hint=f"choose within 0:{count}", setting="frames")
     return frames
 
 

@@ -96,12 +96,12 @@ def channel_named(name: str) -> ExportChannel:
     """An entry of EXPORTS, or a channel of a training pair.  Raises KeyError."""
     if name in EXPORTS:
         return EXPORTS[name]
-    found = _TRAINING.fullmatch(name)
-    if found is None or found[2] not in EXPORTS:
+    match = _TRAINING.fullmatch(name)
+    if match is None or match[2] not in EXPORTS:
         raise KeyError(name)
-    of = EXPORTS[found[2]]
-    kind = "converged" if found[1] == "clean" else "at few samples"
-    exr = tuple(f"{found[1].capitalize()}.{part}" for part in of.exr)
+    of = EXPORTS[match[2]]
+    kind = "converged" if match[1] == "clean" else "at few samples"
+    exr = tuple(f"{match[1].capitalize()}.{part}" for part in of.exr)
     return dataclasses.replace(of, name=name, doc=f"{of.doc}, {kind}", exr=exr)
 
 

@@ -95,8 +95,8 @@ def export_scene(
     """
     settings, options, out = settings or Settings(), options or ExportOptions(), Path(out)
     if settings.metrics.samples_per_pixel != 1 or not settings.metrics.all_pairs:
-        what = "an export contains every frame, with one sample per pixel"
-        raise SettingsError(what, hint="leave samples_per_pixel and pairs out")
+        message = "an export contains every frame, with one sample per pixel"
+        raise SettingsError(message, hint="leave samples_per_pixel and pairs out")
     with FolderLock(out):
         return _export(scene, out, settings, options, (overwrite, progress, announce or (lambda line: None)))
 
@@ -203,8 +203,8 @@ def _write_manifest(out: Path, new: dict[str, Any], overwrite: bool) -> range:
         (start, stop), (first, end) = before["frames"], new["frames"]
         new, different = new | {"frames": [min(start, first), max(stop, end)]}, []
     if different and not overwrite:
-        what = f"holds an export with other {', '.join(different)}"
-        raise OutputError(what, where=str(out), hint="give --overwrite to replace it, or another --out")
+        message = f"holds an export with other {', '.join(different)}"
+        raise OutputError(message, where=str(out), hint="give --overwrite to replace it, or another --out")
     if before is not None and (different or overwrite):
         size = (before["settings"]["width"], before["settings"]["height"])
         names = tuple(before["channels"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +12,10 @@ from taubench_gl.frame.shadow_faces import is_wide
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import spot_terms
 from taubench_gl.scene.model import Scene
-
-if TYPE_CHECKING:
-    import moderngl
 
 Array = np.ndarray
 
@@ -150,17 +147,15 @@ class LightTable:
         return self.rows
 
 
-class LightTexture:
+class LightTexture(Owner):
     """The table where shaders read it (common/lights.glsl)."""
 
     def __init__(self, gpu: Gpu, count: int):
+        super().__init__()
         rows = -(-max(count, 1) // LIGHT_ROW)
         self._padded = LIGHT.zeros(rows * LIGHT_ROW)
-        self.texture: moderngl.Texture = gpu.ctx.texture((len(LIGHT.fields) * LIGHT_ROW, rows), 4, dtype="f4")
+        self.texture = self.own(gpu.ctx.texture((len(LIGHT.fields) * LIGHT_ROW, rows), 4, dtype="f4"))
 
     def write(self, rows: Array) -> None:
         self._padded[: len(rows)] = rows
         self.texture.write(self._padded.tobytes())
-
-    def release(self) -> None:
-        self.texture.release()

@@ -136,11 +136,11 @@ class FrameSpec:
         effects = traced_effects(self.enabled)
         if self.shading.stochastic or "direct" not in self.enabled or not effects:
             return frozenset()
-        found = traced_sources(self.scene, self.settings)
+        sources = traced_sources(self.scene, self.settings)
         if method_of(self.settings) == "path-traced":
-            return found if self.light_kinds else found - {"punctual"}
+            return sources if self.light_kinds else sources - {"punctual"}
         wanted = {"emitters": "emitter_light", "environment": "environment_light"}
-        return frozenset(source for source, effect in wanted.items() if effect in effects and source in found)
+        return frozenset(source for source, effect in wanted.items() if effect in effects and source in sources)
 
     @property
     def raster_direct(self) -> bool:

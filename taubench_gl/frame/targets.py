@@ -111,10 +111,10 @@ def from_gl(raw: np.ndarray, name: str) -> np.ndarray:
 
 
 def write_channel(texture: moderngl.Texture, name: str, values: np.ndarray) -> None:
-    """The inverse of ``read_channel`` for float channels: (h, w, <= components), row 0 at the top."""
-    info = CHANNELS[name]
-    width, height = texture.size
-    full = np.zeros((height, width, info.components), dtype=_NUMPY[texture.dtype])
+    """The inverse of ``read_channel``: (h, w) or (h, w, <= components), row 0 at the top; missing components are 0."""
+    values = np.asarray(values)
+    values = values[..., None] if values.ndim == 2 else values
+    full = np.zeros_like(raw_image(texture))
     full[..., : values.shape[-1]] = values[::-1]
     if name == "motion":
         full[..., 1] *= -1

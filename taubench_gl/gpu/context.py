@@ -80,8 +80,8 @@ class Gpu:
         if process != self._owner[0]:
             raise _after_fork()
         if thread != self._owner[1]:
-            what = "an OpenGL context was used on another thread than the one that opened it"
-            raise GraphicsError(what, hint="start and finish an evaluation on one thread; each thread opens its own")
+            message = "an OpenGL context was used on another thread than the one that opened it"
+            raise GraphicsError(message, hint="start and finish an evaluation on one thread; each thread opens its own")
 
     def finish(self) -> None:
         """Wait until everything submitted is done."""
@@ -219,8 +219,8 @@ def _this_thread() -> tuple[int, int]:
 
 
 def _after_fork() -> GraphicsError:
-    what = "this process was forked from one that had opened OpenGL, which drivers do not survive"
-    return GraphicsError(what, hint="use the start method 'spawn' or 'forkserver', or fork before the first evaluation")
+    why = "this process was forked from one that had opened OpenGL, which drivers do not survive"
+    return GraphicsError(why, hint="use the start method 'spawn' or 'forkserver', or fork before the first evaluation")
 
 
 def _require_unforked() -> None:

@@ -64,18 +64,18 @@ class GpuContext:
 
 def require_room(gpu: Gpu, resource: Resource) -> None:
     """Raise GraphicsError where the device has no room for ``resource``."""
-    what, hint = resource.what or resource.label, resource.hint
+    label, hint = resource.what or resource.label, resource.hint
     if resource.size is not None:
         limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
         if max(resource.size) > limit:
             needed = f"{resource.size[0]}x{resource.size[1]} texels"
-            raise GraphicsError(f"{what} would need {needed}, this device's textures end at {limit}", hint=hint)
+            raise GraphicsError(f"{label} would need {needed}, this device's textures end at {limit}", hint=hint)
     elif hint:
         limit = gpu.ctx.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
         if resource.bytes > limit:
             needed = f"{resource.bytes} bytes"
-            raise GraphicsError(f"{what} would need {needed}, this device's buffers end at {limit}", hint=hint)
-    require_memory(gpu, resource.bytes, what, hint)
+            raise GraphicsError(f"{label} would need {needed}, this device's buffers end at {limit}", hint=hint)
+    require_memory(gpu, resource.bytes, label, hint)
 
 
 class _Constants:

@@ -121,13 +121,13 @@ def load_folder(folder: Path) -> RejectionTest:
     """The test in ``folder``.  Raises MethodError."""
     path = folder / FILE
     try:
-        found = msgspec.convert(read_toml(path, fault=MethodError, max_bytes=_MAX_BYTES), _File)
+        file = msgspec.convert(read_toml(path, fault=MethodError, max_bytes=_MAX_BYTES), _File)
     except msgspec.ValidationError as error:
         raise MethodError(schema_fault(error), where=str(path)) from None
     name = folder.resolve().name
     if not _NAME.fullmatch(name):
         raise MethodError("its folder's name is not lower-case letters, digits and _", where=str(folder))
-    for key, setting in found.settings.items():
+    for key, setting in file.settings.items():
         if not _NAME.fullmatch(key) or key in _RESERVED:
             raise MethodError(f"settings.{key}: not a name for a constant", where=str(path))
         if not (setting.min <= setting.default <= setting.max and math.isfinite(setting.default)):
@@ -137,11 +137,11 @@ def load_folder(folder: Path) -> RejectionTest:
     if "#" in bare:
         raise MethodError("preprocessor lines are not allowed: a test is one file", where=str(folder / SHADER))
     if not _ENTRY.search(bare):
-        what = "has no float difference(Point now, Point history, Pixel pixel)"
-        raise MethodError(what, where=str(folder / SHADER))
-    settings = {key: setting.default for key, setting in found.settings.items()}
+        message = "has no float difference(Point now, Point history, Pixel pixel)"
+        raise MethodError(message, where=str(folder / SHADER))
+    settings = {key: setting.default for key, setting in file.settings.items()}
     return RejectionTest(
-        name, found.title, found.kind, found.unit, found.threshold, found.cite, shader, settings, str(folder / SHADER)
+        name, file.title, file.kind, file.unit, file.threshold, file.cite, shader, settings, str(folder / SHADER)
     )
 
 

@@ -79,8 +79,8 @@ class Differences(Owner):
             return self.own(self._context.compute(p))
         except GraphicsError as error:
             first = p.interface().split(test.shader)[0].count("\n") if test.shader in p.interface() else 0
-            what = _PREAMBLE_LINE.sub(lambda m: f"line {int(m.group(1)) - first}", error.what)
-            raise MethodError(what, where=test.where or test.name) from None
+            message = _PREAMBLE_LINE.sub(lambda m: f"line {int(m.group(1)) - first}", error.what)
+            raise MethodError(message, where=test.where or test.name) from None
 
     def keep_motion(self, motion: Any) -> None:
         """Take over the motion texture of a pair: that of the next pair's history."""

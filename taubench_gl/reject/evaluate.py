@@ -179,10 +179,10 @@ class _Run:
         textures = {"mask": self._pairs.mask_texture, "motion": self._pairs.motion_texture}
         forward = -source.renderer.frame.before[1].world_from_view[:, 2]
         exposure = settings.lighting.exposure_factor
-        found = {n: self._differences.run(n, textures, forward, exposure)[scored] for n in self._single}
+        differences = {n: self._differences.run(n, textures, forward, exposure)[scored] for n in self._single}
         for test in self._tests:
-            values = [found[part.name] / (part.threshold or 1e-30) for part in test.parts]
-            values = np.maximum.reduce(values) if test.parts else found[test.name]
+            values = [differences[part.name] / (part.threshold or 1e-30) for part in test.parts]
+            values = np.maximum.reduce(values) if test.parts else differences[test.name]
             self._scores[test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
 
     def _strata(self, position: Array, bits: Array, scored: Array) -> dict[str, Array]:

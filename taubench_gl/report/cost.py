@@ -9,10 +9,10 @@ from typing import Any
 
 from markupsafe import Markup
 
+from taubench_gl.data_files import read_json
 from taubench_gl.option_groups import OVERALL
 from taubench_gl.outputs import csv_text
 from taubench_gl.report.labels import lighting_text
-from taubench_gl.report.numerics import recorded
 from taubench_gl.report.page import Page, tag, text_lines
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.plot import Plot
@@ -23,6 +23,9 @@ Point = Mapping[str, Any]
 
 ERROR_HEADS = ("% wrong", "discarded", "kept")
 """Of three columns: percent of the pixels with a wrong mask, and of these those discarded and kept wrongly."""
+
+NUMERICS = Path(__file__).with_name("numerics.json")
+"""By tools/record numerics: ``renderer``, ``driver``, ``date``; ``rows``: rule, case, error with it and without."""
 
 BAR = 24
 """Characters of the longest bar."""
@@ -229,7 +232,7 @@ def _storage(study: Study) -> Table:
 
 def _arithmetic() -> Table:
     """What the renderer's arithmetic avoids on the hard cases, as recorded: no variant without it is in the package."""
-    numerics = recorded()
+    numerics = read_json(NUMERICS)
     rows = tuple(
         Row(
             row["rule"],

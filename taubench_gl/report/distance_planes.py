@@ -32,8 +32,6 @@ from taubench_gl.metrics.masks import PixelDistances
 Array = np.ndarray
 
 CODES = 256
-PLANES = (*FEATURES, "depth", "signs")
-"""All planes in the order in which they are packed.  Features that were not measured have none."""
 NEARER, ROSE, FELL = 1, 2, 4
 """Bits of the plane ``signs``: the history surface is nearer to the previous camera; direct luminance rose; it fell."""
 MAX_BYTES_PER_PIXEL = 300 * 1024 / (640 * 360)
@@ -132,7 +130,7 @@ def histogram(encoded: EncodedDistances, comparable: Array) -> Array:
 
 
 def planes_at(encoded: EncodedDistances, levels: Mapping[str, Levels], step: int) -> dict[str, Array]:
-    """The planes of a pair at DETAIL[step], in the order of PLANES.  (h, w) uint8 each."""
+    """The planes of a pair at DETAIL[step]: measured features, depth, signs, packed so.  (h, w) uint8 each."""
     features = encoded.features
     planes = {name: levels[name].reduced(features[name], step) for name in FEATURES if name in features}
     low = levels["position"].lowest_near(step)

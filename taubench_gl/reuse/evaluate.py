@@ -23,7 +23,7 @@ from taubench_gl.evaluation import open_scene
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.fields import from_values
-from taubench_gl.frame.targets import read_channel
+from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
@@ -32,7 +32,7 @@ from taubench_gl.reuse.bound import Blended
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
-from taubench_gl.reuse.frame import FrameInputs, read_result, write_input
+from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, Inputs, RasterInputs
 from taubench_gl.reuse.loading import load_method
@@ -463,7 +463,7 @@ class _Evaluator:
         if self._reference_texture is None:
             return inputs
         image = np.concatenate([reference.image.radiance, reference.image.valid[..., None]], axis=-1)
-        write_input(self._reference_texture, REFERENCE_INPUT, image)
+        write_channel(self._reference_texture, REFERENCE_INPUT, image)
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
     def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, tuple[Array, Mapping[str, Array]]]:

@@ -10,13 +10,14 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, View
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
-from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, input_texture, texture_bytes, write_input
+from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, input_texture, texture_bytes
 from taubench_gl.reuse.inputs import CHANNEL_INPUTS, HISTORY_INPUTS, InputRequest, Inputs, MaskInputs, Textures
 from taubench_gl.reuse.reshade import RESHADED
 from taubench_gl.scene.model import Scene
@@ -137,7 +138,7 @@ class FileInputs(Inputs):
     def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
         for name, values in self._arrays(f"{self.source.sequence.path}, frame {frame}").items():
             if name in self._uploaded:
-                write_input(self._uploaded[name], name, values)
+                write_channel(self._uploaded[name], name, values)
         return self._uploaded
 
     def _arrays(self, where: str) -> dict[str, Array]:

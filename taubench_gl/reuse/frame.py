@@ -11,6 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.channels import RADIANCE_UNIT
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.reprojection import Reprojection
 
@@ -165,34 +166,7 @@ def texture_bytes(*textures: moderngl.Texture) -> int:
     return sum(t.width * t.height * t.components * int(t.dtype[1]) for t in textures)
 
 
-_NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
 _FLIP_Y = np.float32([1.0, -1.0])
-
-
-def read_input(texture: moderngl.Texture, name: str) -> np.ndarray:
-    """Input ``name`` of INPUTS as (h, w, components) in its dtype, row 0 at the top; motion is converted to +y down."""
-    info = INPUTS[name]
-    width, height = texture.size
-    out = np.empty((height, width, info.components), dtype=_NUMPY[info.dtype])
-    texture.read_into(out)
-    out = out[::-1]
-    if name == "motion":
-        out = out * _FLIP_Y
-        out[out == 0] = 0.0  # no negative zeros
-    return out
-
-
-def write_input(texture: moderngl.Texture, name: str, values: np.ndarray) -> None:
-    """The inverse: (h, w) or (h, w, <= components), row 0 at the top; missing components are 0."""
-    info = INPUTS[name]
-    width, height = texture.size
-    values = np.asarray(values)
-    values = values[..., None] if values.ndim == 2 else values
-    full = np.zeros((height, width, info.components), dtype=_NUMPY[info.dtype])
-    full[..., : values.shape[-1]] = values[::-1]
-    if name == "motion":
-        full[..., 1] *= -1
-    texture.write(full)
 
 
 def read_result(texture: moderngl.Texture) -> np.ndarray:
@@ -213,7 +187,7 @@ def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) 
     ``prev_clip_from_prev`` (4, 4) and ``camera_delta`` (3,), float64; ``pair`` (Reprojection), ``view``,
     ``prev_view`` (View).
     """
-    arrays: dict[str, Any] = {name: np.ascontiguousarray(read_input(frame.textures[name], name)) for name in reads}
+    arrays: dict[str, Any] = {name: np.ascontiguousarray(read_channel(frame.textures[name], name)) for name in reads}
     return arrays | {
         "index": frame.index,
         "time": frame.time,

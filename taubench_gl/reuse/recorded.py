@@ -21,6 +21,7 @@ import numpy as np
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import MethodError, OutputError, PathTracedError, SettingsError
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.outputs import cannot_write, plain_text, write_atomically
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.pathtraced.sequence import PREFIX, PathTracedSequence
@@ -107,7 +108,7 @@ def _method_error(recorded: RecordedFrames, error: PathTracedError) -> MethodErr
     return MethodError(error.what, where=where, hint=error.hint)
 
 
-class RecordedRunner:
+class RecordedRunner(Owner):
     """Frames of files in the place of a ``MethodRunner``."""
 
     time_ms = None  # another program ran
@@ -123,11 +124,12 @@ class RecordedRunner:
         seed: int = 0,
     ):
         """Raises MethodError for another size, missing frames and files without a combined pass."""
+        super().__init__()
         self.size, self.bytes = size, None
         self.recorded, self._frames = recorded, frames
         self.sequence = recorded.open(size, frames, mapping, seed)
         self.values = {"mapping": self.sequence.mapping.name, "offset": recorded.offset, "scale": recorded.scale}
-        self._texture = gpu.texture(size)
+        self._texture = self.own(gpu.texture(size))
 
     def step(self, frame: FrameInputs) -> moderngl.Texture:
         """The image of this frame times its exposure; alpha is -1, the weight of history is unknown.
@@ -150,9 +152,6 @@ class RecordedRunner:
     def reported(self, frame: FrameInputs) -> dict[str, Array]:
         """Nothing: how the files were made is unknown."""
         return {}
-
-    def release(self) -> None:
-        self._texture.release()
 
 
 class ResultWriter:

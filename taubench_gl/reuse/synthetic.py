@@ -16,11 +16,12 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.features import FEATURES
+from taubench_gl.frame.targets import write_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
-from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, MIN_ALBEDO, FrameInputs, write_input
+from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, MIN_ALBEDO, FrameInputs
 from taubench_gl.scene.model import Camera
 from taubench_gl.srgb import LUMINANCE
 
@@ -200,7 +201,7 @@ class Uploader(Owner):
     def frame(self, step: Step, exposure: float = 1.0) -> FrameInputs:
         """The frame on the GPU; valid until the next call."""
         for name, values in step.inputs.items():
-            write_input(self.textures[name], name, values)
+            write_channel(self.textures[name], name, values)
         still = np.zeros(2)
         return FrameInputs(
             step.index, step.index / FPS, self.textures, step.pair, step.view, step.prev_view, still, still, exposure,

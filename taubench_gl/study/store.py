@@ -66,8 +66,8 @@ class Store:
             values = self.about()
             for name, value in (own or {}).items():
                 if values.get(name) != value:
-                    what = f"holds a {self._kind} of another {name}: {_short(values.get(name))}, not {_short(value)}"
-                    raise OutputError(what, where=str(self.out), hint="give --out a new folder")
+                    message = f"holds a {self._kind} of another {name}: {_short(values.get(name))}, not {_short(value)}"
+                    raise OutputError(message, where=str(self.out), hint="give --out a new folder")
         elif self.out.is_dir() and any(p.name not in (RECORDS, LOGS) and p.name[0] != "." for p in self.out.iterdir()):
             raise OutputError(
                 f"holds other files and no {self._kind}", where=str(self.out), hint="give --out a new folder"
@@ -81,15 +81,15 @@ class Store:
         """The values of ``study.json``.  Raises OutputError if there are none, or of another version."""
         path = self.out / STUDY_FILE
         if not path.exists():
-            what = f"holds no {self._kind}" if self.out.is_dir() else "is not a folder"
-            what = what if self.out.exists() else "does not exist"
+            message = f"holds no {self._kind}" if self.out.is_dir() else "is not a folder"
+            message = message if self.out.exists() else "does not exist"
             hint = f"give the folder of 'taubench-gl {self._kind} --out'"
-            raise OutputError(what, where=str(self.out), hint=hint)
+            raise OutputError(message, where=str(self.out), hint=hint)
         values = read_json(path, dict[str, Any])
         schema, version = values.get("schema"), values.get("version")
         if schema != self._schema or version != __version__:
-            what = f"was started by taubench-gl {version} ({schema}), this is {__version__} ({self._schema})"
-            raise OutputError(what, where=str(path), hint="a study does not mix versions: give a new --out")
+            message = f"was started by taubench-gl {version} ({schema}), this is {__version__} ({self._schema})"
+            raise OutputError(message, where=str(path), hint="a study does not mix versions: give a new --out")
         return values
 
     # ----------------------------------------------------------------------------------------------------- records

@@ -13,7 +13,6 @@ import moderngl
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from taubench_gl.errors import TaubenchError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.shader import ShaderCache
@@ -50,13 +49,7 @@ class Viewer(ViewerModel):
 
     def window_screenshot(self, path: Path) -> bool:
         """Save the whole window as PNG; False, with a message, if that fails."""
-        try:
-            write_png(path, self.window_image())
-        except TaubenchError as error:
-            self.state.message = str(error)
-            return False
-        self.state.message = f"saved {path.name}"
-        return True
+        return self._saved(path, lambda: write_png(path, self.window_image()))
 
     def window_image(self) -> np.ndarray:
         """The window, redrawn into a framebuffer.  (h, w, 3) uint8, row 0 at the top."""

@@ -67,13 +67,14 @@ def run_comparison(gpu: Gpu, request: OpenRequest, feed: Feed) -> Comparison:
     return RunComparison(scene_feed(gpu, text, settings, PassTimer(gpu, enabled=False)))
 
 
-class RunComparison:
+class RunComparison(Owner):
     """A rasterized scene with the settings of another run."""
 
     name = "run"
 
     def __init__(self, feed: SceneFeed):
-        self._feed = feed
+        super().__init__()
+        self._feed = self.own(feed)
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
         if frame not in self._feed.frames or channel not in CHANNELS or channel == "motion":
@@ -85,9 +86,6 @@ class RunComparison:
             return None
         self._feed.show_one(self._feed.file_shot(frame))
         return self._feed.source.current[channel]
-
-    def release(self) -> None:
-        self._feed.release()
 
 
 class MethodComparison(Owner):
@@ -171,14 +169,15 @@ def frame_offset(reference: Feed, shown: Feed) -> int:
     return 1 if distance(number - 1) < 0.5 * distance(number) else 0
 
 
-class PathTracedComparison:
+class PathTracedComparison(Owner):
     """Path-traced frames to compare with those of ``shown``.  Raises SettingsError."""
 
     def __init__(self, feed: PathTracedFeed, shown: Feed):
         if feed.size != shown.size:
             got = "x".join(map(str, feed.size))
             raise SettingsError(f"the reference is {got} pixels", hint=f"give --size {got}")
-        self._feed, self.name = feed, "reference"
+        super().__init__()
+        self._feed, self.name = self.own(feed), "reference"
         self._offset = frame_offset(feed, shown)
         self._read: int | None = None
         self._error: TaubenchError | None = None  # of that frame
@@ -196,6 +195,3 @@ class PathTracedComparison:
         if self._error is not None:
             raise self._error
         return self._feed.source.current[channel]
-
-    def release(self) -> None:
-        self._feed.release()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -133,13 +134,7 @@ class ViewerModel(Owner):
 
     def save_session(self, path: Path) -> bool:
         """Save what is open and how it is shown; False, with a message, if that fails."""
-        try:
-            session_file.save(path, self._request, self.state, self.engine.user)
-        except TaubenchError as error:
-            self.state.message = str(error)
-            return False
-        self.state.message = f"saved {path.name}"
-        return True
+        return self._saved(path, lambda: session_file.save(path, self._request, self.state, self.engine.user))
 
     def act(self, name: str) -> None:
         """Run an action and serve its requests.  Raises KeyError for an unknown action."""
@@ -171,8 +166,12 @@ class ViewerModel(Owner):
 
     def screenshot(self, path: Path) -> bool:
         """Save the image as PNG; False, with a message, if that fails."""
+        return self._saved(path, lambda: write_png(path, self.engine.picture()))
+
+    def _saved(self, path: Path, save: Callable[[], None]) -> bool:
+        """Run ``save``, which writes ``path``; False, with a message, if that fails."""
         try:
-            write_png(path, self.engine.picture())
+            save()
         except TaubenchError as error:
             self.state.message = str(error)
             return False

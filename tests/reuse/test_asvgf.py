@@ -13,7 +13,8 @@ from reuse_tools import bypassed, play, still_steps
 from stage_tools import differing, noisy_steps
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.reuse.frame import read_input, read_result
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, load_method
@@ -134,7 +135,7 @@ def test_path_traced_light_that_moves_away(gpu):
         for index in range(9):
             frame = inputs.advance(index)
             images = {name: read_result(runner.step(frame)) for name, runner in runners.items()}
-            images["input"] = read_input(frame.textures["radiance"], "radiance")
+            images["input"] = read_channel(frame.textures["radiance"], "radiance")
             means.append({name: float(image[..., :3].mean()) for name, image in images.items()})
     finally:
         inputs.release()

@@ -12,8 +12,9 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, play, still_steps, write_method
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.errors import MethodError
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.frame import MAX_REACTIVE, MIN_ALBEDO, read_input
+from taubench_gl.reuse.frame import MAX_REACTIVE, MIN_ALBEDO
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
@@ -63,7 +64,7 @@ def arrays(inputs, frames=1):
     frame = None
     for index in range(frames):
         frame = inputs.advance(index)
-    return frame, {n: read_input(t, n).astype(np.float64) for n, t in frame.textures.items()}
+    return frame, {n: read_channel(t, n).astype(np.float64) for n, t in frame.textures.items()}
 
 
 @pytest.mark.parametrize(
@@ -133,7 +134,7 @@ def test_variance_is_that_of_many_frames(gpu):
 
 
 def arrays_of(frame):
-    return {n: read_input(t, n).astype(np.float64) for n, t in frame.textures.items()}
+    return {n: read_channel(t, n).astype(np.float64) for n, t in frame.textures.items()}
 
 
 def test_reactive_pixels_are_those_of_blended_surfaces(gpu):

@@ -11,10 +11,10 @@ from reuse_scenes import settings
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene, still_position
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.file_inputs import FileInputs
-from taubench_gl.reuse.frame import read_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.scene.model import Camera
@@ -38,7 +38,7 @@ def frames_of(gpu, made, numbers):
     out = []
     for number in numbers:
         frame = made.advance(number)
-        out.append({n: read_input(t, n).copy() for n, t in frame.textures.items()})
+        out.append({n: read_channel(t, n).copy() for n, t in frame.textures.items()})
     facts = made.describe()
     made.release()
     gpu.collect()

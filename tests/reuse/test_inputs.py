@@ -16,10 +16,11 @@ from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.shading_rate import RATES, cycle
 from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.file_inputs import FileInputs
-from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, read_input
+from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
@@ -42,7 +43,7 @@ def inputs_of(gpu, scene, kind="full", reads=ALL, **more):
 
 
 def arrays(frame) -> dict[str, np.ndarray]:
-    return {name: read_input(texture, name).copy() for name, texture in frame.textures.items()}
+    return {name: read_channel(texture, name).copy() for name, texture in frame.textures.items()}
 
 
 # --------------------------------------------------------------------------------------------------------------- kinds

@@ -15,9 +15,9 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.pathtraced.references import LOBES, References
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.frame import read_input
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.quality import reusable
@@ -91,8 +91,8 @@ def test_inputs_have_the_noise_of_their_samples_in_every_frame(gpu):
         noisy, masks = [], []
         for frame in range(3):
             given = inputs.advance(frame)
-            noisy.append(read_input(given.textures["radiance"], "radiance")[..., :3].copy())
-            masks.append(read_input(given.textures["exact_mask"], "exact_mask").copy())
+            noisy.append(read_channel(given.textures["radiance"], "radiance")[..., :3].copy())
+            masks.append(read_channel(given.textures["exact_mask"], "exact_mask").copy())
         clean = reference.image(2)
         described = inputs.describe()
     finally:

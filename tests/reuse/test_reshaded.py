@@ -9,8 +9,8 @@ from reuse_scenes import SECONDS, lit_room, settings, still
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
-from taubench_gl.reuse.frame import read_input
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
@@ -42,7 +42,7 @@ def frames_of(gpu, scene, kind, count=3, **more):
     request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input(kind, seed=5), Poser(scene))
     inputs = RasterInputs(request, READS)
     try:
-        return [{n: read_input(t, n).copy() for n, t in inputs.advance(k).textures.items()} for k in range(count)]
+        return [{n: read_channel(t, n).copy() for n, t in inputs.advance(k).textures.items()} for k in range(count)]
     finally:
         inputs.release()
         gpu.collect()
@@ -101,7 +101,7 @@ def test_choice_and_motion_of_samples_equal_their_reference(gpu):
     try:
         for k in range(number + 1):
             frame = inputs.advance(k)
-        a = {n: read_input(t, n).astype(np.float64) for n, t in frame.textures.items()}
+        a = {n: read_channel(t, n).astype(np.float64) for n, t in frame.textures.items()}
         link, position = inputs.reshade.samples()
         delta = frame.pair.camera_delta
     finally:

@@ -10,8 +10,9 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, play, still_steps, write_method
 
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import MethodError
+from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.reuse.frame import INPUTS, read_input, read_result, write_input
+from taubench_gl.reuse.frame import INPUTS, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
 
@@ -146,8 +147,8 @@ def test_input_arrays_round_trip(gpu):
     for name, info in INPUTS.items():
         texture = gpu.ctx.texture(SIZE, info.components, dtype=info.dtype)
         values = (rng.random((SIZE[1], SIZE[0], info.components)) * 8).astype("u4" if info.dtype == "u4" else "f2")
-        write_input(texture, name, values)
-        np.testing.assert_array_equal(read_input(texture, name), values)
+        write_channel(texture, name, values)
+        np.testing.assert_array_equal(read_channel(texture, name), values)
         texture.release()
 
 

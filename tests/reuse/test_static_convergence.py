@@ -10,7 +10,8 @@ from reuse_scenes import settings, still
 from reuse_tools import play, still_steps
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.reuse.frame import read_input, read_result
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.runner import MethodRunner
@@ -73,7 +74,7 @@ def test_path_traced_still_scene(gpu):
             for index in range(count):
                 frame = inputs.advance(index)
                 found = {name: read_result(runner.step(frame)) for name, runner in runners.items()}
-                found["none"] = read_input(frame.textures["radiance"], "radiance").copy()
+                found["none"] = read_channel(frame.textures["radiance"], "radiance").copy()
             for name, image in found.items():
                 images[name].append(image[..., :3].astype(np.float64))
         finally:

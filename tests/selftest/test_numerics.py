@@ -11,15 +11,16 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 from guards import GUARDS
 from make_numerics import NUMERIC, row
 
+from taubench_gl.data_files import read_json
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.report.numerics import recorded
+from taubench_gl.report.cost import NUMERICS
 from taubench_gl.selftest import cases
 
 GUARD = {g.name: g for g in GUARDS}
 
 
 def test_every_row_is_of_a_guard_and_a_case():
-    case, found = {c.name: c for c in cases()}, recorded()
+    case, found = {c.name: c for c in cases()}, read_json(NUMERICS)
     assert [r["guard"] for r in found["rows"]] == list(NUMERIC), "run: tools/record numerics"
     assert found["driver"] and found["renderer"] and found["date"]
     for r in found["rows"]:
@@ -31,7 +32,7 @@ def test_every_row_is_of_a_guard_and_a_case():
 @pytest.mark.parametrize("name", ["stable-variance", "chord-angle", "frame-tolerance"])
 def test_the_recorded_errors_are_measured(name):
     """Of guards that do not depend on the driver."""
-    (there,) = [r for r in recorded()["rows"] if r["guard"] == name]
+    (there,) = [r for r in read_json(NUMERICS)["rows"] if r["guard"] == name]
     again = row(GUARD[name], open_gpu())
     assert again["case"] == there["case"] and again["error"] == pytest.approx(there["error"], rel=1e-6, abs=1e-15)
     assert again["error_without"] == pytest.approx(there["error_without"], rel=1e-6)

@@ -12,8 +12,9 @@ from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
-from taubench_gl.reuse.frame import read_input, read_result
+from taubench_gl.reuse.frame import read_result
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import sphere
 
@@ -67,7 +68,7 @@ def run_methods(stage: Stage, texts: Mapping[str, str]) -> dict[str, Trail]:
         for frame in range(FRAMES):
             channels = inputs.advance(frame)
             images = {name: read_result(runner.step(channels))[..., :3] for name, runner in runners.items()}
-            reference = read_input(channels.textures["radiance"], "radiance")[..., :3].astype(np.float64)
+            reference = read_channel(channels.textures["radiance"], "radiance")[..., :3].astype(np.float64)
             ball = reference[..., 0] > 0.5 * (GLOW[0] + TILE[1])
             age = np.where(ball, 1, np.where(age > 0, age + 1, 0))
     age = np.where(ball, 0, np.maximum(age - 1, 0))

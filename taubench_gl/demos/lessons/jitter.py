@@ -12,8 +12,9 @@ from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, rgb
 from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.color import display_color
-from taubench_gl.reuse.frame import read_result, write_input
+from taubench_gl.reuse.frame import read_result
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import quad, turn
 
@@ -106,7 +107,7 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
             channels = inputs.advance(frame)
             for name, runner in runners.items():
                 error = runs[name][0](channels.jitter_px, channels.prev_jitter_px) * [1.0, -1.0]  # rows go down
-                write_input(channels.textures["motion"], "motion", still * np.float32(error))
+                write_channel(channels.textures["motion"], "motion", still * np.float32(error))
                 result = runner.step(channels)
                 if frame == FRAMES - 1:
                     images[name] = read_result(result)[..., :3].astype(np.float64)
