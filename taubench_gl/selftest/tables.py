@@ -515,8 +515,10 @@ def schedules_and_notes(bench: Bench) -> Outcome:
         (glowing, (64, 64), 33, "strata:8"), (glowing, (4096, 4096), 50, "strata:2"),
         (glowing, (8, 8), 500, "strata:36"),
     ):  # fmt: skip
-        settings = Settings(width=size[0], height=size[1], spp=64, light="auto", **FIXED_LIGHTING)
-        errors.append(float(lighting.with_pairs(drawn, settings, range(frames)).metrics.pairs != pairs))
+        for each, places in ((64, 1), (16, 4)):
+            own = {"width": size[0], "height": size[1], "spp": each, "samples_per_pixel": places, "light": "auto"}
+            found = lighting.with_pairs(drawn, Settings(**own, **FIXED_LIGHTING), range(frames))
+            errors.append(float(found.metrics.pairs != pairs))
     width, height = 4, 3
     position, info = np.ones((height, width, 4)), np.zeros((height, width, 4))
     info[..., 1], info[..., 2], info[..., 3] = 16.0, np.arange(12.0).reshape(3, 4), 2.0
