@@ -16,6 +16,7 @@ from taubench_gl.animation import Poser, pose_vertices, sample
 from taubench_gl.errors import SceneError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.gltf.container import container_bytes, read_container
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
@@ -255,6 +256,9 @@ def round_trip(bench: Bench) -> Outcome:
         write_scene(made, Path(folder) / "scene.glb")
         read = load_scene(Path(folder) / "scene.glb")
         errors = [float(not np.array_equal(read.images[0].decode(), texels))]
+    for text, binary in ((b"{}", None), (b'{"asset": 1}', bytes(range(5)))):
+        chunk, rest, after = read_container(container_bytes(text, binary), "case.glb")
+        errors.append(float((bytes(chunk).rstrip(), rest and bytes(rest[:5]), after) != (text, binary, 0)))
     poses, order = [Poser(made), Poser(read)], [list(read.nodes.names).index(name) for name in made.nodes.names]
     for time in np.linspace(0.0, 1.0, 9):
         a, b = (poser.sample(float(time)).world for poser in poses)
