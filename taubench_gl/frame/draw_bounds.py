@@ -98,7 +98,8 @@ def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Ar
 
     ``centers`` (D, 3), ``radii`` (D,) and ``clip_from_relative`` (4, 4) relative to the camera; ``offsets`` (D,): how
     far the origins of the draws are from it.  The slack covers what float32 makes of vertices on the GPU: its rounding
-    grows with the largest of the terms that are added up.
+    grows with the largest of the terms that are added up; that of a plane is no larger than the distance of a sphere
+    which touches it.
     """
     x, y, z, w = clip_from_relative
     planes = np.stack([w + x, w - x, w + y, w - y, w - z, z])  # reversed Z in [0, 1]
@@ -106,7 +107,7 @@ def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Ar
     slack = 1e-4 * (np.linalg.norm(centers, axis=1) + radii) + 1e-5 * offsets
     depth = centers @ planes[:, :3].T + planes[:, 3]
     with np.errstate(invalid="ignore"):
-        reach = (radii + slack)[:, None] * steepness + 1e-4 * np.abs(planes[:, 3])
+        reach = (radii + slack)[:, None] * steepness
         return ~(depth < -reach).any(axis=1)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, curves
-from taubench_gl.scene.model import Channel
+from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, field, scalar, worst
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn, turn_y
+from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, turn, turn_y
 
 Array = np.ndarray
 ULPS_OF_180 = "float64: 32 ulps of 180 degrees"
@@ -222,3 +222,28 @@ def order_of_sampling(bench: Bench) -> Outcome:
     alone = [Poser(scene).sample(t).world for t in times]
     backwards = [poser.sample(t).world for t in times[::-1]][::-1]
     return count(0, int(np.sum(np.array(alone) != np.array(backwards))))
+
+
+@case(
+    "frame-rate",
+    description="a moving, turning and bending plate at 4 frames a second, and four times as slow at 1: counts of the "
+    "pairs that differ",
+    elsewhere="the frame before is posed at a time of another rate",
+    here="frame n is at n / fps, the one before at (n - 1) / fps",
+    source="exact: counts, at times that are powers of two",
+)
+def frame_rate(bench: Bench) -> Outcome:
+    def plate(seconds: float) -> Scene:
+        b = SceneBuilder()
+        bent = morphed(quad(1.0, 1.0, cells=(1, 1)), [(0, 0, 1), (0, 0, 0), (0, 0, 0), (0, 0, 1)])
+        node = b.node(mesh=b.mesh(bent, weights=[0.0]))
+        b.animate(node, "translation", [0.0, seconds], [(-1.0, 0.0, -4.0), (1.0, 0.5, -5.0)])
+        b.animate(node, "rotation", [0.0, seconds], [turn_y(-30.0), turn_y(40.0)])
+        b.animate(node, "weights", [0.0, seconds], [[0.0], [1.0]])
+        b.camera()
+        return b.build()
+
+    own = {"columns": ("frustum", "position", "normal"), "reprojection": "motion", "width": 48, "height": 32}
+    runs = [bench.evaluate(plate(seconds), fps=rate, **own).frames for seconds, rate in ((1.0, 4.0), (4.0, 1.0))]
+    wrong = sum(row[name] != other[name] for row, other in zip(*runs, strict=True) for name in row if name != "time_s")
+    return count(0, wrong + (len(runs[0]) != 4) + (not runs[0][1]["position"]))

@@ -131,6 +131,8 @@ def vertices_in_many_forms(bench: Bench) -> Outcome:
         primitives.append(own)
     primitives[0]["attributes"] = attributes
     primitives[1]["targets"] = [{"POSITION": zeros}, {"POSITION": sparse}]
+    rgba = rng.integers(0, 65536, (count, 4), dtype=np.uint16)
+    primitives[1]["attributes"]["COLOR_0"] = f.accessor(rgba, normalized=True)
     f.json |= {"extensionsUsed": ["KHR_mesh_quantization"], "extensionsRequired": ["KHR_mesh_quantization"]}
     bind = rng.normal(size=(2, 4, 4)).astype(np.float32)
     bind[:, :, 3] = 0, 0, 0, 1  # columns come first in the file
@@ -148,7 +150,7 @@ def vertices_in_many_forms(bench: Bench) -> Outcome:
     errors = [
         worst(first.positions - _normalized(positions)), worst(math3d.normalize(first.normals) - unit),
         worst(first.texcoords[0] - uv / 65535.0), worst(first.colors[:, :3] - colors / 255.0),
-        worst(first.colors[:, 3] - 1),
+        worst(first.colors[:, 3] - 1), worst(second.colors - rgba / 65535.0),
         worst(first.joints - joints), worst(first.weights - shares), worst(second.positions - changed),
         worst(second.targets[0].positions - np.eye(7)[3][:, None]), worst(second.targets[1].positions - changed),
         worst(scene.meshes[1].weights - [0.5, 0.25]),
@@ -371,7 +373,7 @@ def materials_in_many_forms(bench: Bench) -> Outcome:
              "doubleSided": True, "emissiveFactor": [0.5, 0.25, 1.0],
              "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3.0},
                             "KHR_materials_specular": {"specularFactor": 0.35}}},
-            {"extensions": {"KHR_materials_unlit": {}}},
+            {"extensions": {"KHR_materials_unlit": {}}, "emissiveTexture": {"index": 1, "texCoord": 2}},
             {"extensions": {glossy: {"diffuseFactor": [0.1, 0.7, 0.4, 0.5], "specularFactor": [0.04] * 3,
                                      "glossinessFactor": 0.3}}},
             {"extensions": {glossy: {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.9, 0.6, 0.3],
@@ -396,7 +398,9 @@ def materials_in_many_forms(bench: Bench) -> Outcome:
                           (9728, 9985, 33071, 33648))),
         plain.normal_scale - 0.5, plain.normal_texture.texcoord - 1, plain.occlusion_strength - 0.25,
         float((plain.alpha_mode, plain.double_sided, unlit.unlit, plain.unlit) != ("MASK", True, True, False)),
-        plain.alpha_cutoff - 0.75, worst(np.subtract(plain.emissive, (1.5, 0.75, 3.0))), plain.specular - 0.35,
+        float(unlit.emissive_texture is not None),  # third coordinates are noted, not read as others
+        plain.alpha_cutoff - 0.75, unlit.alpha_cutoff - 0.5, worst(np.subtract(plain.emissive, (1.5, 0.75, 3.0))),
+        plain.specular - 0.35,
         worst(np.subtract(dielectric.base_color, (0.1, 0.7, 0.4, 0.5))), dielectric.metallic,
         dielectric.roughness - 0.7, worst(np.subtract(mirror.base_color, (0.9, 0.6, 0.3, 1.0))),
         mirror.metallic - 1.0, mirror.roughness,

@@ -6,7 +6,9 @@ import base64
 import dataclasses
 import json
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +16,10 @@ from taubench_gl.animation import Poser, pose_vertices, sample
 from taubench_gl.errors import SceneError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.gltf.container import container_bytes, read_container
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import Naive, Outcome, case, field, worst
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn, turn_y
 from taubench_gl.settings import Settings
 
@@ -116,6 +119,37 @@ def decreasing_key_times(bench: Bench) -> Outcome:
         pointed = "#/" in str(refused)
         return Outcome("refused", "refused" if pointed else "refused without a JSON pointer", 0.0 if pointed else 1.0)
     return Outcome("refused", "read", 1.0)
+
+
+@case(
+    "numbers-out-of-range",
+    description="an index, an accessor, a buffer view and a child outside of what the file has: files that are read, "
+    "and files without such a number that are refused",
+    elsewhere="bytes beside the buffer are drawn, or the program ends",
+    here="each is refused with the JSON pointer of the number",
+    source="exact: refused or not",
+)
+def numbers_out_of_range(bench: Bench) -> Outcome:
+    def indices(file: _File, last: int) -> None:
+        file.json["meshes"][0]["primitives"][0]["indices"] = file.accessor(np.uint16([0, 1, last]))
+
+    def change(collection: str, key: str) -> Callable[[_File, Any], None]:
+        return lambda file, value: file.json[collection][0].update({key: value})
+
+    wrong = 0
+    for set_number, right, beyond in (
+        (indices, 2, 3), (change("accessors", "count"), 3, 4), (change("bufferViews", "byteLength"), 36, 37),
+        (change("nodes", "children"), [], [0]),
+    ):  # fmt: skip
+        for number in (right, beyond):
+            file = _File()
+            set_number(file, number)
+            try:
+                file.load()
+                wrong += number is beyond
+            except SceneError as refused:
+                wrong += number is right or "#/" not in str(refused)
+    return count(0, wrong)
 
 
 def _weighted(weights: list[list[float]]) -> tuple[Scene, Array]:
@@ -222,6 +256,9 @@ def round_trip(bench: Bench) -> Outcome:
         write_scene(made, Path(folder) / "scene.glb")
         read = load_scene(Path(folder) / "scene.glb")
         errors = [float(not np.array_equal(read.images[0].decode(), texels))]
+    for text, binary in ((b"{}", None), (b'{"asset": 1}', bytes(range(5)))):
+        chunk, rest, after = read_container(container_bytes(text, binary), "case.glb")
+        errors.append(float((bytes(chunk).rstrip(), rest and bytes(rest[:5]), after) != (text, binary, 0)))
     poses, order = [Poser(made), Poser(read)], [list(read.nodes.names).index(name) for name in made.nodes.names]
     for time in np.linspace(0.0, 1.0, 9):
         a, b = (poser.sample(float(time)).world for poser in poses)

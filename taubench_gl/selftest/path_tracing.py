@@ -9,10 +9,12 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from taubench_gl import math3d
+from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.lighting import albedo_table
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
 from taubench_gl.selftest.direct import lambert
 from taubench_gl.selftest.geometry import one_metre_per_pixel
 from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad, sphere, turn, turn_x, turn_y
@@ -479,3 +481,30 @@ def sky_image(bench: Bench) -> Outcome:
             traced = bench.traced(scene, spp=64, pattern="independent", **how)["direct"][..., :3].mean(axis=(0, 1))
             errors += [*(traced / expected - 1.0), *(bench.shots(scene, **how)[0].direct / expected - 1.0).ravel()]
     return field("0.5 (2 + a . n)", errors)
+
+
+@case(
+    "pixels-of-a-list",
+    description="path-traced light of 60 listed pixels of a room, samples in two parts: difference from the whole "
+    "frame",
+    elsewhere="a listed pixel takes the numbers of its place in the list, or the light of another pixel",
+    here="the pattern belongs to the pixel of the image",
+    tolerance=1e-6,
+    source="relative to the largest value; float32: sums in another order",
+)
+def pixels_of_a_list(bench: Bench) -> Outcome:
+    own = {"columns": ("direct", "indirect"), "light": "path-traced", "indirect": "auto", "spp": 3, "bounces": 2}
+    settings = bench._settings(own | {"width": 20, "height": 30, "fps": 1.0, "pattern": "independent"})
+    animated, places = AnimatedScene(busy_room(lamps=1)), np.random.default_rng(4).permutation(600)[:60]
+    images = []
+    for pixels, parts in ((None, ((5, 3),)), (np.stack([places % 20, places // 20], axis=-1), ((5, 1), (6, 2)))):
+        with GpuOwner(bench.gpu) as owner:
+            source = owner.open_source(animated, settings, pixel_list=pixels is not None)
+            source.draw(0)
+            shares = []
+            for first, number in parts:
+                source.trace(2, first, number, pixels)
+                shares.append(number / 3 * np.stack([source.read(n)[..., :3] for n in own["columns"]]).astype(float))
+            images.append(sum(shares).reshape(2, 600, 3)[:, places])
+    whole, listed = images
+    return field("the whole frame", (listed - whole) / worst(whole))

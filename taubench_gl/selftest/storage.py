@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.targets import History
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import reproject
 from taubench_gl.scene.model import Camera
@@ -124,3 +127,23 @@ def motion_reference(bench: Bench) -> Outcome:
     half = worst(images.motion.astype(np.float16).astype(np.float64)[seen] - exact.motion_px[seen])
     naive = Naive("half floats", f"off by {half:.3g} px", half)
     return field("float64 reference", (images.motion - exact.motion_px)[seen], naive)
+
+
+@case(
+    "bytes-of-a-frame",
+    description="each channel in two frames, and their depth buffer, in floats and half floats: bytes that are added "
+    "up before they exist against those of the textures",
+    elsewhere="history is left out of the sum, and an image that passed the check does not fit",
+    here="both frames, components and type of each channel",
+    source="exact: integers",
+)
+def bytes_of_a_frame(bench: Bench) -> Outcome:
+    errors = []
+    for name in CHANNELS:
+        for storage in ("float", "half"):
+            with Owner() as owner:
+                history = owner.own(History(bench.gpu, (20, 10), (name,), storage))
+                textures = [history.depth, *(frame.textures[name] for frame in (history.current, history.previous))]
+                taken = [t.width * t.height * t.components * int(t.dtype[-1]) for t in textures]
+                errors.append(history.bytes - sum(taken))
+    return field("the bytes of the textures", errors)

@@ -19,7 +19,7 @@ from taubench_gl.frame.patches import Patches, lamps_of, received
 from taubench_gl.frame.plan import frame_spec
 from taubench_gl.frame.raytracing import bvh, hit_tables, texels
 from taubench_gl.frame.raytracing.atlas import plan_atlas
-from taubench_gl.frame.raytracing.emitters import EMITTER, pyramid
+from taubench_gl.frame.raytracing.emitters import EMITTER, emitter_table, pyramid
 from taubench_gl.frame.raytracing.instances import changing_nodes, instance_table
 from taubench_gl.frame.records import RecordTable
 from taubench_gl.frame.shadow_faces import faces_of, map_sizes, pack
@@ -326,8 +326,31 @@ def tables_of_hits(bench: Bench) -> Outcome:
     means = pyramid(np.arange(15.0).reshape(3, 5))
     errors += [float([m.shape for m in means] != [(3, 5), (2, 3), (1, 2), (1, 1)])]
     errors += [worst(means[1] - [[3.0, 5.0, 6.5], [10.5, 12.5, 14.0]]), worst(means[2] - [[7.75, 10.25]])]
-    errors += _classes_of_draws()
+    errors += [*_classes_of_draws(), *_powers_of_emitters()]
     return field("definitions", errors)
+
+
+def _powers_of_emitters() -> list[float]:
+    """A scaled, a growing and a hidden luminous plate, and a dark one: shares of area times luminance."""
+    b = SceneBuilder()
+    bright, dim = b.material(emissive=(3.0, 2.0, 1.0)), b.material(emissive=(0.5, 0.5, 0.5))
+    b.node(mesh=b.mesh(quad(1.0, 1.0, material=bright)), scale=(2.0, 1.0, 1.0))
+    grown = b.node(mesh=b.mesh(quad(0.5, 0.5, material=dim)))
+    b.animate(grown, "scale", [0.0, 1.0], [(1.0, 1.0, 1.0), (3.0, 1.0, 1.0)])
+    hidden = b.node(mesh=b.mesh(quad(1.0, 1.0, material=dim)))
+    b.animate(hidden, "visible", [0.0, 1.0], [[0.0], [0.0]], "STEP")
+    b.node(mesh=b.mesh(quad(1.0, 1.0)))
+    scene = b.build()
+    poser = Poser(scene)
+    draws, states = build_geometry(scene).draws, [poser.sample(time) for time in (0.0, 0.5, 1.0)]
+    table = emitter_table(scene, draws, states, hit_tables.HitOptions(), lambda image: np.ones((1, 1, 4), np.uint8))
+    power = np.repeat([4.0 * (3.0 * 0.2126 + 2.0 * 0.7152 + 0.0722), 1.5 * 0.5, 0.0], 2)
+    shares = power / power.sum()
+    return [
+        float(table["draw"].tolist() != [0, 0, 1, 1, 2, 2]), float(table["triangle"].tolist() != [0, 1] * 3),
+        float(not np.allclose(table["probability"], shares, atol=1e-6)),
+        float(not np.allclose(table["cumulative"], np.cumsum(shares), atol=1e-6)),
+    ]  # fmt: skip
 
 
 def _classes_of_draws() -> list[float]:
@@ -492,8 +515,10 @@ def schedules_and_notes(bench: Bench) -> Outcome:
         (glowing, (64, 64), 33, "strata:8"), (glowing, (4096, 4096), 50, "strata:2"),
         (glowing, (8, 8), 500, "strata:36"),
     ):  # fmt: skip
-        settings = Settings(width=size[0], height=size[1], spp=64, light="auto", **FIXED_LIGHTING)
-        errors.append(float(lighting.with_pairs(drawn, settings, range(frames)).metrics.pairs != pairs))
+        for each, places in ((64, 1), (16, 4)):
+            own = {"width": size[0], "height": size[1], "spp": each, "samples_per_pixel": places, "light": "auto"}
+            found = lighting.with_pairs(drawn, Settings(**own, **FIXED_LIGHTING), range(frames))
+            errors.append(float(found.metrics.pairs != pairs))
     width, height = 4, 3
     position, info = np.ones((height, width, 4)), np.zeros((height, width, 4))
     info[..., 1], info[..., 2], info[..., 3] = 16.0, np.arange(12.0).reshape(3, 4), 2.0

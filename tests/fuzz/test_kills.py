@@ -49,9 +49,11 @@ render_reference(scene, choose_camera(scene), range(12), sys.argv[2], fps=24.0, 
 """
 
 
-def summary_of(path: Path) -> dict[str, Any]:
+def summary_of(path: Path, volatile: tuple[str, ...] = VOLATILE) -> dict[str, Any]:
+    """The values of a result without the ``volatile`` ones and without their checksum; that of the rows stays."""
     summary = json.loads(path.read_text())
-    return {key: value for key, value in summary.items() if key not in VOLATILE}
+    del summary["stored"]["sha256"]
+    return {key: value for key, value in summary.items() if key not in volatile}
 
 
 def arrays_in(folder: Path) -> dict[str, bytes]:
@@ -96,8 +98,7 @@ def of_reuse(out: Path) -> Any:
 
 
 def of_benchmark(out: Path) -> Any:
-    summary = json.loads((out / "benchmark.json").read_text())
-    return json.dumps({name: value for name, value in summary.items() if name not in ("times", "provenance")})
+    return json.dumps(summary_of(out / "benchmark.json", ("times", "provenance")))
 
 
 def commands(folder: Path) -> dict[str, tuple[list[str], Callable[[Path], Any]]]:

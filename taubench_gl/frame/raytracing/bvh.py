@@ -151,7 +151,7 @@ def _build(low, high, leaf):
                         run_low[j] = min(run_low[j], bin_low[k, b, j])
                         run_high[j] = max(run_high[j], bin_high[k, b, j])
                     right_count[b] = running
-                    right_area[b] = _area(run_low, run_high) if running else 0.0
+                    right_area[b] = _area(run_low, run_high)  # read where there are boxes
                 run_low[:], run_high[:] = np.inf, -np.inf
                 running = 0
                 for b in range(BINS - 1):
