@@ -76,7 +76,7 @@ class LightVisits:
         frames: range,
         columns: Sequence[str],
     ):
-        """``owner``: of what is opened; ``variant``: opens a source of the scene; ``frames``, ``columns``: of the run."""
+        """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run."""
         self._gpu, self._settings, self._frames, self._columns = owner.gpu, settings, frames, tuple(columns)
         self._source = variant(settings, extra=("emission",) if "color" in columns else ())
         self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)

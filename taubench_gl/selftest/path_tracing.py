@@ -496,15 +496,16 @@ def pixels_of_a_list(bench: Bench) -> Outcome:
     own = {"columns": ("direct", "indirect"), "light": "path-traced", "indirect": "auto", "spp": 3, "bounces": 2}
     settings = bench._settings(own | {"width": 20, "height": 30, "fps": 1.0, "pattern": "independent"})
     animated, places = AnimatedScene(busy_room(lamps=1)), np.random.default_rng(4).permutation(600)[:60]
-    images = []
-    for pixels, parts in ((None, ((5, 3),)), (np.stack([places % 20, places // 20], axis=-1), ((5, 1), (6, 2)))):
-        with GpuOwner(bench.gpu) as owner:
-            source = owner.open_source(animated, settings, pixel_list=pixels is not None)
-            source.draw(0)
-            shares = []
-            for first, number in parts:
-                source.trace(2, first, number, pixels)
-                shares.append(number / 3 * np.stack([source.read(n)[..., :3] for n in own["columns"]]).astype(float))
-            images.append(sum(shares).reshape(2, 600, 3)[:, places])
-    whole, listed = images
-    return field("the whole frame", (listed - whole) / worst(whole))
+    at = np.stack([places % 20, places // 20], axis=-1)
+    with GpuOwner(bench.gpu) as owner:
+        whole, listed = (owner.open_source(animated, settings, pixel_list=some) for some in (False, True))
+        whole.draw(0)
+        whole.trace(2, 5, 3)
+        image = np.stack([whole.read(n)[..., :3] for n in own["columns"]]).astype(float)
+        expected = image.reshape(2, 600, 3)[:, places].swapaxes(0, 1)
+        listed.draw(0)
+        samples = [
+            listed.listed_light(2, at, at, part, drawn=not k) for k, part in enumerate((range(5, 6), range(6, 8)))
+        ]
+        lobes = np.concatenate(samples, axis=1).astype(float).mean(axis=1)  # (n, lobes of direct and indirect, 3)
+    return field("the whole frame", (lobes.reshape(60, 2, 2, 3).sum(axis=2) - expected) / worst(expected))

@@ -166,7 +166,7 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
 
     monkeypatch.setattr("taubench_gl.batch.units.PairsUnit.run", refuse)
     monkeypatch.setattr(figures, "evaluate_scene", refuse)
-    again = run("--out", out, *SMALL, "--lobe", "diffuse")
+    again = run("--out", out, *SMALL, "--light", "raster", "--lobe", "diffuse")
     assert again.exit_code == 0, again.output
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
