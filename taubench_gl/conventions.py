@@ -28,6 +28,9 @@ DEFAULT_THRESHOLD = 32.0 / 255.0
 LOBES = ("diffuse", "glossy", "transmission", "volume")
 """Lobes of direct and indirect that can be measured apart."""
 
+SCENE_LOBES = LOBES[:2]
+"""Those that rendered scenes have."""
+
 
 class Reason(enum.IntFlag):
     """Reason bits of the mask word, one unsigned 32-bit integer per pixel (docs/conventions.md).

@@ -76,7 +76,7 @@ def sampled_light(
     job: Job, head: Mapping[str, Any], reports: Sequence[Mapping[str, Any]], pairs: Mapping[int, Mapping[str, Any]]
 ) -> SampledLight | None:
     """The sampled light of a job, all of whose pairs are counted, before its first round; None where it has none."""
-    light = SampledLight.of(job.settings, range(*head["frames"]), reports[0]["unmeasured"])
+    light = SampledLight.of(job.settings, range(*head["frames"]), reports[0]["unmeasured"], job.lobes)
     if light is not None:
         for position in job_positions(job, head):
             light.add(position, counts_of_record(pairs[position]))

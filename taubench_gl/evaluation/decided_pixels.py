@@ -16,10 +16,12 @@ import numpy as np
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.evaluation.pairs import PairEvaluator
 from taubench_gl.features import FEATURE_BIT, LIGHT_FEATURES, RADIANCE_FEATURES
+from taubench_gl.frame.passes.pathtracing import LISTED_LOBES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
 from taubench_gl.metrics.path_samples import PART
+from taubench_gl.metrics.sampled_light import lobe_distance
 from taubench_gl.settings import MAX_BOUNCES, Settings
 from taubench_gl.srgb import LUMINANCE
 
@@ -111,7 +113,7 @@ class Decisions:
     """
 
     words: Array  # (n,) uint32 reason words with path-traced light
-    distances: Mapping[str, Array]  # column, and with lobes "column lobe" -> (n,) float64
+    distances: Mapping[str, Array]  # column, and ``lobe_distance`` of lobes -> (n,) float64
     samples: Array  # (n,) int64, of the current pixel and each tap of its history
     decided_samples: Array  # (n,) int64, when the pixel was decided
     undecided: Array  # (n,) bool: the limit came first
@@ -122,9 +124,16 @@ class Decisions:
 class DecidedPixels:
     """Draws the pairs of a scene and decides their pixels."""
 
-    def __init__(self, variant: Callable[..., RasterSource], settings: Settings, columns: Collection[str]):
-        """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide."""
-        self._settings, self.columns = settings, tuple(columns)
+    def __init__(
+        self,
+        variant: Callable[..., RasterSource],
+        settings: Settings,
+        columns: Collection[str],
+        lobes: Collection[str] = (),
+    ):
+        """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide; ``lobes``
+        (diffuse, glossy): whose distances are wanted too."""
+        self._settings, self.columns, self._lobes = settings, tuple(columns), tuple(lobes)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
         traced = decided_light(settings)
         self._sources = tuple(variant(traced, pixel_list=True) for _ in range(2))  # previous, current
@@ -146,7 +155,7 @@ class DecidedPixels:
         count, least, most = len(at), LEAST // PART, max(LEAST, limit) // PART
         audit = np.random.default_rng(list(seed)).random(count)
         words, first = listed.words.copy(), listed.words.copy()
-        distances = {name: np.zeros(count) for name in self.columns}
+        distances: dict[str, Array] = {}
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
         active, light, floor = np.arange(count), np.zeros((count, 0)), None
@@ -161,8 +170,8 @@ class DecidedPixels:
                 floor = self._floor(compared, light)
             samples[active] = PART * parts
             words[active] = (listed.words[active] & ~LIGHT_BITS) | bits
-            for name in self.columns:
-                distances[name][active] = found[name]
+            for name, distance in (found | self._of_lobes(compared, light.mean(axis=1))).items():
+                distances.setdefault(name, np.zeros(count))[active] = distance
             margin = self._margin(found, error, floor, parts)
             now = ~decided[active] & (margin > 1.0)
             first[active[now]], decided[active[now]] = words[active[now]], True
@@ -231,6 +240,16 @@ class DecidedPixels:
             else np.abs(now - before).max(axis=-1)
             for name, (now, before) in self._values(listed, light).items()
         }  # fmt: skip
+
+    def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
+        """``lobe_distance`` -> distance (m,) of each wanted lobe, of radiance ``light`` (m, 1 + taps, lobes, 3)."""
+        out = {}
+        for place, name in enumerate(LISTED_LOBES):
+            bounce, lobe = name.split("_")
+            if bounce in self.columns and lobe in self._lobes:
+                change = light[:, 0, place] - blend(light[:, 1:, place], listed.weights)
+                out[lobe_distance(bounce, lobe)] = np.linalg.norm(change, axis=-1)
+        return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
         """Distances (m,) and their standard errors (m,) by column, and light bits (m,), of parts ``light``.

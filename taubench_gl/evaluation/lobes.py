@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import HISTOGRAM_BINS, LOBES
+from taubench_gl.conventions import HISTOGRAM_BINS, LOBES, SCENE_LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
@@ -32,15 +32,15 @@ def require_lobes(lobes: Collection[str]) -> None:
 
 def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
     """Channels of the ``lobes`` of a rendered scene: it has diffuse and glossy ones."""
-    return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in ("diffuse", "glossy"))
+    return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in SCENE_LOBES)
 
 
 def missing_of_scene(lobes: Collection[str], unmeasured: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """lobe -> {direct or indirect: why it is null}, for a rendered scene.  ``unmeasured``: of its source."""
     none = "rendered scenes have diffuse and glossy lobes only"
     return {
-        lobe: {b: none if lobe not in ("diffuse", "glossy") else unmeasured[b] for b in BOUNCES
-               if lobe not in ("diffuse", "glossy") or b in unmeasured}
+        lobe: {b: none if lobe not in SCENE_LOBES else unmeasured[b] for b in BOUNCES
+               if lobe not in SCENE_LOBES or b in unmeasured}
         for lobe in lobes
     }  # fmt: skip
 

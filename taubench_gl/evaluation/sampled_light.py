@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.conventions import SCENE_LOBES
 from taubench_gl.evaluation.decided_pixels import LIMIT, DecidedPixels, read_preview
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
@@ -75,12 +76,13 @@ class LightVisits:
         settings: Settings,
         frames: range,
         columns: Sequence[str],
+        lobes: Sequence[str] = (),
     ):
         """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run."""
         self._gpu, self._settings, self._frames, self._columns = owner.gpu, settings, frames, tuple(columns)
         self._source = variant(settings, extra=("emission",) if "color" in columns else ())
         self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
-        self._decided = DecidedPixels(variant, settings, columns)
+        self._decided = DecidedPixels(variant, settings, columns, lobes)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self._columns}
 
     def visit(self, position: int, number: int) -> Visit:
@@ -112,20 +114,28 @@ class LightVisits:
 class SampledLight:
     """The sampled light of one run: the preview's counts of every pair first, then rounds of visits."""
 
-    def __init__(self, settings: Settings, frames: range, unmeasured: Mapping[str, str]):
-        """``unmeasured``: column -> why the preview has none."""
+    def __init__(self, settings: Settings, frames: range, unmeasured: Mapping[str, str], lobes: Sequence[str] = ()):
+        """``unmeasured``: column -> why the preview has none; ``lobes``: measured apart."""
         columns = sampled_columns(unmeasured, settings.metrics.columns)
         shading = "shading" not in unmeasured_rates(unmeasured)
         self.sample: PairSample = sampled_pairs(frames, settings)
         thresholds = {name: settings.metrics.threshold(name) for name in columns}
-        self.estimate = LightEstimate(columns, thresholds, shading, settings.lighting.light_within)
+        self.estimate = LightEstimate(
+            columns,
+            thresholds,
+            shading,
+            settings.lighting.light_within,
+            [lobe for lobe in lobes if lobe in SCENE_LOBES],
+        )
         self._settings, self.rounds = settings, 0
 
     @classmethod
-    def of(cls, settings: Settings, frames: range, unmeasured: Mapping[str, str]) -> SampledLight | None:
+    def of(
+        cls, settings: Settings, frames: range, unmeasured: Mapping[str, str], lobes: Sequence[str] = ()
+    ) -> SampledLight | None:
         """None where no column is sampled."""
         sampled = samples_light(settings) and sampled_columns(unmeasured, settings.metrics.columns)
-        return cls(settings, frames, unmeasured) if sampled else None
+        return cls(settings, frames, unmeasured, lobes) if sampled else None
 
     def add(self, position: int, counts: Counts) -> None:
         """The preview's counts of the next pair."""

@@ -69,7 +69,7 @@ class SceneInput:
     def sampled_light(self, session: Session) -> SampledLight | None:
         if not session.wants.sampled:
             return None
-        return SampledLight.of(self.settings, self.frames, session.source.unmeasured)
+        return SampledLight.of(self.settings, self.frames, session.source.unmeasured, session.wants.lobes)
 
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """Nothing: a rendered scene has what every input has."""

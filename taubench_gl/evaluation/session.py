@@ -194,7 +194,7 @@ class Session(GpuOwner):
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
             columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
-            return LightVisits(self, self.variant, self.settings, self.given.frames, columns)
+            return LightVisits(self, self.variant, self.settings, self.given.frames, columns, self.wants.lobes)
 
     def _check(self) -> None:
         """Measure brightness and depth of the current frame."""

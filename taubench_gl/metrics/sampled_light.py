@@ -46,6 +46,11 @@ DENSITY = (0.15, 0.5)
 STRATA = 2 ** (1 + len(LIGHT_FEATURES))
 
 
+def lobe_distance(bounce: str, lobe: str) -> str:
+    """Name of the distance of one lobe of direct or indirect."""
+    return f"{bounce}_{lobe}"
+
+
 def strata_of(words: Array, distances: Mapping[str, Array], thresholds: Mapping[str, float], traced: Array) -> Array:
     """Stratum of every pixel by its preview: near a threshold or not, and its light columns.  (h, w) int64.
 
@@ -133,14 +138,18 @@ def _has(bits: int) -> Callable[[Array, Mapping[str, Array]], Array]:
 
 def _above(column: str, limit: float) -> Callable[[Array, Mapping[str, Array]], Array]:
     def over(words: Array, distances: Mapping[str, Array]) -> Array:
+        if column not in distances:
+            return np.zeros(len(words), bool)
         return (distances[column] > limit) & ((words & NOT_COMPARABLE) == 0)
 
     return over
 
 
-def statistics_of(columns: Sequence[str], thresholds: Mapping[str, float], shading: bool) -> list[_Statistic]:
-    """Those of the light ``columns``; ``shading``: whether that rate is measured."""
-    out: list[_Statistic] = []
+def statistics_of(
+    columns: Sequence[str], thresholds: Mapping[str, float], shading: bool, lobes: Sequence[str]
+) -> list[_Statistic]:
+    """Those of the light ``columns``; ``shading``: whether that rate is measured; ``lobes``: measured apart."""
+    out = _of_lobes(columns, thresholds, lobes)
     for column in columns:
         bit, row = int(FEATURE_BIT[column]), FEATURES.index(column)
 
@@ -196,13 +205,31 @@ def statistics_of(columns: Sequence[str], thresholds: Mapping[str, float], shadi
     return out
 
 
+def _of_lobes(columns: Sequence[str], thresholds: Mapping[str, float], lobes: Sequence[str]) -> list[_Statistic]:
+    """Direct and indirect of each lobe, without the preview as control: it is not known at single pixels."""
+    out = []
+    for lobe in lobes:
+        for bounce in (c for c in columns if c in RADIANCE_FEATURES):
+            above = _above(lobe_distance(bounce, lobe), thresholds[bounce])
+            for key, base in (("mean_percent", "pixels"), ("comparable_mean_percent", "comparable")):
+                out.append(_Statistic(("lobes", lobe, bounce, key), above, lambda _: 0.0, base))
+    return out
+
+
 class LightEstimate:
     """Adds up the preview's counts of every pair and the sampled pixels of the visited ones."""
 
-    def __init__(self, columns: Sequence[str], thresholds: Mapping[str, float], shading: bool, most: float):
+    def __init__(
+        self,
+        columns: Sequence[str],
+        thresholds: Mapping[str, float],
+        shading: bool,
+        most: float,
+        lobes: Sequence[str] = (),
+    ):
         """``most``: half width of the intervals of columns and rate that is narrow enough, percentage points."""
         self.columns, self._most = tuple(columns), most
-        self._statistics = statistics_of(columns, thresholds, shading)
+        self._statistics = statistics_of(columns, thresholds, shading, lobes)
         self._known: dict[int, Array] = {}  # position -> pixels of each statistic
         self._bases: dict[int, dict[str, float]] = {}
         self._histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), np.int64)
@@ -282,6 +309,7 @@ class LightEstimate:
                 block[f"{stem}_interval95_percent"] = list(interval.ends)
             block[key] = min(max(interval.mean, interval.least), interval.most)
         entries = [summary["discard"][column] for column in self.columns]
+        entries += [of[c] for of in (summary.get("lobes") or {}).values() for c in of if of[c].get("method") == SAMPLED]
         if summary["reusable"]["shading"].get("method") == SAMPLED:
             entries.append(summary["reusable"]["shading"])
         for entry in entries:
@@ -290,7 +318,7 @@ class LightEstimate:
         of_pairs = summary.get("sampling") or {"columns": {}, "reusable": {}}
         for column in self.columns:
             of_pairs["columns"].pop(column, None)
-        if entries[-1] is summary["reusable"]["shading"]:
+        if summary["reusable"]["shading"] in entries:
             of_pairs["reusable"].pop("shading", None)
         for column in self.columns:
             if column in summary["curves"]:

@@ -79,12 +79,15 @@ def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     assert (run.out / "frames.csv").read_bytes() == csv
 
 
-def test_lobes_equal_those_of_evaluate(tmp_path):
-    """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null."""
-    settings = Settings(width=48, height=27, frames=(0, 5), columns=("direct", "indirect"), shadow_size=64,
-                        light="raster", indirect="none")  # fmt: skip
+@pytest.mark.parametrize("light", [{"light": "raster", "indirect": "none"}, {"light": "auto", "light_within": 9.0}])
+def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):
+    """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null, and sampled."""
+    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=12, limit=64))
+    settings = Settings(
+        width=48, height=27, frames=(0, 5), columns=("direct", "indirect"), shadow_size=64, probes=32, **light
+    )
     lobes = ("diffuse", "glossy", "volume")
-    once = evaluate_scene(DEMO, settings, lobes=lobes)
+    once = evaluate_scene(DEMO, settings, lobes=lobes, sampled=True)
     job = Job("demo", str(DEMO), settings, {}, lobes=lobes)
     run_batch(BatchSpec("lobes", (job,)), tmp_path / "out", chunk=2)
     run = load_run(tmp_path / "out" / "jobs" / "demo")

@@ -152,6 +152,17 @@ def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
     assert [{k: v for k, v in row.items() if not k.startswith("sampled")} for row in run.frames] == plain.frames
 
 
+def test_lobes_are_sampled_too(monkeypatch):
+    """A diffuse floor: its diffuse lobe changes as all of its light does, whatever the preview says."""
+    monkeypatch.setattr(sampled_light, "PLAN", ALL)
+    settings = Settings(frames=(0, 3), spp=1, **SMALL | {"width": 16, "height": 9})
+    summary = evaluate_scene(lamp_over_floor(), settings, sampled=True, lobes=("diffuse", "volume")).summary
+    lobe, whole = summary["lobes"]["diffuse"]["direct"], summary["discard"]["direct"]
+    assert lobe["method"] == "sampled" and lobe["mean_percent"] == pytest.approx(whole["mean_percent"], abs=1.0)
+    assert lobe["interval95_percent"][0] <= lobe["mean_percent"] <= lobe["interval95_percent"][1]
+    assert summary["lobes"]["volume"]["direct"]["mean_percent"] is None
+
+
 def test_a_run_within_its_budget_ends(monkeypatch):
     monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=8, limit=64, samples=6000))
     settings = Settings(**DEMO_SETTINGS, light_within=1e-3)
