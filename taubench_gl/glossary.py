@@ -37,6 +37,7 @@ class Term:
 
 _MASKS = "docs/conventions.md, Masks"
 _REUSABLE = "docs/conventions.md, Reusable pixels"
+_SAMPLED = "docs/light.md, Sampled light"
 _EXACT = "docs/conventions.md, Exact visibility"
 _REPROJECTION = "docs/conventions.md, Reprojection"
 _CAMERA = "docs/conventions.md, Camera activity"
@@ -235,6 +236,12 @@ STATISTICS: Mapping[str, Term] = _by_key(
     Term(
         "at_twice_exposure_percent", "at twice the exposure",
         "Discards of a light column at twice the exposure: its curve at half the threshold", "% of all pixels", _MASKS,
+    ),
+    Term("interval95_percent", "95 % interval", "Ends of the 95 % interval of an estimated share", "%", _SAMPLED),
+    Term("preview_percent", "preview", "The share of the preview's masks, of every pixel", "%", _SAMPLED),
+    Term(
+        "undecided_percent", "undecided",
+        "Sampled pixels whose distance was not clear of a threshold at the most samples", "% of them", _SAMPLED,
     ),
     Term("without_cuts", "without cuts", "The same statistics over the pairs that are not camera cuts", "", _CAMERA),
     Term("samples", "samples", "Number of pairs of the camera statistics", "pairs"),
