@@ -29,6 +29,7 @@ from taubench_gl.evaluation import (
     frame_columns,
     mark_cuts,
     missing_of_scene,
+    preview_notes,
     sampled_pairs,
     summarize_lobes,
 )
@@ -120,7 +121,9 @@ def merge_job(
         summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])
     if settings.metrics.exact:
         summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
-    if light is not None:
+    if light is None:
+        summary["notes"] += preview_notes(settings, unmeasured)
+    else:
         light.finish(summary, rows, frames)
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
     workers = combined([report["provenance"] for report in reports], WORKERS)

@@ -25,7 +25,7 @@ from taubench_gl.evaluation.pairs import (
     Pair,
     PairEvaluator,
 )
-from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight
+from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight, preview_notes
 from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, open_session, require_triangles
 from taubench_gl.evaluation.schedule import (
@@ -74,6 +74,7 @@ __all__ = [
     "open_scene",
     "open_session",
     "pair_schedule",
+    "preview_notes",
     "require_lobes",
     "require_triangles",
     "resolve_lighting",

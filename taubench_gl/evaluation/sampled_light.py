@@ -32,7 +32,7 @@ from taubench_gl.metrics.sampled_light import (
     strata_of,
 )
 from taubench_gl.run_schema import SAMPLED_COLUMNS
-from taubench_gl.settings import Settings
+from taubench_gl.settings import PREVIEWED, Settings
 
 SEED = 20
 """Beside that of the settings: of pairs, pixels and audits."""
@@ -56,6 +56,16 @@ def samples_light(settings: Settings) -> bool:
     metrics = settings.metrics
     exact = metrics.exact or metrics.samples_per_pixel > 1
     return settings.lighting.light == "auto" and metrics.lit and not exact
+
+
+def preview_notes(settings: Settings, unmeasured: Mapping[str, str]) -> list[str]:
+    """A note of a run whose columns of light are the preview's."""
+    columns = sampled_columns(unmeasured, settings.metrics.columns)
+    if settings.lighting.light not in PREVIEWED or not columns:
+        return []
+    return [
+        f"{', '.join(columns)}: of the preview, whose light is approximate; evaluate --light auto estimates the truth"
+    ]
 
 
 def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:

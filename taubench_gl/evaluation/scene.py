@@ -15,7 +15,7 @@ from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, 
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
-from taubench_gl.evaluation.sampled_light import SampledLight
+from taubench_gl.evaluation.sampled_light import SampledLight, preview_notes
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
@@ -70,6 +70,9 @@ class SceneInput:
         if not session.wants.sampled:
             return None
         return SampledLight.of(self.settings, self.frames, session.source.unmeasured, session.wants.lobes)
+
+    def unsampled_notes(self, session: Session) -> list[str]:
+        return preview_notes(self.settings, session.source.unmeasured)
 
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """Nothing: a rendered scene has what every input has."""

@@ -26,7 +26,7 @@ COUNT = """
 import json, sys
 from taubench_gl import evaluate
 from taubench_gl.gpu.context import open_gpu
-options = {"frames": range(3), "light_unit": "candela", "exposure": 1, "environment": "none"}
+options = {"frames": range(3), "light": "preview", "light_unit": "candela", "exposure": 1, "environment": "none"}
 rows = {}
 for columns in ("frustum,position,normal", "frustum,position,normal,direct,color"):
     for more in ({}, {"reprojection": "motion"}, {"reprojection": "motion", "sampling": "bilinear"}):

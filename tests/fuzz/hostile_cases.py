@@ -223,7 +223,8 @@ def scene_command(path: Path, out: Path, rng: random.Random) -> tuple[list[str],
     if kind < 0.9:
         return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))], True
     size = ["--size", "24x16", "--frames", "0:3", "--shadow-size", "32", "--indirect", "none"]
-    return ["evaluate", str(path), "--out", str(out), *size], True
+    light = rng.choice(([], ["--light", "preview"], ["--light", "preview"]))
+    return ["evaluate", str(path), "--out", str(out), *size, *light], True
 
 
 def amplify(document: dict, rng: random.Random) -> None:

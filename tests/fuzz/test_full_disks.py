@@ -15,7 +15,7 @@ from taubench_gl.reuse import load_evaluation
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL = ("--size", "48x27", "--frames", "0:3", "--light-unit", "candela", "--exposure", "1", "--environment", "none",
-         "--indirect", "none")  # fmt: skip
+         "--indirect", "none", "--light", "preview")  # fmt: skip
 COMMANDS = {
     "evaluate": ("evaluate", str(DEMO), "--save", "masks", *SMALL),
     "export": ("export", str(DEMO), "--channels", "gbuffer,flow", *SMALL),
