@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, Reason
-from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, LIGHT_FEATURES, MASK_WORDS, RADIANCE_FEATURES
+from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, LIGHT_FEATURES, RADIANCE_FEATURES
 from taubench_gl.metrics.counts import Counts, bin_of, counts_of, discarded_above, discarded_at
 from taubench_gl.metrics.pair_sample import PairSample
 from taubench_gl.metrics.pixel_sample import (
@@ -23,13 +23,7 @@ from taubench_gl.metrics.pixel_sample import (
     estimate_share,
     pair_differences,
 )
-from taubench_gl.metrics.reuse_rate import (
-    RATE_BITS,
-    disjoint_reasons,
-    first_reasons,
-    reusable_pixels,
-    surface_pixels,
-)
+from taubench_gl.metrics.reuse_rate import RATE_BITS, first_reasons, occupied, surface_pixels
 from taubench_gl.metrics.sequence_stats import EXPOSURE_FACTORS
 
 Array = np.ndarray
@@ -72,6 +66,10 @@ def draw_pixels(strata: PixelStrata, visit: int, count: int) -> tuple[Array, Arr
     return strata.take(visit, strata.counts(density, count))
 
 
+Indicator = Callable[[Array, Mapping[str, Array]], Array]
+"""(mask words (n,), distances (n,) by name) -> (n,) bool: which pixels a statistic counts."""
+
+
 @dataclass(frozen=True, slots=True)
 class Visit:
     """Sampled pixels of a pair, ``n`` of them: what ``DecidedPixels`` said of pixels that one visit drew."""
@@ -107,7 +105,7 @@ class Visit:
             values[name] = {column: np.array(v, np.float64) for column, v in record[name].items()}
         return cls(**values)
 
-    def effective(self, indicator: Callable[[Array, Mapping[str, Array]], Array]) -> Array:
+    def effective(self, indicator: Indicator) -> Array:
         """Unbiased y - x of each pixel: an audited pixel stands for all that were decided and not audited.  (n,)."""
         end = indicator(self.words, self.distances).astype(np.float64)
         first = indicator(self.first, self.distances).astype(np.float64)
@@ -124,23 +122,34 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class _Statistic:
-    """A share of pixels.  ``at``: where a summary has it; ``known``: pixels of a pair's preview, from its counts."""
+    """A share of pixels.  ``at``: where a summary has it; ``distance``: a column and the limit of its distance where
+    that, not the mask word, tells which pixels count."""
 
     at: tuple[str, ...]
-    indicator: Callable[[Array, Mapping[str, Array]], Array]
-    known: Callable[[Counts], float]
+    indicator: Indicator
     base: str = "pixels"  # | surface | comparable: what it is a share of
+    distance: tuple[str, float] | None = None
+
+    def known(self, counted: Counts) -> float:
+        """Pixels of one pair that the preview counts."""
+        if self.distance is not None:
+            column, limit = self.distance
+            return discarded_at(counted.histograms[FEATURES.index(column)], limit) or 0.0
+        words, pixels = occupied(counted.mask_histogram)
+        return float(pixels[self.indicator(words, {})].sum())
 
 
-def _has(bits: int) -> Callable[[Array, Mapping[str, Array]], Array]:
-    return lambda words, _: (words & np.uint32(bits)) != 0
+def _has(bits: int, none_of: int = 0) -> Indicator:
+    """Words with one of ``bits`` (0: any word) and none of ``none_of``."""
+    return lambda words, _: (((words & int(bits)) != 0) | (not bits)) & ((words & int(none_of)) == 0)
 
 
-def _above(column: str, limit: float) -> Callable[[Array, Mapping[str, Array]], Array]:
+def _above(name: str, limit: float) -> Indicator:
+    """Comparable pixels with a distance above ``limit``; none where it is not known."""
+
     def over(words: Array, distances: Mapping[str, Array]) -> Array:
-        if column not in distances:
-            return np.zeros(len(words), bool)
-        return (distances[column] > limit) & ((words & NOT_COMPARABLE) == 0)
+        known = distances.get(name)
+        return np.zeros(len(words), bool) if known is None else (known > limit) & ((words & NOT_COMPARABLE) == 0)
 
     return over
 
@@ -148,71 +157,33 @@ def _above(column: str, limit: float) -> Callable[[Array, Mapping[str, Array]], 
 def statistics_of(
     columns: Sequence[str], thresholds: Mapping[str, float], shading: bool, lobes: Sequence[str]
 ) -> list[_Statistic]:
-    """Those of the light ``columns``; ``shading``: whether that rate is measured; ``lobes``: measured apart."""
-    out = _of_lobes(columns, thresholds, lobes)
+    """Those of the light ``columns``; ``shading``: whether that rate is measured; ``lobes``: measured apart, without
+    the preview as control, which is not known at single pixels."""
+    out: list[_Statistic] = []
+    shares = (("mean_percent", "pixels"), ("comparable_mean_percent", "comparable"))
+    radiance = [column for column in columns if column in RADIANCE_FEATURES]
     for column in columns:
-        bit, row = int(FEATURE_BIT[column]), FEATURES.index(column)
-
-        def count(counted: Counts, column: str = column) -> float:
-            return counts_of(counted.mask_histogram)[column]
-
-        out.append(_Statistic(("discard", column, "mean_percent"), _has(bit), count))
-        out.append(_Statistic(("discard", column, "comparable_mean_percent"), _has(bit), count, "comparable"))
-        for key, factor in EXPOSURE_FACTORS.items() if column in RADIANCE_FEATURES else ():
+        for key, base in shares:
+            out.append(_Statistic(("discard", column, key), _has(FEATURE_BIT[column]), base))
+    for column in radiance:
+        for key, factor in EXPOSURE_FACTORS.items():
             limit = thresholds[column] / factor
-
-            def beyond(counted: Counts, row: int = row, limit: float = limit) -> float:
-                return discarded_at(counted.histograms[row], limit) or 0.0
-
-            out.append(_Statistic(("discard", column, key), _above(column, limit), beyond))
+            out.append(_Statistic(("discard", column, key), _above(column, limit), distance=(column, limit)))
+    for lobe in lobes:
+        for bounce in radiance:
+            above = _above(lobe_distance(bounce, lobe), thresholds[bounce])
+            out += [_Statistic(("lobes", lobe, bounce, key), above, base) for key, base in shares]
     if not shading:
         return out
-    reusable = np.uint32(RATE_BITS["shading"] | Reason.SKY)
+    other = int(RATE_BITS["shading"] | Reason.SKY)
     for key, base in (("mean_percent", "surface"), ("of_picture_percent", "pixels")):
-        out.append(
-            _Statistic(
-                ("reusable", "shading", key),
-                lambda words, _: (words & reusable) == 0,
-                lambda counted: reusable_pixels(counted.mask_histogram)["shading"],
-                base,
-            )
-        )
+        out.append(_Statistic(("reusable", "shading", key), _has(0, other), base))
     table, names = first_reasons("shading")
     for index, name in enumerate(names):
-        out.append(
-            _Statistic(
-                ("reusable", "reasons", name, "mean_percent"),
-                lambda words, _, index=index: table[words] == index,
-                lambda counted, name=name: disjoint_reasons(counted.mask_histogram)[name],
-                "surface",
-            )
-        )
+        at = ("reusable", "reasons", name, "mean_percent")
+        out.append(_Statistic(at, lambda words, _, index=index: table[words] == index, "surface"))
     if "color" in columns:
-        color = np.uint32(FEATURE_BIT["color"])
-
-        def alone(words: Array, _: Any = None) -> Array:
-            return ((words & reusable) == 0) & ((words & color) != 0)
-
-        every = np.arange(MASK_WORDS, dtype=np.uint32)
-        out.append(
-            _Statistic(
-                ("reusable", "color_only", "mean_percent"),
-                alone,
-                lambda counted: float(np.asarray(counted.mask_histogram)[alone(every)].sum()),
-                "surface",
-            )
-        )
-    return out
-
-
-def _of_lobes(columns: Sequence[str], thresholds: Mapping[str, float], lobes: Sequence[str]) -> list[_Statistic]:
-    """Direct and indirect of each lobe, without the preview as control: it is not known at single pixels."""
-    out = []
-    for lobe in lobes:
-        for bounce in (c for c in columns if c in RADIANCE_FEATURES):
-            above = _above(lobe_distance(bounce, lobe), thresholds[bounce])
-            for key, base in (("mean_percent", "pixels"), ("comparable_mean_percent", "comparable")):
-                out.append(_Statistic(("lobes", lobe, bounce, key), above, lambda _: 0.0, base))
+        out.append(_Statistic(("reusable", "color_only", "mean_percent"), _has(FEATURE_BIT["color"], other), "surface"))
     return out
 
 
