@@ -19,7 +19,7 @@ CHANGED = {
     "culling": "none", "blend": "stochastic", "strict": True, "textures": "finest",
     "columns": ("frustum", "color"), "effects": "all",
     "light_unit": "watt", "exposure": 2.0, "environment": (0.1, 0.2, 0.3),
-    "light": "auto", "spp": 3, "bounces": 2, "bidirectional": True, "pattern": "independent", "seed": 7,
+    "light": "auto", "light_within": 0.5, "light_time": 9.0, "spp": 3, "bounces": 2, "bidirectional": True, "pattern": "independent", "seed": 7,
     "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
     "samples_per_pixel": 4, "pairs": "every:3", "exact": True, "backend": "egl",
@@ -31,7 +31,7 @@ WRONG = {
     "unit_scale": float("nan"), "culling": "no", "blend": "no", "textures": "no",
     "columns": ("no",), "effects": "no",
     "light_unit": "lux", "environment": (1.0, 2.0), "exposure": float("inf"), "tone_map": "no",
-    "light": "traced", "spp": 0, "bounces": 13, "pattern": "no", "seed": -1,
+    "light": "traced", "light_within": 0.0, "light_time": -1.0, "spp": 0, "bounces": 13, "pattern": "no", "seed": -1,
     "shadow_size": 15, "shadow_lights": -1,
     "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
     "samples_per_pixel": 65, "pairs": "every:0", "backend": "no",
@@ -69,7 +69,7 @@ def test_indirect_refines_the_raster_method_only(method):
 
 
 def test_samples_of_path_traced_light():
-    assert [Settings(light=light).lighting.path_samples for light in ("auto", "path-traced")] == [16, 256]
+    assert [Settings(light=light).lighting.path_samples for light in ("auto", "preview", "path-traced")] == [4, 4, 256]
     assert Settings(light="path-traced", spp="3").lighting.path_samples == 3
     assert Settings.from_dict(Settings(light="auto").to_dict()).lighting.spp is None
 

@@ -313,8 +313,9 @@ def test_every_setting_is_in_the_key_or_known_not_to_matter():
     of_the_raster_method = {
         "shadow_size", "shadow_lights", "shadow_filter", "indirect_samples", "probes", "light_error",
     }  # fmt: skip
+    of_sampled_light = {"light_within", "light_time"}
     without_effect = {"strict", "backend", "device"}
-    known = of_the_view | afterwards | set_by_references | of_the_raster_method | without_effect
+    known = of_the_view | afterwards | set_by_references | of_the_raster_method | of_sampled_light | without_effect
     assert set(Settings().to_dict()) == known | set(IDENTITY)
 
 
