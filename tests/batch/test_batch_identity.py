@@ -53,7 +53,7 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"frames": (4, 5)},
         {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
         LIGHT,
-        {"light": "auto", "light_within": 2.5, **LIGHT},
+        {"light": "auto", "light_within": 6.0, **LIGHT},
     ],
     ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light"],
 )
