@@ -106,7 +106,8 @@ def merge_job(
         row |= stats.add(counts_of_record(pairs[position]))
         row |= camera_row((views[position], views[position + 1]), settings.metrics.unit_scale)
         rows.append(row | (pairs[position]["exact"] or {}))
-    summary = assemble_summary(head["facts"], frames, settings, views, stats)
+    columns = () if light is None else light.estimate.columns
+    summary = assemble_summary(head["facts"], frames, settings, views, stats, columns)
     source = dict(reports[0]["source"])
     summary["notes"] += source.pop("notes")
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}

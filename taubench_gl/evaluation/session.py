@@ -227,7 +227,9 @@ class Session(GpuOwner):
         with self.gpu:
             self.gpu.check("evaluation")
             views = self.given.views(self)
-            summary = assemble_summary(self.given.facts(self), self.given.frames, self.settings, views, self.stats)
+            columns = () if self.sampled is None else self.sampled.estimate.columns
+            facts, frames = self.given.facts(self), self.given.frames
+            summary = assemble_summary(facts, frames, self.settings, views, self.stats, columns)
             described = self.source.describe()
             summary["notes"] += described.pop("notes", [])
             summary |= described

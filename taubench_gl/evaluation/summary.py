@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -56,11 +57,17 @@ def scene_facts(
 
 
 def assemble_summary(
-    facts: dict[str, Any], frames: range, settings: Settings, views: list[View], stats: SequenceStats
+    facts: dict[str, Any],
+    frames: range,
+    settings: Settings,
+    views: list[View],
+    stats: SequenceStats,
+    sampled: Collection[str] = (),
 ) -> dict[str, Any]:
     """summary.json without effects, timing and provenance, which the caller adds.
 
-    ``facts``: of ``scene_facts``; ``views``: of all frames; ``stats``: of all pairs, added in order.
+    ``facts``: of ``scene_facts``; ``views``: of all frames; ``stats``: of all pairs, added in order; ``sampled``: columns
+    whose intervals the caller adds too.
     """
     positions = np.array([v.position for v in views]).reshape(-1, 3)
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
@@ -90,7 +97,7 @@ def assemble_summary(
         "classes": stats.classes(),
         "curves": _curves_in_meters(curves, settings.metrics.unit_scale),
         "mask_histogram": stats.reuse.histogram(),
-        "notes": [*facts["notes"], *_color_notes(reusable), *_accuracy_notes(settings, sampling)],
+        "notes": [*facts["notes"], *_color_notes(reusable), *_accuracy_notes(settings, sampling, sampled)],
     }
 
 
@@ -136,11 +143,11 @@ def _color_notes(reusable: dict[str, Any]) -> list[str]:
     ]
 
 
-def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list[str]:
+def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None, sampled: Collection[str]) -> list[str]:
     """Notes on a run that evaluates a sample of the pairs, or several samples per pixel."""
     notes = []
     if sampling is not None:
-        widths = {c: e["half_width_points"] for c, e in sampling["columns"].items()}
+        widths = {c: e["half_width_points"] for c, e in sampling["columns"].items() if c not in sampled}
         intervals = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
         drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.metrics.pairs}; --pairs all: every pair)"
         notes.append(f"{drawn}; 95 % intervals, percentage points: {intervals or 'unknown'}")
