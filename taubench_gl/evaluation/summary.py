@@ -66,8 +66,8 @@ def assemble_summary(
 ) -> dict[str, Any]:
     """summary.json without effects, timing and provenance, which the caller adds.
 
-    ``facts``: of ``scene_facts``; ``views``: of all frames; ``stats``: of all pairs, added in order; ``sampled``: columns
-    whose intervals the caller adds too.
+    ``facts``: of ``scene_facts``; ``views``: of all frames; ``stats``: of all pairs, added in order; ``sampled``:
+    columns whose intervals the caller adds too.
     """
     positions = np.array([v.position for v in views]).reshape(-1, 3)
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
