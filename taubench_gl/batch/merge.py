@@ -115,7 +115,7 @@ def merge_job(
     brightness = Brightness()
     for report in reports:
         brightness.add(report["brightness"])
-    describe_brightness(summary, brightness, settings)
+    describe_brightness(summary, brightness, settings, columns)
     describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
     if job.lobes:
         missing = missing_of_scene(job.lobes, unmeasured)

@@ -81,6 +81,9 @@ class BatchStudy(Study):
         """``chunk``: pairs per unit; None: chosen by the number of workers.  It does not change results."""
         if chunk is not None and chunk < 1:
             raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
+        if any(job.settings.lighting.light_time is not None for job in spec.jobs):
+            what = "light_time makes results depend on the machine, those of a batch do not"
+            raise SettingsError(what, hint="leave it out, or give a larger light_within", setting="light_time")
         super().__init__(store)
         self.spec, self._chunk = spec, chunk
         self._jobs = {job.id: job for job in spec.jobs}

@@ -32,7 +32,7 @@ from taubench_gl.metrics.sampled_light import (
     strata_of,
 )
 from taubench_gl.run_schema import SAMPLED_COLUMNS
-from taubench_gl.settings import PREVIEWED, Settings
+from taubench_gl.settings import AUTO, PREVIEWED, Settings
 
 SEED = 20
 """Beside that of the settings: of pairs, pixels and audits."""
@@ -55,7 +55,7 @@ def samples_light(settings: Settings) -> bool:
     """Whether light columns of a rendered scene are estimated at sampled pixels."""
     metrics = settings.metrics
     exact = metrics.exact or metrics.samples_per_pixel > 1
-    return settings.lighting.light == "auto" and metrics.lit and not exact
+    return settings.lighting.light == AUTO and metrics.lit and not exact
 
 
 def preview_notes(settings: Settings, unmeasured: Mapping[str, str]) -> list[str]:

@@ -71,11 +71,9 @@ class SceneInput:
             return None
         return SampledLight.of(self.settings, self.frames, session.source.unmeasured, session.wants.lobes)
 
-    def unsampled_notes(self, session: Session) -> list[str]:
-        return preview_notes(self.settings, session.source.unmeasured)
-
     def amend(self, summary: dict[str, Any], session: Session) -> None:
-        """Nothing: a rendered scene has what every input has."""
+        if session.sampled is None:
+            summary["notes"] += preview_notes(self.settings, session.source.unmeasured)
 
 
 def open_scene(

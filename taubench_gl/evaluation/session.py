@@ -107,9 +107,6 @@ class Input(Protocol):
     def sampled_light(self, session: Session) -> SampledLight | None:
         """Of the columns of light that are sampled, if any."""
 
-    def unsampled_notes(self, session: Session) -> list[str]:
-        """What a run without sampled light says of its columns of light."""
-
 
 class Session(GpuOwner):
     """Context, source, mask pass and column adders of ``given``, and what its pairs add up to.
@@ -233,13 +230,11 @@ class Session(GpuOwner):
             described = self.source.describe()
             summary["notes"] += described.pop("notes", [])
             summary |= described
-            describe_brightness(summary, self.brightness, self.settings)
+            describe_brightness(summary, self.brightness, self.settings, columns)
             describe_scale(summary, self.depths, self.settings)
             for adder in self.adders:
                 summary |= adder.blocks(self)
-            if self.sampled is None:
-                summary["notes"] += self.given.unsampled_notes(self)
-            else:
+            if self.sampled is not None:
                 self.sampled.finish(summary, self.rows, self.given.frames)
             self.given.amend(summary, self)
             summary["timing"] = self.timer.summary()

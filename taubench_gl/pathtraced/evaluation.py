@@ -95,9 +95,6 @@ class PathTracedInput:
     def sampled_light(self, session: Session) -> None:
         """None: the files have their light."""
 
-    def unsampled_notes(self, session: Session) -> list[str]:
-        return []
-
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         """What the render recorded, and the noise floor of a second seed."""
         record = read_render(self.sequence.folder)

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taubench_gl.batch.spec import BatchSpec, Job
+from taubench_gl.batch.study import BatchStudy, batch_store
 from taubench_gl.conventions import NOT_COMPARABLE
-from taubench_gl.evaluation import Wants, evaluate_scene, open_session, sampled_light
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import Brightness, Wants, evaluate_scene, open_session, sampled_light
 from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
 from taubench_gl.evaluation.sampled_light import Plan, round_of
 from taubench_gl.features import FEATURE_BIT
@@ -169,6 +172,19 @@ def test_a_run_within_its_budget_ends(monkeypatch):
     summary = evaluate_scene(DEMO, settings, sampled=True).summary["sampled_light"]
     assert not summary["narrow"] and summary["rounds"] > 1
     assert 6000 <= summary["samples"] < 6000 + 2 * 2 * 64 * (16 + 20)
+
+
+def test_a_batch_refuses_a_time_of_light(tmp_path):
+    job = Job("demo", str(DEMO), Settings(light_time=5.0), {})
+    with pytest.raises(SettingsError) as caught:
+        BatchStudy(BatchSpec("timed", (job,)), batch_store(tmp_path))
+    assert caught.value.setting == "light_time"
+
+
+def test_noise_of_images_is_noted_only_where_columns_are_of_images():
+    noisy = Brightness(frames=1, pixels=100, noisy=50)
+    settings = Settings(exposure=1.0)
+    assert len(noisy.notes(settings)) == 1 and noisy.notes(settings, sampled=("direct",)) == []
 
 
 @pytest.mark.parametrize(
