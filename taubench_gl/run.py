@@ -20,12 +20,21 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
 from taubench_gl.run_check import contradiction
-from taubench_gl.run_schema import COUNT_COLUMNS, EXACT_COLUMNS, FRAME_COLUMNS, SAMPLED_COLUMNS, Summary
+from taubench_gl.run_schema import (
+    COUNT_COLUMNS,
+    DECIDED_COLUMNS,
+    EXACT_COLUMNS,
+    FRAME_COLUMNS,
+    SAMPLED_COLUMNS,
+    Summary,
+)
 
 SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
-INTEGER_COLUMNS = frozenset({"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *SAMPLED_COLUMNS, "camera_cut", "gimbal"})
+INTEGER_COLUMNS = frozenset(
+    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, *SAMPLED_COLUMNS, "camera_cut", "gimbal"}
+)
 """Columns of frames.csv that hold integers."""
 
 

@@ -19,7 +19,7 @@ from taubench_gl.metrics.counts import counts_of, discarded_above, edges
 from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.metrics.reuse_rate import ReuseStats
-from taubench_gl.metrics.sampled_light import SAMPLED
+from taubench_gl.metrics.sampled_light import SAMPLED, decided_summary
 from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 from taubench_gl.run_schema import CAMERA_COLUMNS
 from taubench_gl.settings import scheme_of
@@ -72,6 +72,8 @@ def _contradictions(summary: Mapping[str, Any], rows: Sequence[Row]) -> Iterator
     derived |= {"classes": stats.classes(), "camera": _camera(summary, rows)}
     if summary.get("exact"):
         derived["exact"] = exact_summary(rows, reasons, summary["exact"].get("reprojection") or "")
+    if "decided_light" in summary:
+        derived["decided_light"] = decided_summary(rows)
     yield from _of_histogram(summary, rows, derived)
     yield from _of_curves(summary, rows, derived)
     yield from _differences(summary, derived, "")

@@ -34,6 +34,11 @@ EXACT_COLUMNS = (
 )  # fmt: skip
 """More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
 
+DECIDED_COLUMNS = ("traced", "undecided", "audited", "audited_wrong", "light_samples")
+"""More columns of a run that decides every pixel: pixels whose masks depend on light; of these the undecided ones,
+those traced to the limit although they were decided, and those found wrong by that; samples of light, of both
+frames."""
+
 SAMPLED_COLUMNS = ("sampled", *(f"sampled_{f.name}" for f in BY_BIT if f.light))
 """More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards; the
 other columns are the preview's."""

@@ -395,6 +395,12 @@ class MetricsSettings(Checked):
         return not set(LIGHT_FEATURES).isdisjoint(self.columns)
 
     @property
+    def decidable(self) -> bool:
+        """Whether light columns can be asked of single pixels: one sample per pixel, no exact visibility, which compare
+        whole images."""
+        return self.lit and not self.exact and self.samples_per_pixel == 1
+
+    @property
     def all_pairs(self) -> bool:
         """Whether every pair is evaluated, as ``pairs`` says or by default."""
         return self.pair_scheme == ("all", 1)
@@ -436,7 +442,7 @@ class LightingSettings(Checked):
         "Method of light.  auto: path-traced at random pixels, with intervals; images show the preview.  preview: "
         "raster for punctual lights, few path-traced samples for emissive surfaces of strength above 1 and for the "
         "environment.  raster: shadow maps, unoccluded environment; emissive surfaces light nothing.  path-traced: all "
-        "light of every pixel by path tracing",
+        "light of every pixel by path tracing, as many samples as each pixel needs; with --spp N images of N samples",
         one_of(LIGHTS),
         short=True,
     )
@@ -460,7 +466,8 @@ class LightingSettings(Checked):
         None,
         "Samples per pixel of path-traced light, in images",
         at_least(1, "1 to 1048576 samples", 2**20),
-        shown=f"{DEFAULT_SPP['path-traced']}; of the preview {DEFAULT_SPP['preview']}",
+        shown=f"as many as each pixel needs; in images {DEFAULT_SPP['path-traced']}, of the preview "
+        f"{DEFAULT_SPP['preview']}",
     )
     bounces: int = setting(
         MAX_BOUNCES, "Most bounces of a path; 1: direct light alone", at_least(1, f"1 to {MAX_BOUNCES}", MAX_BOUNCES)
@@ -516,6 +523,11 @@ class LightingSettings(Checked):
         if self.light == "path-traced" and self.indirect != AUTO:
             what = f"indirect is {self.indirect} and light is path-traced, whose indirect light is path-traced"
             raise SettingsError(what, hint="leave indirect out, or give light raster", setting="indirect")
+
+    @property
+    def decides(self) -> bool:
+        """Whether light is path-traced and no number of samples is given, so that each pixel can have its own."""
+        return self.light == "path-traced" and self.spp is None
 
     @property
     def path_samples(self) -> int:

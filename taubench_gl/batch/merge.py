@@ -24,6 +24,7 @@ from taubench_gl.evaluation import (
     SampledLight,
     assemble_summary,
     camera_row,
+    decides_light,
     describe_brightness,
     describe_scale,
     frame_columns,
@@ -35,13 +36,14 @@ from taubench_gl.evaluation import (
 )
 from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.exact_rates import exact_summary
+from taubench_gl.metrics.sampled_light import decided_summary
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.provenance import combined
 from taubench_gl.report import run_tables
 from taubench_gl.report.table import write_tables as write_table_files
 from taubench_gl.run import SUMMARY_FILE, Run, RunWriter, load_run
-from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS
+from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, DECIDED_COLUMNS, EXACT_COLUMNS, SAMPLED_COLUMNS
 from taubench_gl.scene.model import Camera
 from taubench_gl.study.store import Store
 
@@ -105,7 +107,7 @@ def merge_job(
         row = {"frame": frame, "time_s": frame / settings.sequence.fps}
         row |= stats.add(counts_of_record(pairs[position]))
         row |= camera_row((views[position], views[position + 1]), settings.metrics.unit_scale)
-        rows.append(row | (pairs[position]["exact"] or {}))
+        rows.append(row | pairs[position]["added"])
     columns = () if light is None else light.estimate.columns
     summary = assemble_summary(head["facts"], frames, settings, views, stats, columns)
     source = dict(reports[0]["source"])
@@ -115,8 +117,10 @@ def merge_job(
     brightness = Brightness()
     for report in reports:
         brightness.add(report["brightness"])
-    describe_brightness(summary, brightness, settings, columns)
+    describe_brightness(summary, brightness, settings, light is None and not decides_light(settings))
     describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
+    if decides_light(settings):
+        summary["decided_light"] = decided_summary(rows)
     if job.lobes:
         missing = missing_of_scene(job.lobes, unmeasured)
         summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])
@@ -148,7 +152,7 @@ def write_job(
     ]  # fmt: skip
     folder = job_folder(store, job.id)
     store.write_json(folder / PROVENANCE_FILE, {"job": job.id, "head": head_hash(head), "chunks": chunks})
-    with RunWriter(folder, frame_columns(job.settings, sampled)) as writer:
+    with RunWriter(folder, frame_columns(reports[0]["added"], sampled)) as writer:
         writer.rewrite_rows(run.frames)
         writer.write_summary(run.summary)
 
@@ -213,15 +217,17 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
     pa = require_pyarrow()
     jobs = list(jobs)
     swept = list(dict.fromkeys(key for _, _, sweep, _ in jobs for key in sweep))
-    exact = EXACT_COLUMNS if any(row.get(EXACT_COLUMNS[0]) is not None for *_, rows in jobs for row in rows) else ()
+    every = [row for *_, rows in jobs for row in rows]
+    groups = (EXACT_COLUMNS, DECIDED_COLUMNS, SAMPLED_COLUMNS)
+    added = [name for group in groups for name in group if any(row.get(group[0]) is not None for row in every)]
     fields = dict.fromkeys(("job", "scene", *(f"sweep_{key}" for key in swept)), pa.string())
-    fields |= {"frame": pa.int64(), "time_s": pa.float64(), **dict.fromkeys((*COUNT_COLUMNS, *exact), pa.int64())}
+    fields |= {"frame": pa.int64(), "time_s": pa.float64(), **dict.fromkeys((*COUNT_COLUMNS, *added), pa.int64())}
     fields |= {**dict.fromkeys(CAMERA_COLUMNS, pa.float64()), "gimbal": pa.bool_(), "camera_cut": pa.bool_()}
     columns: dict[str, list[Any]] = {name: [] for name in fields}
     for job, scene, sweep, rows in jobs:
         text = {"job": job, "scene": _text(scene)} | {f"sweep_{key}": _text(sweep.get(key)) for key in swept}
         for row in rows:
-            values = dict.fromkeys(exact) | dict(row) | text
+            values = dict.fromkeys(added) | dict(row) | text
             for name, kind in fields.items():
                 columns[name].append(bool(values[name]) if kind == pa.bool_() else values[name])
     table = pa.table({name: pa.array(columns[name], type=kind) for name, kind in fields.items()})

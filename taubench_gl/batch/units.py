@@ -1,7 +1,7 @@
 """Units of a job: its head, all that needs no pair, and its pairs in chunks; and the records that they write.
 
     head     {"stamp", "frames", "facts", "lighting", "positions", "rotations"}
-    pairs    {"report": of the worker, "pairs": [{"position", "words", "bins", "lobes", "exact"}]}
+    pairs    {"report": of the worker, "pairs": [{"position", "words", "bins", "lobes", "added": columns of adders}]}
 
 Counts are sparse, [places, counts]: of reason words in ``words`` and in each of ``lobes``; of histogram bins in
 ``bins``, feature * bins + bin in the order of ``features.FEATURES``.
@@ -42,7 +42,6 @@ from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.provenance import provenance
-from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import AUTO, Settings
 from taubench_gl.study.store import content_hash, json_bytes
@@ -102,7 +101,7 @@ class PairsUnit(Unit):
             evaluated.append(pair.evaluated)
             worker.done()
         pairs = [
-            pair_record(position, pair.counts, pair.lobes, row if settings.metrics.exact else None)
+            pair_record(position, pair.counts, pair.lobes, {name: row[name] for name in session.added_columns})
             for position, pair, row in zip(self.positions, evaluated, session.rows, strict=True)
         ]
         return pairs, _report(session)
@@ -214,7 +213,7 @@ def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -
     ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
     """
     scene = loaded.animated.scene
-    given = open_scene(scene, settings, loaded.animated.camera)
+    given = open_scene(scene, settings, loaded.animated.camera, sampled=True)
     frames, animated, resolved = given.frames, given.animated, given.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
@@ -244,6 +243,7 @@ def _report(session: Session) -> dict[str, Any]:
             "brightness": session.brightness.as_dict(),
             "depths": session.depths,
             "unmeasured": dict(session.source.unmeasured),
+            "added": session.added_columns,
             "reprojection": session.source.reprojection,
             "provenance": provenance(session.gpu, session.timer.clock),
             "passes_ms": session.timer.median_ms(),
@@ -251,16 +251,14 @@ def _report(session: Session) -> dict[str, Any]:
 
 
 # --------------------------------------------------------------------------------------------------------------- counts
-def pair_record(
-    position: int, counts: Counts, lobes: Mapping[str, Array], row: Mapping[str, Any] | None
-) -> dict[str, Any]:
-    """A counted pair as its record has it.  ``row``: with EXACT_COLUMNS, or None."""
+def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added: Mapping[str, Any]) -> dict[str, Any]:
+    """A counted pair as its record has it.  ``added``: the columns of column adders."""
     return {
         "position": position,
         "words": _sparse(counts.mask_histogram),
         "bins": _sparse(counts.histograms),
         "lobes": {lobe: _sparse(histogram) for lobe, histogram in lobes.items()},
-        "exact": None if row is None else {name: row[name] for name in EXACT_COLUMNS},
+        "added": dict(added),
     }
 
 

@@ -25,7 +25,7 @@ from taubench_gl.evaluation.pairs import (
     Pair,
     PairEvaluator,
 )
-from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight, preview_notes
+from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight, decides_light, preview_notes
 from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, open_session, require_triangles
 from taubench_gl.evaluation.schedule import (
@@ -57,6 +57,7 @@ __all__ = [
     "assemble_summary",
     "camera_row",
     "checked_frames",
+    "decides_light",
     "describe_brightness",
     "describe_scale",
     "environment_image",

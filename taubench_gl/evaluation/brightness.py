@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -74,9 +74,9 @@ class Brightness:
         """JSON values."""
         return asdict(self)
 
-    def notes(self, settings: Settings, unit_reason: str = "", sampled: Collection[str] = ()) -> list[str]:
-        """At most one line for each kind.  ``unit_reason``: why the light unit was chosen; ``sampled``: columns that
-        the noise of images does not reach."""
+    def notes(self, settings: Settings, unit_reason: str = "", of_images: bool = True) -> list[str]:
+        """At most one line for each kind.  ``unit_reason``: why the light unit was chosen; ``of_images``: whether light
+        columns are those of images, whose noise reaches them."""
         exposure = f"exposure {settings.lighting.exposure_factor:.4g}"
         where = f"in {self.frames} frame{'s' if self.frames != 1 else ''}"
         notes = []
@@ -91,7 +91,7 @@ class Brightness:
                 notes.append(f"{note} and light unit watt{unit}: intensities in candela need --light-unit candela")
             else:
                 notes.append(f"{note}: a higher --exposure or an --environment may be needed")
-        if self.noisy > MOST_NOISY * self.pixels and not sampled:
+        if self.noisy > MOST_NOISY * self.pixels and of_images:
             share = 100.0 * self.noisy / self.pixels
             spp = settings.lighting.path_samples
             note = f"noise of path-traced light exceeds a threshold in {share:.0f} % of pixels {where} at {spp} samples"
@@ -125,9 +125,10 @@ def checked_frames(schedule: Schedule) -> frozenset[int]:
 
 
 def describe_brightness(
-    summary: dict[str, Any], brightness: Brightness, settings: Settings, sampled: Collection[str] = ()
+    summary: dict[str, Any], brightness: Brightness, settings: Settings, of_images: bool = True
 ) -> None:
-    """Add the block ``brightness`` and its notes to a summary whose other notes are complete; ``sampled``: columns."""
+    """Add the block ``brightness`` and its notes to a summary whose other notes are complete.  ``of_images``: as for
+    ``Brightness.notes``."""
     reason = (summary.get("lighting") or {}).get("light_unit", "")
     summary["brightness"] = brightness.as_dict()
-    summary["notes"] += brightness.notes(settings, reason, sampled)
+    summary["notes"] += brightness.notes(settings, reason, of_images)

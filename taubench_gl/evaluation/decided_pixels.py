@@ -20,18 +20,12 @@ from taubench_gl.frame.passes.pathtracing import LISTED_LOBES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
-from taubench_gl.metrics.path_samples import PART
+from taubench_gl.metrics.path_samples import LEAST, PART
 from taubench_gl.metrics.sampled_light import lobe_distance
 from taubench_gl.settings import MAX_BOUNCES, Settings
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
-
-LEAST = 64
-"""Samples of every pixel."""
-
-LIMIT = 512
-"""Most samples of a pixel."""
 
 CONFIDENCE = 0.9973
 """With which a distance is clear of its threshold, by Student's t over the parts: three standard deviations."""
@@ -114,6 +108,7 @@ class Decisions:
 
     words: Array  # (n,) uint32 reason words with path-traced light
     distances: Mapping[str, Array]  # column, and ``lobe_distance`` of lobes -> (n,) float64
+    luminance: Array  # (n,) float64, change of direct luminance x exposure; 0 where direct is no column
     samples: Array  # (n,) int64, of the current pixel and each tap of its history
     decided_samples: Array  # (n,) int64, when the pixel was decided
     undecided: Array  # (n,) bool: the limit came first
@@ -156,6 +151,7 @@ class DecidedPixels:
         audit = np.random.default_rng(list(seed)).random(count)
         words, first = listed.words.copy(), listed.words.copy()
         distances: dict[str, Array] = {}
+        luminance = np.zeros(count)
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
         active, light, floor = np.arange(count), np.zeros((count, 0)), None
@@ -165,7 +161,7 @@ class DecidedPixels:
             light = new if not had else np.concatenate([light, new], axis=1)
             parts = light.shape[1]
             compared = listed.take(active)
-            found, error, bits = self._compare(compared, light)
+            found, error, bits, luminance[active] = self._compare(compared, light)
             if floor is None:
                 floor = self._floor(compared, light)
             samples[active] = PART * parts
@@ -184,7 +180,7 @@ class DecidedPixels:
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
         first[~decided] = words[~decided]
-        return Decisions(words, distances, samples, decided_samples, ~decided, first, audited)
+        return Decisions(words, distances, luminance, samples, decided_samples, ~decided, first, audited)
 
     def _listed(self, at: Array) -> _Listed:
         pair = self._pair
@@ -251,8 +247,8 @@ class DecidedPixels:
                 out[lobe_distance(bounce, lobe)] = np.linalg.norm(change, axis=-1)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
 
-    def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
-        """Distances (m,) and their standard errors (m,) by column, and light bits (m,), of parts ``light``.
+    def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
+        """Of parts ``light``: distances (m,) and their standard errors (m,) by column, light bits (m,), luminance (m,).
 
         Errors: the jackknife over parts (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Eq. 11.5).
         """
@@ -263,15 +259,15 @@ class DecidedPixels:
             name: np.sqrt((parts - 1) / parts * ((d - d.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
             for name, d in without.items()
         }
-        bits = np.zeros(len(mean), np.uint32)
+        bits, luminance = np.zeros(len(mean), np.uint32), np.zeros(len(mean))
         for name, distance in found.items():
             bits[distance > self._thresholds[name]] |= np.uint32(FEATURE_BIT[name])
         if "direct" in found:
             now, before = self._values(listed, mean)["direct"]
-            change, over = (now - before) @ LUMINANCE, found["direct"] > self._thresholds["direct"]
-            bits[over & (change > 0)] |= np.uint32(Reason.LIT)
-            bits[over & (change < 0)] |= np.uint32(Reason.SHADOWED)
-        return found, error, bits
+            luminance, over = (now - before) @ LUMINANCE, found["direct"] > self._thresholds["direct"]
+            bits[over & (luminance > 0)] |= np.uint32(Reason.LIT)
+            bits[over & (luminance < 0)] |= np.uint32(Reason.SHADOWED)
+        return found, error, bits, luminance
 
     def _floor(self, listed: _Listed, light: Array) -> dict[str, float]:
         """Column -> quantile of how far a part's distance is from that of all parts."""

@@ -101,6 +101,8 @@ def missed(mask: Array, bits: Array) -> Array:
 class ExactColumns:
     """Adds EXACT_COLUMNS to the row of every pair."""
 
+    columns, distances = EXACT_COLUMNS, False
+
     def __init__(
         self,
         reasons: ExactReasons,

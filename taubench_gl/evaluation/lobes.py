@@ -54,7 +54,7 @@ def summarize_lobes(
         stats = SequenceStats(tuple(b for b in BOUNCES if b not in reasons), dict(reasons))
         for of_pair in histograms:
             if lobe in of_pair:
-                stats.add(Counts(of_pair[lobe], np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)))
+                stats.add(_of_words(of_pair[lobe]))
         out[lobe] = _block(stats)
     return out
 
@@ -66,6 +66,9 @@ def _block(stats: SequenceStats) -> dict[str, Any]:
 
 class LobeColumns:
     """The evaluator of the columns, with the textures of one lobe instead of the sums of all."""
+
+    columns: tuple[str, ...] = ()
+    distances = False
 
     def __init__(
         self,
@@ -92,15 +95,24 @@ class LobeColumns:
 
     def complete(self, pair: Pair) -> None:
         """Count ``pair``, whose frames the source holds, for every lobe."""
-        step = reprojection(pair.view, self._source.previous_view, *self._source.size)
         for lobe, (evaluator, stats) in self._lobes.items():
             if evaluator is None:
                 continue
-            names = {b: self._texture(lobe, b) for b in BOUNCES}
-            current, previous = (
-                dict(textures) | {b: textures[name] for b, name in names.items() if name in textures}
-                for textures in (self._source.current, self._source.previous)
-            )
-            counts = evaluator.compare(step, current=current, previous=previous)
-            stats.add(counts)
-            pair.evaluated.lobes[lobe] = counts.mask_histogram
+            if lobe not in pair.evaluated.lobes:  # else its pixels are decided
+                pair.evaluated.lobes[lobe] = self._count(lobe, evaluator, pair)
+            stats.add(_of_words(pair.evaluated.lobes[lobe]))
+
+    def _count(self, lobe: str, evaluator: PairEvaluator, pair: Pair) -> np.ndarray:
+        """The mask histogram of ``pair`` with a lobe for direct and indirect."""
+        names = {b: self._texture(lobe, b) for b in BOUNCES}
+        current, previous = (
+            dict(textures) | {b: textures[name] for b, name in names.items() if name in textures}
+            for textures in (self._source.current, self._source.previous)
+        )
+        step = reprojection(pair.view, self._source.previous_view, *self._source.size)
+        return evaluator.compare(step, current=current, previous=previous).mask_histogram
+
+
+def _of_words(mask_histogram: np.ndarray) -> Counts:
+    """Counts without distances."""
+    return Counts(mask_histogram, np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64))

@@ -21,7 +21,7 @@ from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixe
 from taubench_gl.features import FEATURES, GEOMETRY
 from taubench_gl.frame.passes.masks import PLACES, ComparedSource, MaskPass
 from taubench_gl.frame.sources import Source
-from taubench_gl.frame.targets import read_channel
+from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.masks import PixelDistances
@@ -203,6 +203,10 @@ class PairEvaluator:
         """
         return read_channel(self._masks.motion, "motion")
 
+    def replace_mask(self, words: np.ndarray) -> None:
+        """Overwrite ``mask``; (h, w) uint32, row 0 at the top."""
+        write_channel(self._masks.mask, "mask", words)
+
     def distances(self) -> PixelDistances:
         """Distances of the pair submitted last; needs ``distances``."""
         images = {name: read_channel(getattr(self._masks, name), "distances") for name in ("distances", "changes")}
@@ -279,9 +283,16 @@ class Pair:
     def explain(self, x: int, y: int) -> Explanation:
         """Why pixel (x, y), y from the top, can or cannot be reused; ``print`` shows the reason.
 
+        Where every pixel is decided, the values of light and color are those of the preview, as its images are.
         Raises TaubenchError for a pixel outside the image, and after the next pair is drawn.
         """
         return self._read(lambda evaluator: evaluator.explain(*_pixel_in(evaluator.source.size, x, y)))
+
+    def replace(self, words: np.ndarray, distances: PixelDistances, counts: Counts) -> None:
+        """Of a pair whose pixels were compared in another way: mask words (h, w) uint32, distances and counts."""
+        self._current().replace_mask(words)
+        self.evaluated.counts = counts
+        self.__dict__ |= {"mask": words, "distances": distances}  # cached properties
 
     @property
     def source(self) -> Source:

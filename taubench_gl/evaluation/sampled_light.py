@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import SCENE_LOBES
-from taubench_gl.evaluation.decided_pixels import LIMIT, DecidedPixels, read_preview
+from taubench_gl.evaluation.decided_pixels import DecidedPixels, read_preview
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import PairSample
+from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.metrics.pixel_sample import PixelStrata
 from taubench_gl.metrics.reuse_rate import unmeasured_rates
 from taubench_gl.metrics.sampled_light import (
@@ -53,9 +54,12 @@ PLAN = Plan()
 
 def samples_light(settings: Settings) -> bool:
     """Whether light columns of a rendered scene are estimated at sampled pixels."""
-    metrics = settings.metrics
-    exact = metrics.exact or metrics.samples_per_pixel > 1
-    return settings.lighting.light == AUTO and metrics.lit and not exact
+    return settings.lighting.light == AUTO and settings.metrics.decidable
+
+
+def decides_light(settings: Settings) -> bool:
+    """Whether every pixel is decided where light columns are asked for: path-traced light, no number of samples."""
+    return settings.lighting.decides and settings.metrics.decidable
 
 
 def preview_notes(settings: Settings, unmeasured: Mapping[str, str]) -> list[str]:

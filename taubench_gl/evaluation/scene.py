@@ -10,12 +10,13 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.evaluation.decided_light import DecidedLight
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, with_pairs, with_samples
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
-from taubench_gl.evaluation.sampled_light import SampledLight, preview_notes
+from taubench_gl.evaluation.sampled_light import SampledLight, decides_light, preview_notes
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.evaluation.session import TIMED_EVERY, ColumnAdder, Session, Wants, evaluate
@@ -47,10 +48,16 @@ class SceneInput:
 
     def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> RasterSource:
         extra = (*wants.channels, *scene_channels(wants.lobes), *exact_channels() * self.settings.metrics.exact)
-        return owner.open_source(self.animated, self.settings, extra=tuple(dict.fromkeys(extra)), timer=timer)
+        settings = self.settings
+        if wants.sampled and decides_light(settings):  # its images are the preview
+            settings = with_samples(settings.replace(light="preview"))
+            extra += ("emission",) * ("color" in settings.metrics.columns)
+        return owner.open_source(self.animated, settings, extra=tuple(dict.fromkeys(extra)), timer=timer)
 
     def adders(self, session: Session) -> Iterator[ColumnAdder]:
         source, settings = session.source, self.settings
+        if session.wants.sampled and decides_light(settings):
+            yield DecidedLight(session)
         if session.wants.lobes:
             missing = missing_of_scene(session.wants.lobes, source.unmeasured)
             yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
@@ -83,17 +90,21 @@ def open_scene(
     *,
     poser: Poser | None = None,
     owner: GpuOwner | None = None,
+    sampled: bool = False,
 ) -> SceneInput:
     """Load a scene if it is a path, choose camera, frames, lighting and pairs.  Raises TaubenchError.
 
-    ``poser``: of the scene, None: a new one; ``owner``: whose programs metering shares.
+    ``poser``: of the scene, None: a new one; ``owner``: whose programs metering shares; ``sampled``: for a session that
+    wants it, so that path-traced light can have as many samples as each pixel needs.
     """
     scene = _drawable(scene, settings)
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     animated = AnimatedScene(scene, camera, poser)
     lighting = resolve_lighting(scene, settings, camera, owner)
-    settings = with_samples(lighting.settings)
+    settings = lighting.settings
+    if not (sampled and decides_light(settings)):
+        settings = with_samples(settings)
     return SceneInput(animated, frames, replace(lighting, settings=with_pairs(scene, settings, frames)))
 
 
@@ -121,8 +132,9 @@ def open_session(
     """A session of a scene, whose metering shares its programs.  Arguments of ``open_scene`` and ``Session``."""
     scene = _drawable(scene, settings)  # what is wrong with a file is said also where there is no GPU
     with opened_gpu(settings) as owner:
-        opened = open_scene(scene, settings, camera, owner=owner)
-        with Session(opened, wants or Wants(), every=every, shaders=owner.context.shaders) as session:
+        wants = wants or Wants()
+        opened = open_scene(scene, settings, camera, owner=owner, sampled=wants.sampled)
+        with Session(opened, wants, every=every, shaders=owner.context.shaders) as session:
             yield session
 
 
@@ -140,8 +152,9 @@ def evaluate_scene(
 
     ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``;
     ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary;
-    ``sampled``: with light method ``auto``, columns of light are path-traced at random pixels; else they are the
-    preview's.  Raises TaubenchError.
+    ``sampled``: with light method ``auto``, columns of light are path-traced at random pixels, else they are the
+    preview's; path-traced light without ``spp`` has as many samples as each pixel needs, else images of 256.  Raises
+    TaubenchError.
     """
     require_lobes(lobes)
     if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:

@@ -12,7 +12,7 @@ over all pairs.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -23,7 +23,7 @@ from taubench_gl.animation import View
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
-from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight
+from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight, decides_light
 from taubench_gl.evaluation.scale import describe_scale, median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run
@@ -38,7 +38,7 @@ from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
-from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS, SAMPLED_COLUMNS
+from taubench_gl.run_schema import FRAME_COLUMNS, SAMPLED_COLUMNS
 from taubench_gl.settings import Settings
 
 TIMED_FIRST, TIMED_EVERY = 16, 16
@@ -67,7 +67,10 @@ class Wants:
 
 
 class ColumnAdder(Protocol):
-    """Adds columns to the row of every pair, before the row is written or seen, and blocks to the summary."""
+    """Adds ``columns`` to the row of every pair, before the pair is counted, and blocks to the summary."""
+
+    columns: tuple[str, ...]
+    distances: bool  # whether it reads those of every pixel
 
     def complete(self, pair: Pair) -> None: ...
 
@@ -130,7 +133,8 @@ class Session(GpuOwner):
             self.source = given.open_source(self, self.timer, wants)
             self.adders = list(given.adders(self))
             self._images = wants.images or bool(self.adders)
-            how = {"images": self._images, "distances": wants.distances}
+            distances = wants.distances or any(adder.distances for adder in self.adders)
+            how = {"images": self._images, "distances": distances}
             self.evaluator = self.open_evaluator(self.source, self.settings, **how)
         self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
@@ -196,6 +200,16 @@ class Session(GpuOwner):
             columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
             return LightVisits(self, self.variant, self.settings, self.given.frames, columns, self.wants.lobes)
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of frames.csv."""
+        return frame_columns(self.added_columns, self.sampled is not None)
+
+    @property
+    def added_columns(self) -> tuple[str, ...]:
+        """Those of the column adders."""
+        return tuple(column for adder in self.adders for column in adder.columns)
+
     def _check(self) -> None:
         """Measure brightness and depth of the current frame."""
         self.depths.extend(median_depths(self.source))
@@ -205,10 +219,6 @@ class Session(GpuOwner):
     def _completed(self, finished: list[EvaluatedPair]) -> Iterator[Pair]:
         for one in finished:
             row = {"frame": one.frame, "time_s": one.frame / self.settings.sequence.fps}
-            if self.sampled is not None:
-                self.sampled.add(one.frame - 1 - self.given.frames[0], one.counts)
-            row |= self.stats.add(one.counts) | camera_row(one.views, self.settings.metrics.unit_scale)
-            self.rows.append(row)
             with contextlib.closing(Pair(one, row, self.evaluator)) as pair:
                 if self._images:
                     with self.gpu:
@@ -217,6 +227,10 @@ class Session(GpuOwner):
                     one.ended = 0.0  # the CPU is done with it when the caller is
                 else:
                     pair.close()  # the source holds other frames
+                if self.sampled is not None:
+                    self.sampled.add(one.frame - 1 - self.given.frames[0], one.counts)
+                row |= self.stats.add(one.counts) | camera_row(one.views, self.settings.metrics.unit_scale)
+                self.rows.append(row)
                 yield pair
 
     def summary(self) -> dict[str, Any]:
@@ -230,7 +244,8 @@ class Session(GpuOwner):
             described = self.source.describe()
             summary["notes"] += described.pop("notes", [])
             summary |= described
-            describe_brightness(summary, self.brightness, self.settings, columns)
+            of_images = self.sampled is None and not decides_light(self.settings)
+            describe_brightness(summary, self.brightness, self.settings, of_images)
             describe_scale(summary, self.depths, self.settings)
             for adder in self.adders:
                 summary |= adder.blocks(self)
@@ -251,8 +266,7 @@ def evaluate(session: Session, observers: Observers, out: str | Path | None = No
     observers = replace(observers, scene=session.given.name)
     with contextlib.ExitStack() as stack:
         if out is not None:
-            columns = frame_columns(session.settings, session.sampled is not None)
-            writer = stack.enter_context(RunWriter(out, columns))
+            writer = stack.enter_context(RunWriter(out, session.columns))
             observers = replace(observers, writer=writer)
         with session.gpu:
             total = sum(evaluate for _, evaluate in frame_schedule(session.given.frames, session.settings))
@@ -273,9 +287,9 @@ def evaluate(session: Session, observers: Observers, out: str | Path | None = No
         return finish_run(summary, session.rows, observers)
 
 
-def frame_columns(settings: Settings, sampled: bool = False) -> tuple[str, ...]:
-    """Columns of frames.csv; ``sampled``: of a run with sampled light."""
-    return FRAME_COLUMNS + EXACT_COLUMNS * settings.metrics.exact + SAMPLED_COLUMNS * sampled
+def frame_columns(added: Sequence[str], sampled: bool) -> tuple[str, ...]:
+    """Columns of frames.csv; ``added``: of column adders; ``sampled``: of a run with sampled light."""
+    return (*FRAME_COLUMNS, *added, *SAMPLED_COLUMNS * sampled)
 
 
 def _report(pair: Pair, observers: Observers, done: int, total: int) -> None:

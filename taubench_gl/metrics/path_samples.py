@@ -20,6 +20,9 @@ VERTICES = 13
 SUBPATH_VERTEX = VERTICES - 1
 """The vertex whose numbers for scattering light subpaths have: the last one does not scatter."""
 
+LEAST, LIMIT = 64, 512
+"""Samples of every pixel that is decided, and most samples of one."""
+
 PART = 4
 """Samples of a part of ``part_table``."""
 

@@ -16,6 +16,7 @@ from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, Reason
 from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, LIGHT_FEATURES, RADIANCE_FEATURES
 from taubench_gl.metrics.counts import Counts, bin_of, counts_of, discarded_above, discarded_at
 from taubench_gl.metrics.pair_sample import PairSample
+from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.metrics.pixel_sample import (
     Interval,
     PixelStrata,
@@ -25,6 +26,7 @@ from taubench_gl.metrics.pixel_sample import (
 )
 from taubench_gl.metrics.reuse_rate import RATE_BITS, first_reasons, occupied, surface_pixels
 from taubench_gl.metrics.sequence_stats import EXPOSURE_FACTORS
+from taubench_gl.run_schema import DECIDED_COLUMNS
 
 Array = np.ndarray
 
@@ -318,6 +320,13 @@ class LightEstimate:
         above = np.rint(np.maximum.accumulate(above[::-1])[::-1]).astype(np.int64)
         whole = np.concatenate([[self._comparable], above, [0]])
         return {"counts": (whole[:-1] - whole[1:]).tolist(), "at_or_above": above.tolist(), "method": SAMPLED}
+
+
+def decided_summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The block ``decided_light`` of a run that decides every pixel, from its rows."""
+    total = {name: sum(row[name] for row in rows) for name in DECIDED_COLUMNS}
+    undecided = 100.0 * total["undecided"] / total["traced"] if total["traced"] else 0.0
+    return total | {"undecided_percent": undecided, "most_samples_per_pixel": LIMIT}
 
 
 def sampled_columns(unmeasured: Mapping[str, str], columns: Sequence[str]) -> tuple[str, ...]:

@@ -258,7 +258,13 @@ def interval_text(entry: Mapping[str, Any]) -> str | None:
 
 
 def sampled_text(summary: Summary) -> str | None:
-    """At which pixels the columns of light are path-traced, and what the preview gives; None where none is sampled."""
+    """At which pixels the columns of light are path-traced, and what the preview gives; None where images are."""
+    if decided := summary.get("decided_light"):
+        share = two_decimals(decided["undecided_percent"])
+        most = decided["most_samples_per_pixel"]
+        return (
+            f"path-traced light decided at every pixel, {share} % undecided at {most} samples; images show the preview."
+        )
     about = summary.get("sampled_light")
     entries = {n: e for n, e in (summary.get("discard") or {}).items() if (e or {}).get("preview_percent") is not None}
     if not about or not entries:

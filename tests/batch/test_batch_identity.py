@@ -54,8 +54,9 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
         LIGHT,
         {"light": "auto", "light_within": 6.0, **LIGHT},
+        {"light": "path-traced", "width": 12, "height": 7, "frames": (5, 9), **LIGHT},
     ],
-    ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light"],
+    ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light", "decided light"],
 )
 def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     """Pairs, sums, curves, census, camera, cuts and rounds of light, with a chunk boundary at every other pair."""
@@ -79,13 +80,19 @@ def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     assert (run.out / "frames.csv").read_bytes() == csv
 
 
-@pytest.mark.parametrize("light", [{"light": "raster", "indirect": "none"}, {"light": "auto", "light_within": 9.0}])
+@pytest.mark.parametrize(
+    "light",
+    [
+        {"light": "raster", "indirect": "none"},
+        {"light": "auto", "light_within": 9.0},
+        {"light": "path-traced", "width": 12, "height": 7},
+    ],
+)
 def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):
     """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null, and sampled."""
     monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=12, limit=64))
-    settings = Settings(
-        width=48, height=27, frames=(0, 5), columns=("direct", "indirect"), shadow_size=64, probes=32, **light
-    )
+    size = {"width": 48, "height": 27, "frames": (0, 5), "shadow_size": 64, "probes": 32}
+    settings = Settings(columns=("direct", "indirect"), **size | light)
     lobes = ("diffuse", "glossy", "volume")
     once = evaluate_scene(DEMO, settings, lobes=lobes, sampled=True)
     job = Job("demo", str(DEMO), settings, {}, lobes=lobes)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lamp_scenes import lamp_over_floor
 
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.study import BatchStudy, batch_store
@@ -18,30 +19,12 @@ from taubench_gl.evaluation.sampled_light import Plan, round_of
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import load_run
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
 SMALL = {"width": 32, "height": 18, "light": "auto", **FIXED_LIGHTING}
 DEMO_SETTINGS = {"width": 48, "height": 27, "frames": (20, 26), "light": "auto", "shadow_size": 64, "probes": 32}
 ALL = Plan(pairs=4, pixels=10**6, limit=128, samples=1 << 40)
-
-
-def lamp_over_floor(*, moves: bool = True, emits: float = 0.0):
-    """A floor, a box that throws a shadow, and a lamp that moves: a point light or a box that ``emits``."""
-    b = SceneBuilder()
-    gray = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0)
-    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
-    b.node(mesh=b.mesh(box((0.5, 1.0, 0.5), material=gray)), translation=(-0.6, 0.5, 0.0))
-    if emits:
-        glow = b.material(emissive=(emits, emits, 0.5 * emits), emissive_strength=emits)
-        mover = b.node(mesh=b.mesh(box((0.4, 0.4, 0.4), material=glow)), translation=(0.5, 1.6, 0.5))
-    else:
-        mover = b.light(translation=(0.5, 1.6, 0.5), kind="point", intensity=20.0)
-    if moves:
-        b.animate(mover, "translation", [0.0, 0.125], [(0.5, 1.6, 0.5), (1.4, 1.6, 0.5)])
-    b.camera(translation=(0.0, 1.5, 4.0), rotation=turn_x(-15.0))
-    return b.build()
 
 
 def opened(scene, **settings):
@@ -184,7 +167,7 @@ def test_a_batch_refuses_a_time_of_light(tmp_path):
 def test_noise_of_images_is_noted_only_where_columns_are_of_images():
     noisy = Brightness(frames=1, pixels=100, noisy=50)
     settings = Settings(exposure=1.0)
-    assert len(noisy.notes(settings)) == 1 and noisy.notes(settings, sampled=("direct",)) == []
+    assert len(noisy.notes(settings)) == 1 and noisy.notes(settings, of_images=False) == []
 
 
 @pytest.mark.parametrize(

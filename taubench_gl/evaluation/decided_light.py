@@ -1,0 +1,104 @@
+"""Every pixel of every pair decided under path-traced light: ``--light path-traced`` without a number of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, SCENE_LOBES
+from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, read_preview
+from taubench_gl.evaluation.pairs import Pair
+from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
+from taubench_gl.metrics.counts import Counts, bin_of
+from taubench_gl.metrics.masks import PixelDistances
+from taubench_gl.metrics.path_samples import LIMIT
+from taubench_gl.metrics.sampled_light import decided_summary, lobe_distance, sampled_columns
+from taubench_gl.run_schema import DECIDED_COLUMNS
+
+if TYPE_CHECKING:
+    from taubench_gl.evaluation.session import Session
+
+Array = np.ndarray
+
+SEED = 21
+"""Beside that of the settings: of audits and of the order in which pixels are decided."""
+
+LISTED = 1024
+"""Pixels that are decided together."""
+
+
+class DecidedLight:
+    """Replaces mask, counts and distances of a pair by those of path-traced light."""
+
+    columns, distances = DECIDED_COLUMNS, True
+
+    def __init__(self, session: Session):
+        self._session, self._settings = session, session.settings
+        self._columns = sampled_columns(session.source.unmeasured, session.settings.metrics.columns)
+        self._lobes = tuple(lobe for lobe in session.wants.lobes if lobe in SCENE_LOBES)
+        self._pixels = DecidedPixels(session.variant, session.settings, self._columns, self._lobes)
+
+    def blocks(self, session: Session) -> dict[str, Any]:
+        """The block ``decided_light`` of summary.json."""
+        return {"decided_light": decided_summary(session.rows)}
+
+    def complete(self, pair: Pair) -> None:
+        """Decide the pixels of ``pair``, the last of the session's evaluator; adds DECIDED_COLUMNS to its row."""
+        preview = read_preview(self._session.source, self._session.evaluator, pair.frame, self._columns)
+        seed = (SEED, self._settings.lighting.seed, pair.frame)
+        self._pixels.draw(preview)
+        # A list is a random part of the picture, so that its floor of errors is that of the pair.
+        at = np.random.default_rng(seed).permutation(np.argwhere(preview.traced)[:, ::-1])
+        lists = [at[first : first + LISTED] for first in range(0, len(at), LISTED)]
+        found = [self._pixels.decide(pixels, LIMIT, (*seed, number)) for number, pixels in enumerate(lists)]
+
+        def image(before: Array, values: Callable[[Decisions], Array]) -> Array:
+            out = before.copy()
+            for pixels, decisions in zip(lists, found, strict=True):
+                out[pixels[:, 1], pixels[:, 0]] = values(decisions)
+            return out
+
+        words, none = image(preview.words, lambda d: d.words), np.zeros(preview.words.shape, np.float32)
+        measured = {name: image(of, lambda d, name=name: d.distances[name]) for name, of in preview.distances.items()}
+        luminance = image(pair.distances.luminance, lambda d: d.luminance)
+        distances = PixelDistances({**pair.distances.features, **measured}, pair.distances.depth, luminance)
+        for lobe in self._lobes:
+            radiance = [bounce for bounce in RADIANCE_FEATURES if bounce in self._columns]
+            names = {bounce: lobe_distance(bounce, lobe) for bounce in radiance}
+            of_lobe = {b: image(none, lambda d, name=name: d.distances[name]) for b, name in names.items()}
+            pair.evaluated.lobes[lobe] = _histogram(self._with_bits(words, of_lobe))
+        pair.replace(words, distances, self._counts(pair.evaluated.counts, words, measured))
+        pair.row.update(decided_counts(found))
+
+    def _with_bits(self, words: Array, distances: Mapping[str, Array]) -> Array:
+        """``words`` (h, w) with the bits of the columns that have ``distances``."""
+        for name, distance in distances.items():
+            bit = np.uint32(FEATURE_BIT[name])
+            comparable = (words & NOT_COMPARABLE) == 0
+            over = comparable & (distance > self._settings.metrics.threshold(name))
+            words = (words & ~bit) | np.where(over, bit, np.uint32(0))
+        return words
+
+    def _counts(self, preview: Counts, words: Array, distances: Mapping[str, Array]) -> Counts:
+        """``preview`` with decided words and distances, (h, w) each."""
+        histograms = preview.histograms.astype(np.int64)
+        for name, distance in distances.items():
+            bins = bin_of(distance[(words & NOT_COMPARABLE) == 0])
+            histograms[FEATURES.index(name)] = np.bincount(bins, minlength=HISTOGRAM_BINS)
+            histograms[FEATURES.index(name), 0] = 0  # as the mask pass
+        return Counts(_histogram(words), histograms)
+
+
+def _histogram(words: Array) -> Array:
+    return np.bincount(words.ravel(), minlength=MASK_WORDS)
+
+
+def decided_counts(found: Sequence[Decisions]) -> dict[str, int]:
+    """DECIDED_COLUMNS of a pair."""
+    audited = [d.audited > 0.0 for d in found]
+    wrong = [a & (d.first != d.words) for a, d in zip(audited, found, strict=True)]
+    samples = 2 * sum(int(d.samples.sum()) for d in found)
+    counted = ([d.words >= 0 for d in found], [d.undecided for d in found], audited, wrong)
+    return dict(zip(DECIDED_COLUMNS, (*(sum(int(x.sum()) for x in each) for each in counted), samples), strict=True))

@@ -1,0 +1,110 @@
+"""Path-traced light without a number of samples: every pixel of every pair is decided."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from lamp_scenes import lamp_over_floor
+
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.errors import OutputError
+from taubench_gl.evaluation import Observers, decides_light, evaluate_scene, open_scene
+from taubench_gl.features import FEATURE_BIT, FEATURES, RADIANCE_FEATURES
+from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.path_samples import LEAST, LIMIT
+from taubench_gl.run import SUMMARY_FILE, load_run
+from taubench_gl.run_schema import DECIDED_COLUMNS
+from taubench_gl.settings import FIXED_LIGHTING, Settings
+
+TRACED = {"width": 24, "height": 14, "fps": 24.0, "frames": (0, 3), "light": "path-traced", **FIXED_LIGHTING}
+
+
+def test_masks_counts_distances_and_rows_are_those_of_path_traced_light(tmp_path):
+    scene, settings = lamp_over_floor(emits=40.0), Settings(**TRACED)
+    seen = []
+
+    def on_pair(pair):
+        limits = {name: settings.metrics.threshold(name) for name in RADIANCE_FEATURES}
+        comparable = (pair.mask & NOT_COMPARABLE) == 0
+        for name, limit in limits.items():
+            over = comparable & (pair.distances.features[name] > limit)
+            assert np.array_equal(over, (pair.mask & np.uint32(FEATURE_BIT[name])) != 0), name
+        brighter = (pair.mask & np.uint32(Reason.LIT)) != 0
+        assert (pair.distances.luminance[brighter] > 0).all()
+        words = np.bincount(pair.mask.ravel(), minlength=1 << 16)
+        assert np.array_equal(words, pair.evaluated.counts.mask_histogram)
+        x, y = np.argwhere(pair.mask & np.uint32(FEATURE_BIT["indirect"]))[0][::-1]
+        assert pair.explain(int(x), int(y)).features["indirect"].discarded
+        seen.append({"row": dict(pair.row), "counts": counts_of(words)})
+
+    observers = Observers(on_pair=on_pair, distances=True)
+    evaluate_scene(scene, settings, observers, out=tmp_path / "run", sampled=True)
+    run = load_run(tmp_path / "run")  # which checks it
+    for row, pair in zip(run.frames, seen, strict=True):
+        assert {name: row[name] for name in FEATURES} == {name: pair["counts"][name] for name in FEATURES}
+        assert 0 < row["traced"] <= row["pixels"] and row["undecided"] < row["traced"]
+        assert 2 * LEAST * row["traced"] <= row["light_samples"] <= 2 * LIMIT * row["traced"]
+        assert row["audited_wrong"] <= row["audited"]
+    decided = run.summary["decided_light"]
+    assert decided["traced"] == sum(row["traced"] for row in run.frames)
+    assert run.summary["settings"]["spp"] is None and "sampled_light" not in run.summary
+
+
+def test_columns_are_those_of_images_of_many_samples():
+    """Emitters, which the raster method leaves out: the columns are not those of the preview's images."""
+    scene, settings = lamp_over_floor(emits=40.0), Settings(**TRACED)
+    ours = evaluate_scene(scene, settings, sampled=True).summary["discard"]
+    images = evaluate_scene(scene, settings.replace(spp=512, bidirectional=True)).summary["discard"]
+    raster = evaluate_scene(scene, settings.replace(light="raster")).summary["discard"]
+    for name in RADIANCE_FEATURES:
+        assert ours[name]["mean_percent"] == pytest.approx(images[name]["mean_percent"], abs=1.5), name
+        assert abs(ours[name]["mean_percent"] - (raster[name]["mean_percent"] or 0.0)) > 5.0
+    for name in ("frustum", "position", "normal"):
+        assert ours[name] == images[name]
+
+
+def test_the_diffuse_lobe_of_a_diffuse_scene_has_its_columns():
+    settings = Settings(**TRACED | {"width": 16, "height": 9})
+    summary = evaluate_scene(lamp_over_floor(), settings, sampled=True, lobes=("diffuse", "glossy")).summary
+    for bounce in RADIANCE_FEATURES:
+        whole = summary["discard"][bounce]["mean_percent"]
+        assert summary["lobes"]["diffuse"][bounce]["mean_percent"] == pytest.approx(whole, abs=1.0)
+        assert summary["lobes"]["glossy"][bounce]["mean_percent"] < max(whole, 1.0)
+
+
+def test_images_are_compared_where_a_number_of_samples_is_given():
+    settings = Settings(**TRACED | {"frames": (0, 2), "width": 12, "height": 7, "spp": 2})
+    summary = evaluate_scene(lamp_over_floor(), settings, sampled=True).summary
+    assert "decided_light" not in summary and summary["settings"]["spp"] == 2
+
+
+@pytest.mark.parametrize("changes", [{"spp": 2}, {"exact": True}, {"samples_per_pixel": 2}, {"columns": ("position",)}])
+def test_what_compares_images_decides_no_pixels(changes):
+    settings = Settings(**TRACED)
+    assert decides_light(settings) and not decides_light(settings.replace(**changes))
+
+
+def test_images_of_a_session_that_samples_nothing_have_a_number_of_samples():
+    settings = Settings(**TRACED)
+    assert open_scene(lamp_over_floor(), settings).settings.lighting.spp == 256
+    assert open_scene(lamp_over_floor(), settings, sampled=True).settings.lighting.spp is None
+
+
+def test_edited_counts_are_refused(tmp_path):
+    settings = Settings(**TRACED | {"width": 12, "height": 7, "frames": (0, 2)})
+    evaluate_scene(lamp_over_floor(), settings, out=tmp_path, sampled=True)
+    text = (tmp_path / SUMMARY_FILE).read_text()
+    wrong = load_run(tmp_path).summary["decided_light"]["undecided"] + 1
+    block = text.index('"decided_light"')
+    edited = text[:block] + text[block:].replace('"undecided": ', f'"undecided": {wrong}, "_": ', 1)
+    (tmp_path / SUMMARY_FILE).write_text(edited)
+    with pytest.raises(OutputError):
+        load_run(tmp_path)
+
+
+def test_a_pair_whose_light_is_not_compared_has_columns_of_zero():
+    settings = Settings(**TRACED | {"width": 12, "height": 7, "frames": (0, 1)})
+    summary = evaluate_scene(lamp_over_floor(), settings, sampled=True).summary
+    assert summary["decided_light"] == dict.fromkeys(DECIDED_COLUMNS, 0) | {
+        "undecided_percent": 0.0, "most_samples_per_pixel": LIMIT,
+    }  # fmt: skip
