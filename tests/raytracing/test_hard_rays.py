@@ -176,6 +176,19 @@ def test_a_scene_of_nothing_is_missed(gpu):
         assert t.structure.unfinished_rays == 0
 
 
+def test_a_moving_mesh_without_finite_corners_adds_no_nodes(gpu):
+    """Its tree is empty; rays meet the wall behind it, which comes later in the node image."""
+    nothing = primitive(np.full((3, 3), np.nan), [[0, 1, 2]])
+    wall = quad((-1, -1, -2), (2, 0, 0), (0, 2, 0))
+    scene = make_scene(nothing, wall)
+    keys = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    moves = tuple(Channel("node", node, "translation", "LINEAR", np.array([0.0, 1.0]), keys) for node in (0, 1))
+    with traced(gpu, replace(scene, channels=moves)) as t:
+        assert (t.structure._fixed.words[:, 1] > 0).tolist() == [False, True]
+        p = np.random.default_rng(4).uniform(-0.95, 0.95, (500, 3)) * (1, 1, 0) - (0, 0, 2)
+        assert (t.query(*rays_at(p, np.zeros(3))).draw == 1).all()
+
+
 def test_one_triangle(gpu):
     with traced(gpu, make_scene(primitive([[-1, -1, -1], [1, -1, -1], [0, 1, -1]], [[0, 1, 2]]))) as t:
         o, d = rays_at(np.array([[0.0, 0.0, -1.0], [2.0, 0.0, -1.0]]), np.zeros(3))

@@ -10,6 +10,7 @@ import pytest
 from frame_tools import looking_at, make_scene, primitive, quad, still_camera
 from ray_tools import traced
 
+from taubench_gl.frame.raytracing.texels import FAR_SLACK, HALF_GRID
 from taubench_gl.scene.model import Camera, Channel
 
 Array = np.ndarray
@@ -100,3 +101,24 @@ def test_wide_terrain_does_not_shade_itself(gpu, tilt):
             hits = t.query(p, grazing(n, seed), normals=n)
             assert not ((hits.draw == 1) & terrain).any()  # a plane
             assert not ((hits.draw == 0) & ~terrain).any()  # convex
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_far_wall_is_missed_within_the_rounding_of_its_coordinates(gpu, axis, side):
+    """A hall of 20 km around a ball.  Rays that begin just behind one wall cross the hall; farther behind, they hit."""
+    half, walls = 1e4, []
+    for k in range(3):
+        for sign in (-1.0, 1.0):
+            corner, u, v = np.full(3, -half), np.zeros(3), np.zeros(3)
+            corner[k], u[(k + 1) % 3], v[(k + 2) % 3] = sign * half, 2 * half, 2 * half
+            walls.append(quad(corner, u, v))
+    wall, opposite = (1 + 2 * axis + int(sign > 0.0) for sign in (side, -side))
+    slack = FAR_SLACK * half / HALF_GRID
+    p = np.random.default_rng(2).uniform(-0.5, 0.5, (200, 3)) * half
+    d = np.zeros_like(p)
+    d[:, axis] = -side
+    with traced(gpu, make_scene(ball(), *walls)) as t:
+        for behind, first in ((0.6 * slack, opposite), (2.0 * slack, wall)):
+            p[:, axis] = side * (half + behind)
+            assert (t.query(p, d).draw == first).all()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from frame_tools import FormulaCamera, make_scene, quad, rotation_about, still_camera
+from scipy.spatial.transform import Rotation
 from sight_tools import look, surely
 
 from taubench_gl.conventions import Visibility
@@ -136,6 +137,28 @@ def test_a_swinging_skinned_arm(gpu):
     assert 25 < (wall & (sight.kind == Visibility.OCCLUDED)).sum() < 2000
     moved = (sight.bits & Visibility.MOVED) != 0
     assert moved.any() and not (moved & wall).any()
+
+
+@pytest.mark.parametrize("own", [0, 1, 2])
+@pytest.mark.parametrize("world", [0, 1, 2])
+def test_a_turning_plate_never_hides_itself(gpu, own, world):
+    """A plate in any plane of its own space, and close to any of the world, turns in its plane.  Pixels of 0.04 degrees
+    see it at a tenth to one degree: a ray ends so close to the plane that rounding decides on which side."""
+    aside = Rotation.from_rotvec(np.roll([0.0, 0.3, -0.4], world)).as_matrix()
+    turned = aside @ np.roll(np.eye(3), world - own, axis=0)  # takes axis ``own`` close to axis ``world``
+    along, across = aside @ np.eye(3)[(world + 1) % 3], aside @ np.eye(3)[world]
+    u, v = 10 * np.eye(3)[(own + 1) % 3], 10 * np.eye(3)[(own + 2) % 3]
+    b = SceneBuilder()
+    plate = b.node(mesh=b.mesh(quad(-0.5 * (u + v), u, v)))
+    turns = [Rotation.from_matrix(turned) * Rotation.from_rotvec(angle * np.eye(3)[own]) for angle in (0.4, 0.5)]
+    b.animate(plate, "rotation", [0.0, 1 / 24], [turn.as_quat() for turn in turns])
+    axes = np.stack([np.cross(along, across), across, -along], axis=-1)
+    lens = replace(LENS, yfov=np.radians(2.0))
+    camera = still_camera(lens, 0.02 * across - 6.0 * along, axes)
+    sight = look(gpu, b.build(), camera, (96, 54))
+    drawn = sight.channels["position"][..., 3] > 0
+    assert drawn.sum() > 500 and not (sight.kind[drawn] == Visibility.OCCLUDED).any()
+    assert ((sight.bits[drawn] & Visibility.MOVED) != 0).any()
 
 
 def test_what_was_not_there_is_new(gpu):
