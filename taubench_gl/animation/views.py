@@ -8,8 +8,6 @@ from typing import Protocol
 
 import numpy as np
 from pyrr import matrix44
-from scipy.optimize import brentq
-from scipy.spatial import ConvexHull, QhullError
 
 from taubench_gl import math3d
 from taubench_gl.animation.pose import Poser, is_skinned, pose_once
@@ -137,6 +135,8 @@ class OrbitCamera:
             return ORBIT_FPS * 2.0 * math.asin(min(0.5 * self.step / radius, 1.0)) - rate
 
         # The framing depends on the rotation, and the rotation on the distance: a root exists between the two ends.
+        from scipy.optimize import brentq  # imported late: 0.7 s
+
         self.rate = float(brentq(surplus, 0.0, ORBIT_FPS * math.pi, xtol=1e-12))
         self._offset, near, far = framing(self.rate)
         self.camera = Camera(name=self.name, yfov=ORBIT_YFOV, znear=0.5 * near, zfar=far + 0.5 * near)
@@ -331,6 +331,8 @@ def _hull(points: Array) -> Array:
     """The vertices of the convex hull; all points where there are few or the hull has no volume."""
     if len(points) < _HULL_POINTS:
         return points
+    from scipy.spatial import ConvexHull, QhullError  # imported late
+
     try:
         return points[ConvexHull(points - points.mean(axis=0)).vertices]
     except QhullError:

@@ -14,7 +14,7 @@ import numpy as np
 from taubench_gl.animation import FrameState
 from taubench_gl.effects.lighting import Sun
 from taubench_gl.gpu.layout import Field, Struct
-from taubench_gl.math3d import normalize
+from taubench_gl.math3d import cross, normalize
 from taubench_gl.scene.model import Light, Scene
 
 Array = np.ndarray
@@ -35,14 +35,11 @@ FACE = Struct(
 FACE_ROW = 64
 """Faces in a row of the texture that holds the table, a texel for each of their fields."""
 
-_CUBE = (  # forward, up of the faces +x -x +y -y +z -z
-    ((1, 0, 0), (0, 1, 0)),
-    ((-1, 0, 0), (0, 1, 0)),
-    ((0, 1, 0), (0, 0, 1)),
-    ((0, -1, 0), (0, 0, 1)),
-    ((0, 0, 1), (0, 1, 0)),
-    ((0, 0, -1), (0, 1, 0)),
-)
+_FORWARD = [sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0)]
+_UP = [np.eye(3)[axis] for axis in (1, 1, 2, 2, 1, 1)]
+_CUBE = tuple((cross(f, u), u, f) for f, u in zip(_FORWARD, _UP, strict=True))
+"""Right, up and forward of the faces +x -x +y -y +z -z."""
+
 NEAR_FRACTION = 1e-4
 """Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
 
@@ -180,11 +177,7 @@ def light_faces(
     center, radius = bounds
     near = max(NEAR_FRACTION * radius, 1e-6)
     if cube or light.kind == "point":
-        faces = []
-        for forward, up in _CUBE:
-            f, u = np.array(forward, float), np.array(up, float)
-            faces.append(Face(row, False, position, np.cross(f, u), u, f, 1.0, near, resolution))
-        return faces
+        return [Face(row, False, position, *axes, 1.0, near, resolution) for axes in _CUBE]
     right, up = _frame(direction)
     if light.kind == "spot":
         half = np.tan(min(light.outer_cone, WIDEST_MAP)) * CONE_MARGIN
@@ -221,10 +214,12 @@ def faces_of(
         node = int(nodes[row])
         index = int(scene.nodes.light[node])
         light = (scene.lights if state is None else state.lights)[index]
-        world = np.eye(4) if state is None else state.world[node]
+        position, direction = np.zeros(3), -np.eye(3)[2]
+        if state is not None:
+            world = state.world[node]
+            position, direction = world[:3, 3].copy(), -normalize(world[:3, 2])
         size = texels * (DIRECTIONAL_TEXELS if light.kind == "directional" else 1)
-        cube = is_wide(scene.lights[index])
-        out += light_faces(row, light, world[:3, 3].copy(), -normalize(world[:3, 2]), bounds, size, cube=cube)
+        out += light_faces(row, light, position, direction, bounds, size, cube=is_wide(scene.lights[index]))
     return out
 
 
@@ -236,8 +231,8 @@ def first_faces(faces: list[Face]) -> dict[int, int]:
 def _frame(forward: Array) -> tuple[Array, Array]:
     """Two unit axes across ``forward``, a function of it alone."""
     helper = np.array([0.0, 1.0, 0.0]) if abs(forward[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    right = normalize(np.cross(forward, helper))
-    return right, np.cross(right, forward)
+    right = normalize(cross(forward, helper))
+    return right, cross(right, forward)
 
 
 def pack(faces: list[Face], limit: int = 16384) -> tuple[list[tuple[int, int]], tuple[int, int]]:

@@ -72,6 +72,7 @@ class Plot:
                 data, form = io.BytesIO(), file.suffix.removeprefix(".")
                 self.figure.savefig(data, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
                 write_atomically(file, data.getvalue())
+                self.figure.set_layout_engine("none")  # both files have the layout of the first one
         return files
 
 
