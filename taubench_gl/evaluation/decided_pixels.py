@@ -20,7 +20,7 @@ from taubench_gl.frame.passes.pathtracing import LISTED_LOBES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
-from taubench_gl.metrics.path_samples import LEAST, PART
+from taubench_gl.metrics.path_samples import LEAST, PARTS
 from taubench_gl.metrics.sampled_light import lobe_distance
 from taubench_gl.settings import MAX_BOUNCES, Settings
 from taubench_gl.srgb import LUMINANCE
@@ -48,7 +48,7 @@ def decided_light(settings: Settings) -> Settings:
         "bidirectional": True,
     }  # fmt: skip
     picture = {"columns": RADIANCE_FEATURES, "pairs": "all", "samples_per_pixel": 1, "storage": "float", "exact": False}
-    return settings.replace(**light, **picture, spp=PART)
+    return settings.replace(**light, **picture, spp=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,35 +147,34 @@ class DecidedPixels:
         ``limit``: samples per pixel at most; ``seed``: of the audit.
         """
         listed = self._listed(at)
-        count, least, most = len(at), LEAST // PART, max(LEAST, limit) // PART
+        count, had = len(at), 0
         audit = np.random.default_rng(list(seed)).random(count)
         words, first = listed.words.copy(), listed.words.copy()
         distances: dict[str, Array] = {}
         luminance = np.zeros(count)
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
-        active, light, floor = np.arange(count), np.zeros((count, 0)), None
+        active, light, floor = np.arange(count), np.zeros(0), None
         while len(active):
-            had = light.shape[1]
-            new = self._trace(listed.at[active], listed.taps[active], had, min(had or least, most - had))
-            light = new if not had else np.concatenate([light, new], axis=1)
-            parts = light.shape[1]
+            new = self._trace(listed.at[active], listed.taps[active], range(had, 2 * had or LEAST))
+            light = 0.5 * (light + new) if had else new
+            had = 2 * had or LEAST
             compared = listed.take(active)
             found, error, bits, luminance[active] = self._compare(compared, light)
             if floor is None:
                 floor = self._floor(compared, light)
-            samples[active] = PART * parts
+            samples[active] = had
             words[active] = (listed.words[active] & ~LIGHT_BITS) | bits
-            for name, distance in (found | self._of_lobes(compared, light.mean(axis=1))).items():
+            for name, distance in (found | self._of_lobes(compared, light)).items():
                 distances.setdefault(name, np.zeros(count))[active] = distance
-            margin = self._margin(found, error, floor, parts)
+            margin = self._margin(found, error, floor, had)
             now = ~decided[active] & (margin > 1.0)
             first[active[now]], decided[active[now]] = words[active[now]], True
-            decided_samples[active[~decided[active] | now]] = PART * parts
-            if parts < most:
+            decided_samples[active[~decided[active] | now]] = had
+            if had < limit:
                 share = np.where(margin[now] < 2.0, AUDITED[1], AUDITED[0])
                 audited[active[now]] = np.where(audit[active[now]] < share, share, 0.0)
-            if parts >= most:
+            if had >= limit:
                 break
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
@@ -204,9 +203,9 @@ class DecidedPixels:
         )
         return _Listed(at, taps, weights, pair.words[rows], surface, both(pair.emission), both(pair.color))
 
-    def _trace(self, at: Array, taps: Array, first: int, count: int) -> Array:
-        """Radiance of parts: (m, count, 1 + taps, lobes, 3) float64, of the current pixel and its history."""
-        samples, frame, history = range(PART * first, PART * (first + count)), self._pair.frame, taps.shape[1]
+    def _trace(self, at: Array, taps: Array, samples: range) -> Array:
+        """Radiance of parts: (m, PARTS, 1 + taps, lobes, 3) float64, of the current pixel and its history."""
+        frame, history = self._pair.frame, taps.shape[1]
         keys = np.repeat(at, history, axis=0)
         drawn, self._fresh = self._fresh, False
         before, now = (
@@ -214,7 +213,7 @@ class DecidedPixels:
             for source, pixels, of in zip(self._sources, (taps.reshape(-1, 2), at), (keys, at), strict=True)
         )
         every = np.concatenate([now[:, None], before.reshape(len(at), history, *before.shape[1:])], axis=1)
-        parts = every.reshape(*every.shape[:2], count, PART, *every.shape[3:]).astype(np.float64).mean(axis=3)
+        parts = every.reshape(*every.shape[:2], PARTS, -1, *every.shape[3:]).astype(np.float64).mean(axis=3)
         return parts.swapaxes(1, 2)
 
     def _values(self, listed: _Listed, light: Array) -> dict[str, tuple[Array, Array]]:
@@ -238,13 +237,13 @@ class DecidedPixels:
         }  # fmt: skip
 
     def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
-        """``lobe_distance`` -> distance (m,) of each wanted lobe, of radiance ``light`` (m, 1 + taps, lobes, 3)."""
+        """``lobe_distance`` -> distance (m,) of each wanted lobe, of parts ``light``."""
         out = {}
         for place, name in enumerate(LISTED_LOBES):
             bounce, lobe = name.split("_")
             if bounce in self.columns and lobe in self._lobes:
-                change = light[:, 0, place] - blend(light[:, 1:, place], listed.weights)
-                out[lobe_distance(bounce, lobe)] = np.linalg.norm(change, axis=-1)
+                change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
+                out[lobe_distance(bounce, lobe)] = mean_length(change)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
@@ -252,11 +251,13 @@ class DecidedPixels:
 
         Errors: the jackknife over parts (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Eq. 11.5).
         """
-        parts, mean = light.shape[1], light.mean(axis=1)
+        mean = light.mean(axis=1)
         found = self._parts(listed, mean)
-        without = self._parts(listed, (light.sum(axis=1, keepdims=True) - light) / (parts - 1))
+        values = self._values(listed, light)
+        found |= {n: mean_length(values[n][0] - values[n][1]) for n in RADIANCE_FEATURES if n in found}
+        without = self._parts(listed, (light.sum(axis=1, keepdims=True) - light) / (PARTS - 1))
         error = {
-            name: np.sqrt((parts - 1) / parts * ((d - d.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
+            name: np.sqrt((PARTS - 1) / PARTS * ((d - d.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
             for name, d in without.items()
         }
         bits, luminance = np.zeros(len(mean), np.uint32), np.zeros(len(mean))
@@ -278,13 +279,13 @@ class DecidedPixels:
         }
 
     def _margin(
-        self, found: Mapping[str, Array], error: Mapping[str, Array], floor: Mapping[str, float], parts: int
+        self, found: Mapping[str, Array], error: Mapping[str, Array], floor: Mapping[str, float], samples: int
     ) -> Array:
         """Least distance between a column and its threshold, in units of what CONFIDENCE asks for.  (m,)."""
-        clear = clear_errors(parts)
+        clear = clear_errors()
         out = np.full(len(next(iter(found.values()))), np.inf)
         for name, distance in found.items():
-            bound = clear * np.maximum(error[name], floor[name] / (PART * parts + 1))
+            bound = clear * np.maximum(error[name], floor[name] / (samples + 1))
             away = np.abs(distance - self._thresholds[name])
             out = np.minimum(out, np.where(bound > 0, away / np.where(bound > 0, bound, 1.0), np.inf))
         return out
@@ -308,9 +309,19 @@ class _Listed:
         return _Listed(*(None if v is None else v[rows] for v in values))
 
 
+def mean_length(vectors: Array) -> Array:
+    """Length of the mean of independent ``vectors`` (m, n, 3), without the part that their noise adds.  (m,).
+
+    The square of the length of a mean is too large by the variance of that mean.
+    """
+    count, mean = vectors.shape[1], vectors.mean(axis=1, keepdims=True)
+    variance = ((vectors - mean) ** 2).sum(axis=(1, 2)) / (count * (count - 1))
+    return np.sqrt(np.maximum((mean**2).sum(axis=(1, 2)) - variance, 0.0))
+
+
 @lru_cache
-def clear_errors(parts: int) -> float:
-    """Standard errors between a distance and its threshold with which a pixel of so many ``parts`` is decided."""
+def clear_errors() -> float:
+    """Standard errors between a distance and its threshold with which a pixel is decided."""
     from scipy.special import stdtrit  # imported late: 0.3 s
 
-    return float(stdtrit(parts - 1, 0.5 + 0.5 * CONFIDENCE))
+    return float(stdtrit(PARTS - 1, 0.5 + 0.5 * CONFIDENCE))

@@ -23,8 +23,8 @@ SUBPATH_VERTEX = VERTICES - 1
 LEAST, LIMIT = 64, 512
 """Samples of every pixel that is decided, and most samples of one."""
 
-PART = 4
-"""Samples of a part of ``part_table``."""
+PARTS = 16
+"""Parts of ``part_table``."""
 
 _BITS = 30
 
@@ -50,9 +50,21 @@ def sample_table(first: int, count: int, seed: int = 0) -> Array:
 
 @lru_cache(maxsize=4)
 def part_table(first: int, count: int) -> Array:
-    """As ``sample_table``, in parts of PART samples with independent numbers: each is scrambled by its own number.
+    """As ``sample_table``, of samples in PARTS parts with independent numbers: each part has a sequence of its own.
 
-    ``first`` and ``count``: multiples of PART.  The spread of means over the parts is the error of their mean.
+    The first LEAST samples are the first ones of each part, one part after another; the samples from LEAST 2^k to
+    LEAST 2^(k + 1) are as many more of each part.  The spread of means over the parts is the error of their mean, and
+    falls as fast as the means of longer sequences converge (randomized quasi-Monte Carlo: Owen 1995).
     """
-    parts = range(first // PART, (first + count) // PART)
-    return np.concatenate([sample_table.__wrapped__(0, PART, part) for part in parts])
+    number = np.arange(first, first + count)
+    start = np.where(number < LEAST, 0, LEAST << np.log2(np.maximum(number // LEAST, 1)).astype(np.int64))
+    length = np.maximum(start, LEAST) // PARTS  # samples of each part that begin at ``start``
+    part, within = np.divmod(number - start, length)
+    at = start // PARTS + within
+    return _part_sequences(1 << int(at.max()).bit_length())[part, at]
+
+
+@lru_cache(maxsize=1)
+def _part_sequences(count: int) -> Array:
+    """The first ``count`` numbers of every part: (PARTS, count, VERTICES * BLOCKS_PER_VERTEX, 4) uint32."""
+    return np.stack([sample_table.__wrapped__(0, count, part) for part in range(PARTS)])

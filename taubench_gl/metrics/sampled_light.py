@@ -281,6 +281,8 @@ class LightEstimate:
             elif key in EXPOSURE_FACTORS:
                 block[f"{stem}_interval95_percent"] = list(interval.ends)
             block[key] = min(max(interval.mean, interval.least), interval.most)
+        reasons = {at[2]: i for at, i in intervals.items() if at[:2] == ("reusable", "reasons") and i.half_width > 0.0}
+        _balance([summary["reusable"]["reasons"][name] for name in reasons], [i.mean for i in reasons.values()])
         entries = [summary["discard"][column] for column in self.columns]
         entries += [of[c] for of in (summary.get("lobes") or {}).values() for c in of if of[c].get("method") == SAMPLED]
         if summary["reusable"]["shading"].get("method") == SAMPLED:
@@ -320,6 +322,13 @@ class LightEstimate:
         above = np.rint(np.maximum.accumulate(above[::-1])[::-1]).astype(np.int64)
         whole = np.concatenate([[self._comparable], above, [0]])
         return {"counts": (whole[:-1] - whole[1:]).tolist(), "at_or_above": above.tolist(), "method": SAMPLED}
+
+
+def _balance(entries: Sequence[dict[str, Any]], means: Sequence[float]) -> None:
+    """Lower shares of a total, of which some are estimated below 0 and count as 0, to the sum of their ``means``."""
+    kept = sum(max(mean, 0.0) for mean in means)
+    for entry, mean in zip(entries, means, strict=True):
+        entry["mean_percent"] = max(mean, 0.0) * max(sum(means), 0.0) / kept if kept else 0.0
 
 
 def decided_summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
