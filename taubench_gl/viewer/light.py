@@ -17,7 +17,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
-from taubench_gl.settings import AUTO, Settings
+from taubench_gl.settings import AUTO, PREVIEWED, Settings
 from taubench_gl.viewer.feeds import SceneFeed, Shot
 from taubench_gl.viewer.state import ViewerState
 
@@ -255,7 +255,8 @@ class Lights(GpuOwner):
             return f"path-traced light, {samples} of {state.samples} samples per pixel"
         if lighting.light == "path-traced":
             return f"path-traced light, {lighting.spp} sample{'' if lighting.spp == 1 else 's'} per pixel"
-        return "light at full resolution"
+        of = "light of the preview, approximate," if lighting.light in PREVIEWED else "light"
+        return f"{of} at full resolution"
 
     def reset(self) -> None:
         """Free everything: the feed has another source."""
