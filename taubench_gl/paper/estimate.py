@@ -11,7 +11,8 @@ from taubench_gl.batch.merge import job_positions
 from taubench_gl.batch.spec import Job
 from taubench_gl.batch.study import batch_store, stored_pairs
 from taubench_gl.batch.units import head_key, resolved_job
-from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, frame_schedule, sampled_pairs
+from taubench_gl.evaluation import Observers, decides_light, evaluate_scene, frame_range, frame_schedule, sampled_pairs
+from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.paper.study import RUNS, SceneJobs
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -69,10 +70,12 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str]:
     seconds, reason = drawn * _slowest(scene, window.replace(light="raster", spp=None)), "timed in three frames"
     if light.light != "raster":
         width, height = _probe_size(settings)
-        pixels = drawn * settings.sequence.width * settings.sequence.height
+        samples = drawn * light.path_samples  # of a pixel and a pair
+        if decides_light(settings):  # at most, in two frames
+            window, samples = window.replace(bidirectional=True), 2 * LIMIT
         few, more = (_slowest(scene, window.replace(spp=spp, width=width, height=height)) for spp in PROBES)
         sample = max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
-        seconds += sample * pixels * light.path_samples
+        seconds += sample * settings.sequence.width * settings.sequence.height * samples
         reason = f"timed at {width}x{height} with {PROBES[0]} and {PROBES[1]} samples"
     return pairs, seconds, reason
 
