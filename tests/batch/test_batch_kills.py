@@ -127,3 +127,35 @@ def test_killed_dask_worker(reference, tmp_path):
     _, errors = driver.communicate(timeout=PATIENCE)
     assert driver.returncode == 0, errors
     assert final_files(out) == expected
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("light", ["auto", "path-traced"])
+def test_light_has_the_same_bits_for_any_number_of_workers_and_after_kills(tmp_path, light):
+    """Killed while rounds of sampled light, or pairs of decided pixels, are on their way."""
+    size, files = ("32x18", "light-*") if light == "auto" else ("16x9", "pairs-*")
+    spec = write_spec(
+        tmp_path,
+        f'scenes = ["{DEMO}"]\nframes = "20:26"\nsize = "{size}"\nlight = "{light}"\nlight_within = 2.0\n',
+    )
+    expected = None
+    for workers in ("1", "2", "3"):
+        out = tmp_path / f"out{workers}"
+        done = batch_process(spec, "--out", out, "--workers", workers, "--chunk", "2")
+        _, errors = done.communicate(timeout=PATIENCE)
+        assert done.returncode == 0, errors
+        expected = expected or final_files(out)
+        assert final_files(out) == expected
+    out = tmp_path / "killed"
+    for kept in (1, 2):
+        driver = batch_process(spec, "--out", out, "--workers", "2", "--chunk", "2")
+        wait_until(lambda kept=kept: len(list(out.glob(f"records/*/{files}.json"))) >= kept, driver)
+        workers = psutil.Process(driver.pid).children()
+        os.kill(driver.pid, signal.SIGKILL)
+        driver.communicate(timeout=PATIENCE)
+        psutil.wait_procs(workers, timeout=PATIENCE)
+        assert not (out / "summary.json").exists()
+    resumed = batch_process("resume", out)
+    _, errors = resumed.communicate(timeout=PATIENCE)
+    assert resumed.returncode == 0, errors
+    assert final_files(out) == expected
