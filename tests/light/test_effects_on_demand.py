@@ -145,6 +145,13 @@ def test_direct_alone_needs_neither_color_nor_emission(gpu):
     assert c.made["depth_texture"] == 1
 
 
+@pytest.mark.parametrize(("light", "written"), [("raster", ()), ("path-traced", ("direct", "indirect", "path_info"))])
+def test_only_light_of_random_numbers_can_be_computed_again(gpu, light, written):
+    """What ``LightStage.relight`` writes, for reuse methods that shade surfaces of the frame before."""
+    with opened(gpu, busy_room(lamps=2), light=light, shadow_size=64, probes=32) as source:
+        assert source.light.written == written
+
+
 def test_shadows_add_one_atlas_and_their_shaders(gpu):
     off, on = (Census(gpu, everything(), columns=("direct",), shadow_lights=n, shadow_size=64) for n in (0, 1))
     assert on.made["depth_texture"] == off.made["depth_texture"] + 1

@@ -71,6 +71,26 @@ def test_every_pixel_of_every_pair_has_no_error():
     assert found.mean == pytest.approx(truth, abs=1e-12) and found.half_width == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_rate_is_a_total_over_a_total():
+    """Of surface pixels, whose number differs from pair to pair; every pixel is sampled."""
+    rng = np.random.default_rng(4)
+    strata, x, y = population(3, rng)
+    y = np.where(strata < 0, x, y)
+    base = np.array([0.9, 0.4, 0.1])
+    drawn = [
+        SampledPair(x[k].size, np.bincount(strata[k][strata[k] >= 0], minlength=STRATA), strata[k][strata[k] >= 0],
+                    (y[k].astype(float) - x[k])[strata[k] >= 0][:, None])
+        for k in range(3)
+    ]  # fmt: skip
+    differences, within = pair_differences(drawn)
+    sample, control = sample_pairs(3, "all", 1), x.mean(axis=(1, 2))
+    found = estimate_share(sample, control, [0, 1, 2], differences[:, 0], within[:, 0], base)
+    assert found.mean == pytest.approx(y.mean(axis=(1, 2)).sum() / base.sum(), abs=1e-12)
+    few = estimate_share(sample, control, [0, 1], differences[:2, 0], np.full(2, 1e-4), base)
+    same = estimate_share(sample, control, [0, 1], differences[:2, 0], np.full(2, 1e-4))
+    assert few.half_width == pytest.approx(same.half_width / base.mean(), rel=1e-9) and same.half_width > 0.0
+
+
 def test_a_stratum_without_a_difference_has_the_interval_of_the_rule_of_three():
     pair = SampledPair(1000, np.array([1000]), np.zeros(300, np.int64), np.zeros((300, 1)))
     _, variance = stratum_variances([pair])
