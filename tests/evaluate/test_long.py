@@ -18,7 +18,7 @@ from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.settings import MAX_FRAMES, Settings
 
 DEMO = ASSETS / "demo.glb"
@@ -118,8 +118,16 @@ def test_overflow_of_a_node_that_is_not_drawn_is_noted():
         old = getattr(nodes, column)
         more[column] = np.append(old, np.full(2, value, old.dtype))
     more |= {"parent": np.append(nodes.parent, [-1, len(nodes)]), "names": (*nodes.names, "above", "below")}
-    run: Run = evaluate_scene(replace(scene, nodes=replace(nodes, **more)), SMALL.replace(frames=(0, 2)))
+    huge = replace(scene, nodes=replace(nodes, **more))
+    run: Run = evaluate_scene(huge, SMALL.replace(frames=(0, 2)))
     plain = evaluate_scene(scene, SMALL.replace(frames=(0, 2)))
     notes = [note for note in run.summary["notes"] if "overflow" in note]
     assert len(notes) == 1 and "'above'" in notes[0]
     assert run.frames == plain.frames and run.summary["census"] == plain.summary["census"]
+    # Scaled to nothing until 0.1 s and from 1 s on: only a run that begins in between has it in its first frame.
+    sizes = np.repeat([[0.0], [1e200], [0.0]], 3, axis=1)
+    keys = Channel("node", len(scene.nodes), "scale", "STEP", np.array([0.0, 0.1, 1.0]), sizes)
+    moving = replace(huge, channels=(*scene.channels, keys))
+    for first, noted in ((0, 0), (5, 1)):
+        run = evaluate_scene(moving, SMALL.replace(frames=(first, first + 2)))
+        assert sum("overflow" in note for note in run.summary["notes"]) == noted

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.animation import Poser, pose_vertices
-from taubench_gl.frame.draw_bounds import DrawBounds
+from taubench_gl.frame.draw_bounds import DrawBounds, bounding_sphere_of
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.scene import load_scene
 
@@ -48,3 +48,15 @@ def test_poses_change_exactly_when_something_moves(data):
     assert poses(0.5) == poses(0.5)
     assert poses(0.5) != poses(0.6)
     assert poses(scene.duration) == poses(scene.duration + 1.0)  # past the last key nothing moves
+
+
+def test_a_draped_skin_is_bounded_by_the_vertices_of_each_joint(data):
+    """A bound is at most twice the sphere around the posed vertices, also where joints spread apart."""
+    scene = load_scene(data / "khronos/CesiumMan/CesiumMan.glb")
+    draws = build_geometry(scene).draws
+    bounds, poser = DrawBounds(scene, draws), Poser(scene)
+    state = poser.sample(0.5)
+    _, radii = bounds.at(state, state.world[[d.node for d in draws]])
+    for draw, radius in zip(draws, radii, strict=True):
+        points = pose_vertices(scene, state, draw.node, scene.meshes[draw.mesh].primitives[draw.primitive])
+        assert radius < 1.5 * bounding_sphere_of(points)[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.metrics.pair_sample import sample_pairs
+from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
 from taubench_gl.metrics.pixel_sample import (
     NORMAL_95,
     PixelStrata,
@@ -89,6 +89,16 @@ def test_a_rate_is_a_total_over_a_total():
     few = estimate_share(sample, control, [0, 1], differences[:2, 0], np.full(2, 1e-4), base)
     same = estimate_share(sample, control, [0, 1], differences[:2, 0], np.full(2, 1e-4))
     assert few.half_width == pytest.approx(same.half_width / base.mean(), rel=1e-9) and same.half_width > 0.0
+
+
+def test_a_rate_that_all_pairs_share_is_known_from_some_of_them():
+    """The error of a ratio is that of control - rate x base, not of the control alone (Cochran, section 6.11)."""
+    sample = PairSample(20, ((20, (1, 5, 9, 17)),))
+    base, none = np.array([0.2, 0.9, 0.5, 0.7]), np.zeros(4)
+    found = estimate_share(sample, 0.3 * base, [0, 1, 2, 3], none, none, base)
+    assert found.mean == pytest.approx(0.3) and found.half_width == pytest.approx(0.0, abs=1e-12)
+    share = estimate_share(sample, 0.3 * base, [0, 1, 2, 3], none, none)
+    assert share.half_width == pytest.approx(estimate(sample, 0.3 * base).half_width) and share.half_width > 0.05
 
 
 def test_a_stratum_without_a_difference_has_the_interval_of_the_rule_of_three():
