@@ -26,6 +26,8 @@ from taubench_gl.study.engines import InProcess
 from taubench_gl.study.progress import Progress
 from taubench_gl.study.store import RECORDS
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 SUITE = """schema = "suite/1"
 name = "tiny"
 size = "48x27"
