@@ -136,6 +136,11 @@ def _lighting_defaults(**values: Any) -> Iterator[None]:
         init.__defaults__ = before
 
 
+@pytest.fixture
+def lighting_defaults() -> Callable[..., contextlib.AbstractContextManager[None]]:
+    return _lighting_defaults
+
+
 @pytest.fixture(scope="module")
 def coarse_light() -> Iterator[None]:
     """Raster light of few texels and probes, for modules whose subject is not its accuracy."""

@@ -16,8 +16,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
-
 
 def context(path, **settings):
     scene, chosen = load_scene(path), Settings(**settings)

@@ -106,8 +106,9 @@ def test_an_environment_is_metered_path_traced_whatever_the_method(light, cache)
     assert found == pytest.approx(0.09, rel=0.02)
 
 
-def test_inspect_prints_the_exposure(cache, expected):
-    done = CliRunner().invoke(cli, ["inspect", str(DEMO), "--json"])
+def test_inspect_prints_the_exposure(cache, expected, lighting_defaults):
+    with lighting_defaults(**AUTO):  # those of users
+        done = CliRunner().invoke(cli, ["inspect", str(DEMO), "--json"])
     assert done.exit_code == 0, done.output
     facts = json.loads(done.stdout)["exposure"]
     assert facts["value"] == expected and facts["reason"]
