@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import shutil
@@ -119,6 +120,32 @@ def firefox(session_firefox: tuple[Any, Path]) -> Iterator[Callable[[Path, str],
     yield open_page
     lines = log.read_bytes()[start:].decode("utf-8", "replace").splitlines()
     assert [line for line in lines if "JavaScript error: file:" in line] == []
+
+
+@contextlib.contextmanager
+def _lighting_defaults(**values: Any) -> Iterator[None]:
+    """Inside, settings made in this process have ``values`` unless they name others."""
+    from taubench_gl.settings import LightingSettings
+
+    init = LightingSettings.__init__
+    names, before = init.__code__.co_varnames[1 : init.__code__.co_argcount], init.__defaults__
+    init.__defaults__ = tuple(values.get(name, default) for name, default in zip(names, before, strict=True))
+    try:
+        yield
+    finally:
+        init.__defaults__ = before
+
+
+@pytest.fixture
+def lighting_defaults() -> Callable[..., contextlib.AbstractContextManager[None]]:
+    return _lighting_defaults
+
+
+@pytest.fixture(scope="module")
+def coarse_light() -> Iterator[None]:
+    """Raster light of few texels and probes, for modules whose subject is not its accuracy."""
+    with _lighting_defaults(shadow_size=64, probes=32):
+        yield
 
 
 def _fix_lighting_defaults() -> None:

@@ -18,6 +18,8 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.paths import ASSETS
 from taubench_gl.run_schema import FRAME_COLUMNS
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = ASSETS / "demo.glb"
 SMALL = {"width": 96, "height": 54, "frames": (0, 4), "indirect": "none"}
 GEOMETRY = {"size": "96x54", "frames": range(4), "columns": "frustum,position,normal"}

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, choose_camera
@@ -96,6 +95,8 @@ class VoxelSpace:
         return np.where(inside, room / ENOUGH, -1.0)
 
     def _build(self, points: Array, pad: float, voxels: int, moving: Iterator[tuple[Array, Array]]) -> None:
+        from scipy.ndimage import maximum_filter  # imported late: 0.6 s
+
         low, high = self._low - [pad, 0.5 * pad, pad], self._high + [pad, 0.5 * pad, pad]
         extent = np.maximum(high - low, 1e-3 * self.radius)
         self.size = max(float(np.prod(extent) / voxels) ** (1 / 3), float(extent.max()) / 1024)
@@ -116,9 +117,10 @@ class VoxelSpace:
             filled = maximum_filter(filled, size=3, mode="constant")  # grown by one voxel, diagonals included
 
     def _fill(self, filled: Array, points: Array) -> None:
-        cell = np.floor((points - self._origin) / self.size).astype(np.int64)
-        cell = cell[np.all((cell >= 0) & (cell < np.array(filled.shape)), axis=1)]
-        filled[tuple(cell.T)] = True
+        # Axis by axis, which takes a third of the time of rows of three.
+        cells = [np.floor((points[:, k] - self._origin[k]) / self.size).astype(np.int64) for k in range(3)]
+        inside = np.logical_and.reduce([(c >= 0) & (c < n) for c, n in zip(cells, filled.shape, strict=True)])
+        filled[tuple(c[inside] for c in cells)] = True
 
     def _from_camera(self, scene: Scene, state: FrameState) -> tuple[Array, float] | None:
         camera = choose_camera(scene)
@@ -203,12 +205,17 @@ def surface_points(triangles: Array, budget: int = SAMPLES) -> Array:
         return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
     area = areas(triangles)
     count = np.floor(area / max(float(area.sum()), 1e-300) * budget).astype(np.int64)
-    which = np.repeat(np.arange(len(triangles)), count)
-    u = np.random.default_rng(0).random((len(which), 2))
-    u = np.where(u.sum(axis=1, keepdims=True) > 1, 1 - u, u)
-    a, b, c = (triangles[which, k] for k in range(3))
-    inside = a + u[:, :1] * (b - a) + u[:, 1:] * (c - a)
-    return np.concatenate([triangles.reshape(-1, 3), inside])
+    u, v = np.random.default_rng(0).random((int(count.sum()), 2)).T
+    beyond = u + v > 1
+    u, v = np.where(beyond, 1 - u, u), np.where(beyond, 1 - v, v)
+    corners = 3 * len(triangles)
+    points = np.empty((corners + len(u), 3))
+    points[:corners] = triangles.reshape(-1, 3)
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    for k in range(3):  # axis by axis, which takes a third of the time of rows of three
+        start, along, across = (np.repeat(side[:, k], count) for side in (a, b - a, c - a))
+        points[corners:, k] = start + u * along + v * across
+    return points
 
 
 def areas(triangles: Array) -> Array:

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 Array = np.ndarray
 
@@ -103,6 +102,8 @@ def interval(
 
 
 def _student(estimate: float, error: float, freedom: float, confidence: float) -> Interval:
+    from scipy import stats  # imported late: 2 s
+
     half = float(stats.t.isf(0.5 * (1.0 - confidence), freedom)) * error
     p_value = float(2.0 * stats.t.sf(abs(estimate) / error, freedom)) if error > 0 else float(estimate == 0.0)
     return Interval(estimate, estimate - half, estimate + half, p_value)

@@ -11,6 +11,8 @@ import pytest
 
 from taubench_gl.paths import PACKAGE
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 EVIL = "\x1b[2J\x1b]0;owned\x07\x9b31m"
 SMALL = ("--size", "32x18", "--frames", "0:3", "--columns", "frustum,position")

@@ -16,6 +16,8 @@ from taubench_gl.metrics.path_samples import sample_table
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 SETTINGS = Settings(width=24, height=14, indirect="none", shadow_size=64, bounces=2)
 
 

@@ -17,6 +17,8 @@ from taubench_gl.cost.result import machine_state
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 PRESET = 'schema = "taubench-gl/preset/1"\n'
 
 

@@ -50,7 +50,7 @@ def test_scene_by_name_gives_tables(name, made, gpu, tmp_path, monkeypatch):
     entry = ENTRIES[name]
     got = run("scenes", "get", name, "--from", str(made(entry)), "--accept-license")
     assert got.exit_code == 0 and f"taubench-gl evaluate {name}" in got.output, got.output
-    done = run("evaluate", name, "--size", "64x36", "--indirect", "rsm", "--out", "out")
+    done = run("evaluate", name, "--size", "32x18", "--indirect", "rsm", "--shadow-size", "64", "--out", "out")
     assert done.exit_code == 0, done.output
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     fps = entry.fps or 24.0

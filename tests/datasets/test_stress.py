@@ -18,7 +18,14 @@ from validator import errors
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.apps.cli import cli, main
 from taubench_gl.datasets.camera_path import CameraSpec, chase, generate
-from taubench_gl.datasets.free_space import VoxelSpace, winding_number, world_triangles
+from taubench_gl.datasets.free_space import (
+    SAMPLES,
+    VOXELS,
+    VoxelSpace,
+    surface_points,
+    winding_number,
+    world_triangles,
+)
 from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.gltf_writer import Writer
@@ -40,6 +47,19 @@ SPEC = CameraSpec(
 
 
 STILL = CameraSpec(frames=3, fps=60.0)
+
+
+@pytest.fixture(autouse=True)
+def coarse_space(request, monkeypatch):
+    """An eighth of the voxels, and points for them; the default number in tests with ``default_voxels``."""
+    if "default_voxels" not in request.fixturenames:
+        monkeypatch.setattr(VoxelSpace.__init__, "__defaults__", (VOXELS // 8,))
+        monkeypatch.setattr(surface_points, "__defaults__", (SAMPLES // 4,))
+
+
+@pytest.fixture
+def default_voxels():
+    """The test runs with the number of voxels of the command."""
 
 
 def walked(path, fps=60.0, frames=121):
@@ -87,7 +107,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
     assert a == b and a != c
 
 
-def test_the_camera_stays_away_from_triangles_and_inside_walls():
+def test_the_camera_stays_away_from_triangles_and_inside_walls(default_voxels):
     scene = load_scene(DEMO)
     space = VoxelSpace(scene)
     path = generate(SPEC, space)
@@ -185,7 +205,7 @@ def test_a_step_larger_than_the_scene_is_refused():
 
 def test_sweep_writes_a_table_and_plots(tmp_path, gpu):
     out = tmp_path / "sweep"
-    arguments = [str(DEMO), "--sweep", "yaw=0:9:4", "--size", "96x54", "--columns", "frustum", "--seconds", "0.1"]
+    arguments = [str(DEMO), "--sweep", "yaw=0:9:4", "--size", "32x18", "--columns", "frustum", "--seconds", "0.1"]
     done = CliRunner().invoke(cli, ["stress", *arguments, "--out", str(out)])
     assert done.exit_code == 0, done.output
     with open(out / "sweep.csv", newline="") as file:

@@ -19,6 +19,8 @@ from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.bench import limits
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SWATCH = 700  # largest number of pixels of a legend square
 

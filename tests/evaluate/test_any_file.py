@@ -14,6 +14,8 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 AUTO_LIGHTING = dict.fromkeys((*FIXED_LIGHTING, "light"), "auto")
 SIZE = {"width": 128, "height": 72, "frames": (0, 3)}
 NO_LIGHT = (

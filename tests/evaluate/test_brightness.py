@@ -8,6 +8,8 @@ from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.selftest.scenes import SceneBuilder, quad
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 SIZE = (24, 16)
 
 

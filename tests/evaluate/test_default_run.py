@@ -9,6 +9,8 @@ from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import DEFAULT_SIZE, PAPER_SIZE, Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 SKY = {"light": "auto", "environment": (1.0, 1.0, 1.0)}
 
 

@@ -18,6 +18,8 @@ from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = ASSETS / "demo.glb"
 OWN = {"columns": ("frustum", "position", "normal"), "reprojection": "motion"}
 

@@ -14,6 +14,8 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 STEP_M = 0.17
 GEOMETRY = {"size": "96x54", "columns": "position,normal"}
 COMPARED = FRUSTUM | Reason.POSITION | Reason.NORMAL | Reason.DISOCCLUDED | Reason.OCCLUDING

@@ -18,6 +18,8 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Channel, Material
 from taubench_gl.selftest.scenes import SceneBuilder, quad
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 LIT = {"width": 32, "height": 18, "columns": ("direct",), "light_unit": "candela", "environment": "none"}
 

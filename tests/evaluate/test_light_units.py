@@ -27,6 +27,7 @@ BLENDER = "Khronos glTF Blender I/O v4.5.51"
 SIZE = {"width": 64, "height": 48}
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 LIGHT = ("frustum", "direct", "color")
+CHEAP = {"shadow_size": 64, "probes": 32}
 
 
 def two_floors(albedos=(0.8, 0.2), illuminance: float = 1000.0):
@@ -90,7 +91,7 @@ def test_what_is_metered_is_what_the_shader_draws(gpu):
 @pytest.mark.parametrize("factor", [683.0, 1.0 / 50.0])
 @pytest.mark.parametrize("lamps", [3, 20])
 def test_metered_columns_do_not_depend_on_the_scale_of_the_lights(factor, lamps):
-    settings = Settings(**SIZE | AUTO, frames=(0, 4))
+    settings = Settings(**SIZE | AUTO | CHEAP, frames=(0, 3))
     runs = [evaluate_scene(one, settings) for one in (busy_room(lamps=lamps), scaled(busy_room(lamps=lamps), factor))]
     exposures = [run.summary["settings"]["exposure"] for run in runs]
     assert exposures[1] * factor == pytest.approx(exposures[0], rel=1e-3)
@@ -144,7 +145,7 @@ def test_resolved_settings_come_back_unchanged(monkeypatch):
 # -------------------------------------------------------------------------------------------------------------- unit
 def test_watt_is_the_file_with_intensities_over_683_bit_for_bit():
     scene = busy_room(lamps=3)
-    frames = {"frames": (0, 4)}
+    frames = {"frames": (0, 3), **CHEAP}
     watt = evaluate_scene(dataclasses.replace(scene, generator=BLENDER), Settings(**SIZE | AUTO | frames))
     candela = evaluate_scene(divided(scene, 683.0), Settings(**SIZE | FIXED_LIGHTING | frames))
     assert watt.summary["settings"]["light_unit"] == "watt" and watt.summary["settings"]["exposure"] == 1.0
@@ -179,7 +180,9 @@ def test_light_error_is_in_exposed_units(gpu, factor):
     scene = busy_room(lamps=24)
     counts = []
     for one, exposure in ((scene, 1.0), (scaled(scene, factor), 1.0 / factor)):
-        settings = Settings(**SIZE | FIXED_LIGHTING | {"exposure": exposure}, columns=("direct",), light_error=0.05)
+        settings = Settings(
+            **SIZE | FIXED_LIGHTING | CHEAP | {"exposure": exposure}, columns=("direct",), light_error=0.05
+        )
         source = RasterSource(gpu, AnimatedScene(one), settings)
         source.advance(0)
         counts.append(source.light.tile_counts().astype(int))
@@ -240,23 +243,24 @@ CONCRETE = {"light_unit": "candela", "environment": "none"}
 
 
 def test_a_run_records_its_lighting(tmp_path):
-    run = evaluate_scene(DEMO, Settings(**SIZE | AUTO, frames=(0, 3), columns=LIGHT), out=tmp_path)
+    run = evaluate_scene(DEMO, Settings(**SIZE | AUTO | CHEAP, frames=(0, 3), columns=LIGHT), out=tmp_path)
     stored = load_run(tmp_path).summary
     assert CONCRETE.items() <= stored["settings"].items() and 0 < stored["settings"]["exposure"] != 1.0
     assert all(stored["lighting"][name] for name in FIXED_LIGHTING)
     again = evaluate_scene(DEMO, Settings.from_dict({n: stored["settings"][n] for n in FIXED_LIGHTING}).replace(
-        **SIZE, frames=(0, 3), columns=LIGHT))  # fmt: skip
+        **SIZE | CHEAP, frames=(0, 3), columns=LIGHT))  # fmt: skip
     assert again.frames == run.frames
 
 
 def test_a_batch_meters_once_and_equals_evaluate(tmp_path):
-    text = f'scenes = ["{DEMO}"]\nsize = "64x48"\nframes = "0:6"\ncolumns = ["frustum", "direct", "color"]\n'
+    text = f'scenes = ["{DEMO}"]\nsize = "64x48"\nframes = "0:6"\nshadow_size = 64\n'
+    text += 'columns = ["frustum", "direct", "color"]\n'
     text += "".join(f'{name} = "auto"\n' for name in FIXED_LIGHTING)
     (tmp_path / "spec.toml").write_text(text)
     spec = read_spec(tmp_path / "spec.toml")
     run_batch(spec, tmp_path / "out", chunk=2)
     batch = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id).summary
-    alone = evaluate_scene(DEMO, Settings(**SIZE | AUTO, frames=(0, 6), columns=LIGHT)).summary
+    alone = evaluate_scene(DEMO, Settings(**SIZE | AUTO, shadow_size=64, frames=(0, 6), columns=LIGHT)).summary
     for block in ("settings", "lighting", "discard", "brightness", "scale", "notes"):
         assert batch[block] == json.loads(json.dumps(alone[block])), block
     assert batch["brightness"]["frames"] == 3
@@ -264,7 +268,7 @@ def test_a_batch_meters_once_and_equals_evaluate(tmp_path):
 
 def test_users_get_automatic_lighting_from_the_command_line(tmp_path):
     command = [sys.executable, "-m", "taubench_gl", "evaluate", DEMO, "--size", "64x48", "--frames", "0:2"]
-    command += ["--columns", "frustum,direct", "--out", tmp_path]
+    command += ["--columns", "frustum,direct", "--light", "preview", "--shadow-size", "64", "--out", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     settings = load_run(tmp_path).summary["settings"]

@@ -11,6 +11,8 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 FRAMES = range(20, 24)
 
 

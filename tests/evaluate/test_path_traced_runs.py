@@ -13,6 +13,8 @@ from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 SMALL = {"width": 32, "height": 18, "frames": (0, 3), "bounces": 3}
 METHODS = ("raster", "auto", "preview", "path-traced")
 

@@ -23,6 +23,8 @@ from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 GEOMETRY = ("frustum", "position", "normal")
 

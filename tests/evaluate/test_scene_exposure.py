@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import subprocess
-import sys
 
 import pytest
+from click.testing import CliRunner
 
 from taubench_gl.animation import OrbitCamera, choose_camera
+from taubench_gl.apps.cli import cli
 from taubench_gl.datasets.camera_path import PRESETS
 from taubench_gl.datasets.stress import Moves, stress
 from taubench_gl.evaluation import resolve_lighting
@@ -17,6 +17,8 @@ from taubench_gl.evaluation.exposure import FOLDER
 from taubench_gl.paths import ASSETS, CACHE_VARIABLE
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
+
+pytestmark = pytest.mark.usefixtures("coarse_light")
 
 DEMO = ASSETS / "demo.glb"
 AUTO = dict.fromkeys(FIXED_LIGHTING, "auto")
@@ -104,8 +106,9 @@ def test_an_environment_is_metered_path_traced_whatever_the_method(light, cache)
     assert found == pytest.approx(0.09, rel=0.02)
 
 
-def test_inspect_prints_the_exposure(cache, expected):
-    command = [sys.executable, "-m", "taubench_gl", "inspect", str(DEMO), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+def test_inspect_prints_the_exposure(cache, expected, lighting_defaults):
+    with lighting_defaults(**AUTO):  # those of users
+        done = CliRunner().invoke(cli, ["inspect", str(DEMO), "--json"])
+    assert done.exit_code == 0, done.output
     facts = json.loads(done.stdout)["exposure"]
     assert facts["value"] == expected and facts["reason"]

@@ -23,12 +23,12 @@ from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE
 from taubench_gl.run_check import contradiction
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
-SMALL: dict[str, Any] = {"size": "32x18", "light_unit": "candela", "exposure": 1}
+SMALL: dict[str, Any] = {"size": "32x18", "light_unit": "candela", "exposure": 1, "shadow_size": 64, "probes": 32}
 EDITS = 60
 
 KINDS: dict[str, dict[str, Any]] = {
-    "every": {"frames": range(20), "pairs": "every:3"},
-    "strata": {"frames": range(30), "pairs": "strata:5"},
+    "every": {"frames": range(10), "pairs": "every:3"},
+    "strata": {"frames": range(15), "pairs": "strata:5"},
     "samples": {"frames": range(4), "samples_per_pixel": 4},
     "exact": {"frames": range(4), "exact": True},
     "lobes": {"frames": range(3), "lobes": "diffuse"},

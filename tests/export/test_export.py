@@ -18,6 +18,8 @@ from taubench_gl.export.run import MANIFEST, ExportOptions, export_scene
 from taubench_gl.pathtraced.cameras import read_camera_file
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 FAST = ("position", "depth", "motion", "motion_forward")
 
 

@@ -25,6 +25,8 @@ from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 NAMES = tuple(RASTERIZED)
 
 

@@ -16,6 +16,8 @@ from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.reprojection import reproject
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 FPS = 24.0
 
 

@@ -10,6 +10,8 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.targets import write_channel
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 @pytest.mark.parametrize("jitter", ["none", "halton"])
 def test_buffered_frames_equal_immediate_ones(jitter: str) -> None:

@@ -21,10 +21,10 @@ from taubench_gl.run import SUMMARY_FILE, load_run
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SETTINGS: dict[str, Any] = {
     "width": 48, "height": 27, "frames": (0, 5), "light_unit": "candela", "exposure": 1.0, "environment": "none",
-    "indirect": "none", "light": "preview", "save": ("masks",),
+    "indirect": "none", "shadow_size": 64, "light": "preview", "save": ("masks",),
 }  # fmt: skip
 OPTIONS = ("--size", "48x27", "--frames", "0:5", "--light-unit", "candela", "--exposure", "1", "--environment", "none",
-           "--indirect", "none", "--light", "preview", "--save", "masks")  # fmt: skip
+           "--indirect", "none", "--shadow-size", "64", "--light", "preview", "--save", "masks")  # fmt: skip
 
 
 def evaluate_into(out: str) -> None:

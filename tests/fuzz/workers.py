@@ -28,7 +28,7 @@ def evaluate_file(path: Path) -> None:
     columns = ("frustum", "position", "normal", "direct", "color")
     settings = Settings(
         width=24, height=16, fps=4, frames=(0, 3), reprojection="motion", columns=columns, shadow_size=32,
-        indirect="none", backend="egl",
+        indirect="none", exposure=1.0, light="raster", backend="egl",
     )  # fmt: skip
     with np.errstate(all="ignore"):
         run = evaluate_scene(path, settings)

@@ -24,6 +24,8 @@ from taubench_gl.gpu.timing import MAX_SAMPLES, PassTimer, probe_timer
 from taubench_gl.paths import PACKAGE
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 
 

@@ -16,7 +16,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 from tests.gpu.test_context import DEMO, alive, alive_before
 
-SMALL = {"width": 32, "height": 18, "frames": (0, 3), "spp": 1}
+SMALL = {"width": 32, "height": 18, "frames": (0, 3), "spp": 1, "shadow_size": 64, "probes": 32}
 
 
 @pytest.fixture(scope="module")

@@ -217,9 +217,8 @@ def test_a_diffuse_ball_in_a_cosine_lobe_is_the_closed_form(gpu, tmp_path):
     assert np.abs(shot.direct - expected[..., None])[shot.surface].max() < 1e-3
 
 
-@pytest.mark.parametrize("roughness", [0.0, 0.0625, 0.3125, 0.5, 1.0])
-@pytest.mark.parametrize("metallic", [0.0, 1.0])
-def test_light_of_an_image_equals_the_reference(gpu, tmp_path, roughness, metallic):
+@pytest.mark.parametrize(("metallic", "roughness"), [(0.0, 0.0), (1.0, 0.0625), (0.0, 0.3125), (1.0, 1.0)])
+def test_light_of_an_image_equals_the_reference(gpu, tmp_path, metallic, roughness):
     """A mirror shows the image, rough surfaces its filtered maps; shader and float64 look up the same maps."""
     rng = np.random.default_rng(5)
     radiance = resized(rng.uniform(0.0, 2.0, (4, 8, 3)), WIDE // 2)

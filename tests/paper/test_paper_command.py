@@ -23,6 +23,8 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = ASSETS / "demo.glb"
 SMALL = ("--size", "32x18", "--quick")
 
@@ -173,16 +175,17 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
 
 def test_an_interrupted_run_continues(tmp_path, monkeypatch):
     out = tmp_path / "out"
+    arguments = ("eternal-valley-fps", "--out", out, *SMALL, "--light", "raster")
 
     def interrupt(*_args):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
         patch.setattr(output, "write_study", interrupt)
-        assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 130
+        assert run(*arguments).exit_code == 130
     assert not (out / "paper.html").exists()
     monkeypatch.setattr("taubench_gl.batch.units.PairsUnit.run", interrupt)
-    assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 0
+    assert run(*arguments).exit_code == 0
     assert (out / "paper.html").exists()
 
 

@@ -17,6 +17,8 @@ from taubench_gl.pathtraced.blender.job import Quality, identity, make_job
 from taubench_gl.run import load_run
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = ASSETS / "demo.glb"
 
 

@@ -25,6 +25,8 @@ from taubench_gl.pathtraced.compare import (
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 def test_comparison_of_a_run_with_itself_and_with_another(renders, tmp_path):
     for name, threshold in (("a", 0.1255), ("b", 0.9)):

@@ -15,6 +15,8 @@ from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.metrics.counts import CLASSES
 from taubench_gl.selftest.scenes import busy_room
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 TIMES = (0.25, 0.5)
 MODES = st.sampled_from(["camera", "motion"])
 SAMPLINGS = st.sampled_from(["nearest", "bilinear"])

@@ -16,6 +16,8 @@ from taubench_gl.reject.fit import fitted
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = str(ASSETS / "demo.glb")
 
 

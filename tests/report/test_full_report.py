@@ -29,6 +29,8 @@ from taubench_gl.report.run_page import ReportRun, report_data, write_html_repor
 from taubench_gl.run import Run
 from taubench_gl.selftest.scenes import busy_room
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 WIDTH, HEIGHT = 64, 36
 SETTINGS = {"width": WIDTH, "height": HEIGHT, "fps": 4, "indirect": "rsm"}
 LOWER = {"color": 2.0**-5, "position": 2.0**-4, "normal": 2.0**-6, "direct": 2.0**-4, "indirect": 2.0**-8}

@@ -16,6 +16,8 @@ from taubench_gl.report import plot_frames, plot_thresholds, run_plots, write_re
 from taubench_gl.report.plot import spread
 from taubench_gl.report.run_plots import discard_curve
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 def test_curve_is_the_share_of_distances_at_or_above_each_edge():
     distances = np.random.default_rng(1).lognormal(-2, 2, 5000)

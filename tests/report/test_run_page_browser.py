@@ -18,6 +18,8 @@ from taubench_gl.report.run_frames import FrameRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import Run
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 WIDTH, HEIGHT, PAIRS = 40, 20, 12  # of the synthetic run
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -8,6 +8,8 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.reuse import evaluate_methods
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 METHODS = ("accumulate", "taa_variance", "svgf", "bmfr_temporal", "ideal-masks")
 FIRST, CUT, LAST = 20, 23, 25
 ERRORS = ("linear_mse", "psnr_db", "relmse")

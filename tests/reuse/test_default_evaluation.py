@@ -12,6 +12,8 @@ from taubench_gl.paths import PACKAGE
 from taubench_gl.report.reuse import reuse_tables
 from taubench_gl.reuse.evaluate import EvaluationRequest
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 COMMAND = (
     "reuse", "evaluate", str(DEMO), "--methods", "none,accumulate", "--size", "32x18", "--frames", "0:6", "--bounces",

@@ -18,6 +18,8 @@ from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, side_b
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):

@@ -26,6 +26,8 @@ from taubench_gl.reuse.fit import (
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.scores import EQUAL
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 class Gain:
     """Radiance times ``gain`` plus ``lift``: exact at 1 and 0."""

@@ -17,6 +17,8 @@ from taubench_gl.report.reuse import merged_summaries
 from taubench_gl.reuse.evaluate_output import ReuseFolder
 from taubench_gl.reuse.stored import is_evaluation, load_evaluation
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):

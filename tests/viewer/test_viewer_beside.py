@@ -18,6 +18,8 @@ from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.settings import Settings
 from taubench_gl.viewer import comparisons
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 LIT = Settings(width=48, height=28, indirect="none", exposure=1.0)
 
 

@@ -14,6 +14,8 @@ from taubench_gl.settings import Settings
 from taubench_gl.viewer.comparisons import frame_offset
 from taubench_gl.viewer.feeds import Shot
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 LIT = Settings(width=48, height=27, columns=("direct", "color", "position"), indirect="none", exposure=1.0)
 
 

@@ -20,6 +20,8 @@ from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.engine import LiveTimer
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_percentages_are_those_of_evaluate(drive, reprojection):

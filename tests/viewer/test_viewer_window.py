@@ -14,6 +14,8 @@ from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.viewer import session_file
 from taubench_gl.viewer.layout import script_size, start_size
 
+pytestmark = pytest.mark.usefixtures("coarse_light")
+
 VIEW = [sys.executable, "-m", "taubench_gl", "view"]
 ARGUMENTS = ["--size", "96x54", "--columns", "frustum,position,normal"]
 
