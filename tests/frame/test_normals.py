@@ -161,6 +161,14 @@ def test_normal_map_of_known_tilt(gpu, given: bool, scale: float) -> None:
     np.testing.assert_allclose(seen, -expected, atol=0.006)
 
 
+@pytest.mark.parametrize("normal", [(1, 0, 0), (0, 1, 0), (0, 0, -1), (0.95, 0.3, 0.1), (0.6, 0.64, 0.48)])
+def test_made_tangents_without_texture_coordinates_are_unit_vectors_across_the_normal(normal) -> None:
+    n = np.asarray(normal, float) / np.linalg.norm(normal)
+    found = make_tangents(np.eye(3), np.tile(n, (3, 1)), np.zeros((3, 2)), np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(np.linalg.norm(found[:, :3], axis=1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(found[:, :3] @ n, 0.0, atol=1e-6)
+
+
 def test_made_tangents_follow_the_normal_maps_own_set(gpu) -> None:
     """Set 1 rotates the image by 90 degrees: its right is the wall's up, its up the wall's left."""
     material, images = tilt_map()
