@@ -27,8 +27,8 @@ from taubench_gl.selftest.scenes import busy_room
 scene, own = busy_room(lamps=20), {"width": 48, "height": 32}
 with open_gpu() as gpu:
     bench = Bench(gpu)
-    own |= {"probes": 60, "shadow_lights": 9, "shadow_size": 64}
-    shots = bench.shots(scene, (0, 1), columns=("direct", "indirect"), indirect="probes", **own)
+    light = {"columns": ("direct", "indirect"), "indirect": "probes", "probes": 60, "shadow_lights": 9}
+    shots = bench.shots(scene, (0, 1), **light, **own)
     images = [shot[name] for shot in shots for name in ("position", "direct", "indirect")]
     images += bench.traced(scene, spp=3, bounces=2, **own).values()
     run = bench.evaluate(scene, fps=4.0, **own)
