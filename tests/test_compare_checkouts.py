@@ -65,6 +65,7 @@ def test_text_and_volatile_values_are_not_compared(tool):
     assert found(tool, old, result(summary__discard__color__reason="")) == ["summary/discard/color/reason"]
 
 
+@pytest.mark.long
 def test_a_checkout_equals_itself(tmp_path):
     data = tmp_path / "data"
     data.mkdir()

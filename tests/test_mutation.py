@@ -105,6 +105,7 @@ def doubled(text: str, names: Iterable[str]) -> str:
     return text
 
 
+@pytest.mark.long
 def test_constants_that_are_not_mutated_change_no_bit(mutate, tmp_path):
     mutate.copy_project(tmp_path)
     command = [sys.executable, "-c", IMAGES]

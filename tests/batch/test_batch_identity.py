@@ -54,7 +54,7 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
         LIGHT,
         {"light": "auto", "light_within": 6.0, **LIGHT},
-        {"light": "path-traced", "width": 12, "height": 7, "frames": (5, 9), **LIGHT},
+        {"light": "path-traced", "width": 10, "height": 6, "frames": (5, 8), **LIGHT},
     ],
     ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light", "decided light"],
 )
@@ -85,7 +85,7 @@ def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     [
         {"light": "raster", "indirect": "none"},
         {"light": "auto", "light_within": 9.0},
-        {"light": "path-traced", "width": 12, "height": 7},
+        {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
     ],
 )
 def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):
