@@ -158,6 +158,16 @@ def cost(work: Path) -> None:
     program("cost_pages.py", work, DOCS)(work)
 
 
+def sampled_light(work: Path) -> None:
+    """Half an hour, the images too."""
+    stored, demo = work / "sampled-light.npz", ROOT / "assets" / "demo.glb"
+    work.mkdir(parents=True, exist_ok=True)
+    if not stored.is_file():
+        program("sampled_light_study", "decide", stored, demo)(work)
+    picture = DOCS / "images" / "sampled-light.png"
+    program("sampled_light_study", "figure", picture, stored, demo, "bidirectional=true")(work)
+
+
 DIGITS = 6
 LEFT_OUT = ("bound", "classes", "reuse", "reasons")
 """Blocks of single cases that the record of the benchmark does not hold."""

@@ -164,6 +164,7 @@ EVERY = (
         ("tools/light_transport_scenes.py", *SOURCES, "taubench_gl/gpu", "taubench_gl/frame", *RAYS),
         by.program("cycles_time", "--docs"),
     ),
+    Record("sampled-light", ("docs/images/sampled-light.png",), (DEMO, *FRAME, *RAYS), by.sampled_light),
     Record("speed", ("docs/speed.md",), (DEMO, *FRAME, *RAYS)),  # tools/bench all
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
 )  # fmt: skip
