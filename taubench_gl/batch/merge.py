@@ -47,7 +47,7 @@ from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, DECIDED_COLUMN
 from taubench_gl.scene.model import Camera
 from taubench_gl.study.store import Store
 
-SCHEMA = "taubench-gl/batch/3"
+SCHEMA = "taubench-gl/batch/4"
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
 PROVENANCE_FILE = "provenance.json"
 WORKERS = ("version", "backend", "renderer", "driver", "git", "python", "machine")

@@ -61,7 +61,7 @@ def part_table(first: int, count: int) -> Array:
     length = np.maximum(start, LEAST) // PARTS  # samples of each part that begin at ``start``
     part, within = np.divmod(number - start, length)
     at = start // PARTS + within
-    return _part_sequences(1 << int(at.max()).bit_length())[part, at]
+    return _part_sequences(max(1 << int(at.max()).bit_length(), LIMIT // PARTS))[part, at]
 
 
 @lru_cache(maxsize=1)

@@ -140,7 +140,7 @@ def test_engine_names(tmp_path):
 
 
 def test_compare_of_a_batch_names_batch_report(tmp_path, capsys):
-    (tmp_path / "summary.json").write_text('{"schema": "taubench-gl/batch/3"}')
+    (tmp_path / "summary.json").write_text('{"schema": "taubench-gl/batch/4"}')
     code, _, err = taubench(capsys, "compare", tmp_path)
     assert code == 2 and "batch report" in err and err.count("\n") == 1
 
