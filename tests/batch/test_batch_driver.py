@@ -55,8 +55,9 @@ def answer(unit: Unit) -> bytes:
         "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
         "provenance": {"host": "h"},
         "passes_ms": {},
+        "added": [],
     }
-    return json_bytes({"report": report, "pairs": [pair_record(p, counts(p), {}, None) for p in unit.positions]})
+    return json_bytes({"report": report, "pairs": [pair_record(p, counts(p), {}, {}) for p in unit.positions]})
 
 
 def positions(unit: Unit) -> tuple[int, ...]:
@@ -126,7 +127,7 @@ def drive(tmp_path, spec):
 def test_records_preserve_every_count_and_damaged_ones_are_removed(tmp_path):
     store = batch_store(tmp_path)
     before = counts(3)
-    data = json_bytes(pair_record(3, before, {}, None))
+    data = json_bytes(pair_record(3, before, {}, {}))
     store.save("a/b", data)
     after = counts_of_record(store.load("a/b"))
     np.testing.assert_array_equal(after.mask_histogram, before.mask_histogram)
