@@ -216,8 +216,8 @@ class DecidedPixels:
         parts = every.reshape(*every.shape[:2], PARTS, -1, *every.shape[3:]).astype(np.float64).mean(axis=3)
         return parts.swapaxes(1, 2)
 
-    def _values(self, listed: _Listed, light: Array) -> dict[str, tuple[Array, Array]]:
-        """Column -> its value in the current frame and in the history, from radiance (m, ..., 1 + taps, lobes, 3)."""
+    def _changes(self, listed: _Listed, light: Array) -> dict[str, Array]:
+        """Column -> its value now less that in the history, (m, ..., 3), of radiance (m, ..., 1 + taps, lobes, 3)."""
         exposure, expand = self._settings.lighting.exposure_factor, (slice(None), *[None] * (light.ndim - 4))
         direct, indirect = light[..., :2, :].sum(axis=-2), light[..., 2:, :].sum(axis=-2)
         values = {"direct": direct * exposure, "indirect": indirect * exposure}
@@ -226,15 +226,7 @@ class DecidedPixels:
             shown = display_color(direct + indirect + emission, exposure, self._settings.lighting.tone_map)
             values["color"] = np.where(listed.surface[expand][..., None], shown, listed.color[expand])
         weights = listed.weights[expand]
-        return {n: (values[n][..., 0, :], blend(values[n][..., 1:, :], weights)) for n in self.columns}
-
-    def _parts(self, listed: _Listed, light: Array) -> dict[str, Array]:
-        """Column -> distance (m, ...) of radiance (m, ..., 1 + taps, lobes, 3)."""
-        return {
-            name: np.linalg.norm(now - before, axis=-1) if name in RADIANCE_FEATURES
-            else np.abs(now - before).max(axis=-1)
-            for name, (now, before) in self._values(listed, light).items()
-        }  # fmt: skip
+        return {n: values[n][..., 0, :] - blend(values[n][..., 1:, :], weights) for n in self.columns}
 
     def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """``lobe_distance`` -> distance (m,) of each wanted lobe, of parts ``light``."""
@@ -243,7 +235,8 @@ class DecidedPixels:
             bounce, lobe = name.split("_")
             if bounce in self.columns and lobe in self._lobes:
                 change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
-                out[lobe_distance(bounce, lobe)] = mean_length(change)
+                variance = change.var(axis=1, ddof=1) / PARTS
+                out[lobe_distance(bounce, lobe)] = distance_of(bounce, change.mean(axis=1), variance)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
@@ -252,30 +245,27 @@ class DecidedPixels:
         Errors: the jackknife over parts (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, Eq. 11.5).
         """
         mean = light.mean(axis=1)
-        found = self._parts(listed, mean)
-        values = self._values(listed, light)
-        found |= {n: mean_length(values[n][0] - values[n][1]) for n in RADIANCE_FEATURES if n in found}
-        without = self._parts(listed, (light.sum(axis=1, keepdims=True) - light) / (PARTS - 1))
-        error = {
-            name: np.sqrt((PARTS - 1) / PARTS * ((d - d.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
-            for name, d in without.items()
-        }
+        changes = self._changes(listed, mean)
+        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (PARTS - 1))
+        found = {name: distance_of(name, changes[name], _jackknife(each)) for name, each in without.items()}
+        error = {name: np.sqrt(_jackknife(distance_of(name, each))) for name, each in without.items()}
         bits, luminance = np.zeros(len(mean), np.uint32), np.zeros(len(mean))
         for name, distance in found.items():
             bits[distance > self._thresholds[name]] |= np.uint32(FEATURE_BIT[name])
         if "direct" in found:
-            now, before = self._values(listed, mean)["direct"]
-            luminance, over = (now - before) @ LUMINANCE, found["direct"] > self._thresholds["direct"]
+            luminance, over = changes["direct"] @ LUMINANCE, found["direct"] > self._thresholds["direct"]
             bits[over & (luminance > 0)] |= np.uint32(Reason.LIT)
             bits[over & (luminance < 0)] |= np.uint32(Reason.SHADOWED)
         return found, error, bits, luminance
 
     def _floor(self, listed: _Listed, light: Array) -> dict[str, float]:
         """Column -> quantile of how far a part's distance is from that of all parts."""
-        mean = self._parts(listed, light.mean(axis=1))
+        mean = self._changes(listed, light.mean(axis=1))
         return {
-            name: float(np.quantile(np.abs(distance - mean[name][:, None]), FLOOR_QUANTILE))
-            for name, distance in self._parts(listed, light).items()
+            name: float(
+                np.quantile(np.abs(distance_of(name, each) - distance_of(name, mean[name])[:, None]), FLOOR_QUANTILE)
+            )
+            for name, each in self._changes(listed, light).items()
         }
 
     def _margin(
@@ -309,14 +299,17 @@ class _Listed:
         return _Listed(*(None if v is None else v[rows] for v in values))
 
 
-def mean_length(vectors: Array) -> Array:
-    """Length of the mean of independent ``vectors`` (m, n, 3), without the part that their noise adds.  (m,).
+def distance_of(column: str, change: Array, variance: Array | float = 0.0) -> Array:
+    """Distance of a light column from ``change`` (..., 3), less what its noise adds: squares are too large by the
+    ``variance`` (..., 3).  (...)."""
+    squares = change * change - variance
+    square = squares.sum(axis=-1) if column in RADIANCE_FEATURES else squares.max(axis=-1)
+    return np.sqrt(np.maximum(square, 0.0))
 
-    The square of the length of a mean is too large by the variance of that mean.
-    """
-    count, mean = vectors.shape[1], vectors.mean(axis=1, keepdims=True)
-    variance = ((vectors - mean) ** 2).sum(axis=(1, 2)) / (count * (count - 1))
-    return np.sqrt(np.maximum((mean**2).sum(axis=(1, 2)) - variance, 0.0))
+
+def _jackknife(without: Array) -> Array:
+    """Variance of a statistic from its values (m, PARTS, ...) without each part."""
+    return (PARTS - 1) / PARTS * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
 
 
 @lru_cache
