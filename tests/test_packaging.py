@@ -95,18 +95,8 @@ def test_checkout_uses_its_own_shaders():
 def test_installed_package_evaluates_its_demo(installed, tmp_path):
     code = "import sys, taubench_gl.apps.cli as c; from taubench_gl.paths import ASSETS; "
     code += "c.main(['evaluate', str(ASSETS / 'demo.glb'), *sys.argv[1:]])"
-    options = (
-        "--size",
-        "32x18",
-        "--frames",
-        "0:3",
-        "--light",
-        "preview",
-        "--shadow-size",
-        "64",
-        "--out",
-        tmp_path / "out",
-    )
+    light = ("--light", "preview", "--shadow-size", "64")
+    options = ("--size", "32x18", "--frames", "0:3", *light, "--out", tmp_path / "out")
     _run(sys.executable, "-c", code, *options, cwd=tmp_path, PYTHONPATH=str(installed))
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["pairs"] == 2

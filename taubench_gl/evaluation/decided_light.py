@@ -64,8 +64,8 @@ class DecidedLight:
         measured = {name: image(of, lambda d, name=name: d.distances[name]) for name, of in preview.distances.items()}
         luminance = image(pair.distances.luminance, lambda d: d.luminance)
         distances = PixelDistances({**pair.distances.features, **measured}, pair.distances.depth, luminance)
+        radiance = [column for column in self._columns if column in RADIANCE_FEATURES]
         for lobe in self._lobes:
-            radiance = [bounce for bounce in RADIANCE_FEATURES if bounce in self._columns]
             names = {bounce: lobe_distance(bounce, lobe) for bounce in radiance}
             of_lobe = {b: image(none, lambda d, name=name: d.distances[name]) for b, name in names.items()}
             pair.evaluated.lobes[lobe] = _histogram(self._with_bits(words, of_lobe))
@@ -74,9 +74,9 @@ class DecidedLight:
 
     def _with_bits(self, words: Array, distances: Mapping[str, Array]) -> Array:
         """``words`` (h, w) with the bits of the columns that have ``distances``."""
+        comparable = (words & NOT_COMPARABLE) == 0
         for name, distance in distances.items():
             bit = np.uint32(FEATURE_BIT[name])
-            comparable = (words & NOT_COMPARABLE) == 0
             over = comparable & (distance > self._settings.metrics.threshold(name))
             words = (words & ~bit) | np.where(over, bit, np.uint32(0))
         return words
