@@ -29,6 +29,7 @@ TITLES = {
     "indirect": "Indirect light",
     "path_tracing": "Path-traced light",
     "radiance": "Radiance and thresholds",
+    "sampling": "Pixels decided by path tracing, and estimates from them",
     "statistics": "Sums and counts",
     "storage": "Half, float and double precision",
     "files": "Invalid files",

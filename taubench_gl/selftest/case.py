@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 Value = float | int | str
 GROUPS = (
     "projection", "depth", "camera", "offsets", "animation", "geometry",
-    "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "statistics",
-    "storage", "files", "encodings", "arithmetic", "formulas", "tables", "cross_checks",
+    "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "sampling",
+    "statistics", "storage", "files", "encodings", "arithmetic", "formulas", "tables", "cross_checks",
 )  # fmt: skip
 """Groups in the order in which they run; each is a module of the same name."""
 
