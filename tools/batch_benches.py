@@ -51,7 +51,7 @@ def _timed(spec: BatchSpec, **engine) -> tuple[float, float]:
 
 @bench
 def batch(gpu: Gpu, options: Options) -> Result:
-    """The demo scene with all columns, at half the size: milliseconds per pair after the workers have started.
+    """The demo scene with all columns of the preview, at half the size: milliseconds per pair after the workers start.
 
     Shader compilation is included.
     """
@@ -60,7 +60,7 @@ def batch(gpu: Gpu, options: Options) -> Result:
         path = Path(folder) / "spec.toml"
         size = f"{options.size[0] // 2}x{options.size[1] // 2}"
         path.write_text(
-            f'scenes = ["{ROOT / "assets" / "demo.glb"}"]\nsize = "{size}"\nframes = "0:{FRAMES}"\n'
+            f'scenes = ["{ROOT / "assets" / "demo.glb"}"]\nsize = "{size}"\nframes = "0:{FRAMES}"\nlight = "preview"\n'
             f"reprojection = {list(MODES)}\n"
         )
         spec = read_spec(path)
