@@ -440,9 +440,10 @@ class LightingSettings(Checked):
     light: str = setting(
         AUTO,
         "Method of light.  auto: path-traced at random pixels, with intervals; images show the preview.  preview: "
-        "raster for punctual lights, few path-traced samples for emissive surfaces of strength above 1 and for the "
-        "environment.  raster: shadow maps, unoccluded environment; emissive surfaces light nothing.  path-traced: all "
-        "light of every pixel by path tracing, as many samples as each pixel needs; with --spp N images of N samples",
+        "raster, with few path-traced samples for emissive surfaces of strength above 1, and for an environment "
+        "without punctual lights.  raster: shadow maps, unoccluded environment; emissive surfaces light nothing.  "
+        "path-traced: all light of every pixel by path tracing, as many samples as each pixel needs; with --spp N "
+        "images of N samples",
         one_of(LIGHTS),
         short=True,
     )

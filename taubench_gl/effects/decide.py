@@ -210,7 +210,7 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
 
 def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wanted: bool) -> dict[str, Effect]:
-    """The effects that trace paths: all light, or with ``auto`` that of emissive surfaces and of the environment."""
+    """The effects that trace paths: all light, or with ``auto`` what ``traced_sources`` names."""
     method, cost = method_of(settings), cost_text(settings.lighting)
     surfaces = _count(emissive_surfaces(scene, settings), "emissive surface", "emissive surfaces")
     whole = Effect(False, f"the light method is {method}")
@@ -222,15 +222,20 @@ def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wante
         parts = {
             name: Effect(
                 wanted and source in traced,
-                f"{light} by path tracing: {cost}"
-                if source in traced
-                else f"{light}, the light method is raster"
-                if method == "raster"
-                else f"no {'emissive surface of strength above 1' if source == 'emitters' else 'environment'}",
+                f"{light} by path tracing: {cost}" if source in traced else _not_traced(source, light, settings),
             )
             for name, (source, light) in by_source.items()
         }
     return {"path_traced": whole, **parts}
+
+
+def _not_traced(source: str, light: str, settings: Settings) -> str:
+    """Why the preview, or the raster method, traces no paths for ``light`` of ``source``."""
+    if method_of(settings) == "raster":
+        return f"{light}, the light method is raster"
+    if source == "emitters":
+        return "no emissive surface of strength above 1"
+    return f"{light} has raster light, as punctual lights" if environment_of(settings).shines else "no environment"
 
 
 def _indirect(effects: Mapping[str, Effect], traced: frozenset[str], lit: bool, settings: Settings) -> Effect:

@@ -41,14 +41,19 @@ def emissive_surfaces(scene: Scene, settings: Settings) -> int:
 
 
 def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
-    """Those of ``SOURCES`` that are in the scene and path-traced by the method of ``settings``, which are resolved."""
+    """Those of ``SOURCES`` that are in the scene and path-traced by the method of ``settings``, which are resolved.
+
+    The preview has raster light of an environment beside punctual lights: unoccluded, without noise, a better control
+    of sampled light and faster than few samples.  Alone it would have no indirect light, so then it is path-traced.
+    """
     method, environment = method_of(settings), environment_of(settings)
     if method == "raster":
         return frozenset()
+    whole, punctual = method == "path-traced", bool(len(scene.light_nodes) or environment.sun is not None)
     present = {
-        "punctual": method == "path-traced" and bool(len(scene.light_nodes) or environment.sun is not None),
+        "punctual": whole and punctual,
         "emitters": bool(emitters(scene, settings)),
-        "environment": environment.shines,
+        "environment": environment.shines and (whole or not punctual),
     }
     return frozenset(name for name, there in present.items() if there)
 

@@ -138,9 +138,9 @@ def with_samples(settings: Settings) -> Settings:
 def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
     """``settings``, whose lighting is resolved, with the pairs that ``auto`` stands for.
 
-    All of at most MOST_FRAMES frames, else two from each of H strata.  Where the preview traces paths, for emitters or
-    an environment, at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and pairs that
-    the user names are kept.
+    All of at most MOST_FRAMES frames, else two from each of H strata.  Where the preview traces paths
+    (``traced_sources``), at most SAMPLE_BUDGET samples are taken, but LEAST_PAIRS pairs evaluated.  Methods and pairs
+    that the user names are kept.
     """
     if settings.metrics.pairs != AUTO:
         return settings

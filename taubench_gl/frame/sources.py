@@ -30,7 +30,7 @@ from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.settings import Settings
+from taubench_gl.settings import PREVIEWED, Settings
 
 if TYPE_CHECKING:
     import moderngl
@@ -255,5 +255,7 @@ class RasterSource(Owner):
         enabled = frozenset(name for name, effect in self.effects.items() if effect.enabled)
         notes = light_notes(self.renderer.scene, self._settings, enabled)
         notes += [] if self.light is None else self.light.notes()
+        if self._settings.lighting.light in PREVIEWED:  # whose columns may be of sampled light, without these limits
+            notes = [f"preview: {note}" for note in notes]
         notes += [] if self.visibility is None else self.visibility.notes()
         return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": size}, "notes": notes}

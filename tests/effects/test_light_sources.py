@@ -36,7 +36,9 @@ def scene(lamps: int = 0, *, strength: float = 1.0, unlit: bool = False, glowing
         ("auto", {"lamps": 2, "strength": 5.0}, "none", ("emitters",)),
         ("auto", {"strength": 5.0, "unlit": True}, "none", ()),
         ("auto", {"strength": 5.0}, SKY, ("emitters", "environment")),
-        ("auto", {}, "default", ("environment",)),
+        ("auto", {}, "default", ()),
+        ("preview", {"lamps": 1}, SKY, ()),
+        ("preview", {"glowing": 0}, SKY, ("environment",)),
         ("path-traced", {}, "none", ("emitters",)),
         ("path-traced", {"unlit": True}, "none", ()),
         ("path-traced", {"lamps": 2, "glowing": 0}, "none", ("punctual",)),
@@ -74,7 +76,7 @@ def test_forcing_everything_keeps_what_is_replaced_disabled(light, environment, 
         assert forced[by].enabled == plain[by].enabled
         if plain[by].enabled:
             assert not any(forced[name].enabled for name in replaced)
-    assert not force(forced, ["sky"])["sky"].enabled or environment == "none"
+            assert not any(force(forced, replaced)[name].enabled for name in replaced)
 
 
 def test_emitters_alone_have_direct_and_indirect_columns():

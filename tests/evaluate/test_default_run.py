@@ -14,9 +14,9 @@ pytestmark = pytest.mark.usefixtures("coarse_light")
 SKY = {"light": "auto", "environment": (1.0, 1.0, 1.0)}
 
 
-def pairs(frames: int, **settings) -> int:
+def pairs(frames: int, *, lamps: int = 0, **settings) -> int:
     """Number of evaluated pairs of an animation of ``frames`` frames."""
-    chosen = with_pairs(busy_room(lamps=1), Settings(**settings), range(frames))
+    chosen = with_pairs(busy_room(lamps=lamps), Settings(**settings), range(frames))
     assert chosen.metrics.pairs != "auto"
     return len(sampled_pairs(range(frames), chosen).positions)
 
@@ -55,3 +55,7 @@ def test_path_traced_samples_stay_within_the_budget(size, spp, places):
 def test_what_the_user_names_is_evaluated():
     assert pairs(100, size="paper", spp=16, **SKY | {"light": "path-traced"}) == 99
     assert pairs(100, size="paper", spp=16, columns=("position",), **SKY) == 99
+
+
+def test_a_sky_beside_a_lamp_is_not_path_traced_by_the_preview():
+    assert pairs(100, size="paper", spp=16, lamps=1, **SKY) == 99
