@@ -12,7 +12,10 @@ from taubench_gl.batch.spec import Job
 from taubench_gl.batch.study import batch_store, stored_pairs
 from taubench_gl.batch.units import head_key, resolved_job
 from taubench_gl.evaluation import Observers, decides_light, evaluate_scene, frame_range, frame_schedule, sampled_pairs
+from taubench_gl.evaluation.decided_pixels import decided_light
+from taubench_gl.evaluation.sampled_light import PLAN, samples_light
 from taubench_gl.metrics.path_samples import LIMIT
+from taubench_gl.outputs import duration_text
 from taubench_gl.paper.study import RUNS, SceneJobs
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -37,12 +40,12 @@ def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
         loaded: Scene | None = None
         for light, job in scene.images.items():
             left, seconds = _counted(store, job)
-            reason = "measured in the pairs counted before"
+            reason, rounds = "measured in the pairs counted before", 0.0
             if seconds is None:
                 loaded = loaded or load_scene(job.scene, **job.settings.sequence.reading)
-                left, seconds, reason = _timed(loaded, job)
+                left, seconds, reason, rounds = _timed(loaded, job)
             if left:
-                estimates.append(Estimate(f"{scene.scene.label}, {light}", left, seconds, reason))
+                estimates.append(Estimate(f"{scene.scene.label}, {light}", left, seconds, reason, rounds))
     return estimates
 
 
@@ -57,8 +60,8 @@ def _counted(store: Store, job: Job) -> tuple[int, float | None]:
     return len(left), spent / len(pairs) if pairs else None
 
 
-def _timed(scene: Scene, job: Job) -> tuple[int, float, str]:
-    """Pairs of a job, the seconds of one, and how they were timed."""
+def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
+    """Pairs of a job, the seconds of one, how they were timed, and the seconds of all samples at random pixels."""
     settings, light = job.settings, job.settings.lighting
     if light.exposure == AUTO:  # metering takes as long as what is timed
         settings = settings.replace(exposure=1.0 if scene.exposure is None else scene.exposure)
@@ -68,16 +71,25 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str]:
     start = frames[max(len(frames) // 2 - 1, 0)]
     window = settings.replace(frames=(start, min(start + 3, frames.stop)), pairs="all")
     seconds, reason = drawn * _slowest(scene, window.replace(light="raster", spp=None)), "timed in three frames"
+    rounds = 0.0
     if light.light != "raster":
-        width, height = _probe_size(settings)
         samples = drawn * light.path_samples  # of a pixel and a pair
         if decides_light(settings):  # at most, in two frames
-            window, samples = window.replace(bidirectional=True), 2 * LIMIT
-        few, more = (_slowest(scene, window.replace(spp=spp, width=width, height=height)) for spp in PROBES)
-        sample = max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
-        seconds += sample * settings.sequence.width * settings.sequence.height * samples
+            window, samples = decided_light(window), 2 * LIMIT
+        seconds += _of_a_sample(scene, window) * settings.sequence.width * settings.sequence.height * samples
+        width, height = _probe_size(settings)
         reason = f"timed at {width}x{height} with {PROBES[0]} and {PROBES[1]} samples"
-    return pairs, seconds, reason
+    if samples_light(settings):
+        rounds = PLAN.samples * _of_a_sample(scene, decided_light(window))
+        reason += f"; at most {duration_text(rounds)} of it at random pixels"
+    return pairs, seconds, reason, rounds
+
+
+def _of_a_sample(scene: Scene, settings: Settings) -> float:
+    """Seconds of one sample of one pixel."""
+    width, height = _probe_size(settings)
+    few, more = (_slowest(scene, settings.replace(spp=spp, width=width, height=height)) for spp in PROBES)
+    return max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
 
 
 def _slowest(scene: Scene, settings: Settings) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import shutil
@@ -15,6 +16,7 @@ from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation.sampled_light import PLAN
 from taubench_gl.paper import estimate, figures, output, scenes
 from taubench_gl.paper.figures import panel_size, telling_pair
 from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
@@ -211,6 +213,19 @@ def test_the_estimate_counts_frames(tmp_path, monkeypatch):
     assert every.total == pytest.approx(2.0 * (every.weight + 1))
     (some,) = estimate.estimate(plan(found.scenes, PaperOptions(quick=True)), tmp_path / "some")
     assert some.weight == 8 and 2.0 * 9 < some.total <= 2.0 * 16
+
+
+def test_the_estimate_has_all_samples_at_random_pixels(tmp_path, monkeypatch):
+    def slowest(_scene, settings):
+        return 1e-3 * settings.lighting.spp if settings.lighting.light == "path-traced" else 0.0
+
+    monkeypatch.setattr(estimate, "_slowest", slowest)
+    (scene,) = plan(find_scenes(("eternal-valley-fps",), resolved).scenes, PaperOptions())
+    (job,) = scene.images.values()
+    sampled = dataclasses.replace(job, settings=job.settings.replace(light="auto"))
+    (estimated,) = estimate.estimate([dataclasses.replace(scene, images={"auto": sampled})], tmp_path / "out")
+    width, height = estimate._probe_size(job.settings)
+    assert estimated.begin == pytest.approx(PLAN.samples * 1e-3 / (width * height))
 
 
 @pytest.mark.parametrize(
