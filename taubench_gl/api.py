@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import partial
@@ -14,7 +13,7 @@ import numpy as np
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SettingsError, choice_hint
 from taubench_gl.evaluation import Observers, Pair, Session, Wants, evaluate_scene
 from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.fields import declared
@@ -191,9 +190,7 @@ def _saves(save: Any) -> frozenset[str]:
         raise SettingsError(f"save is {save!r:.60}", hint=f"choose from {', '.join(SAVES)}")
     unknown = sorted(str(name) for name in names if name not in SAVES)
     if unknown:
-        near = difflib.get_close_matches(unknown[0], SAVES, 1)
-        hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(SAVES)}"
-        raise SettingsError(f"cannot save {', '.join(unknown):.60}", hint=hint)
+        raise SettingsError(f"cannot save {', '.join(unknown):.60}", hint=choice_hint(unknown[0], SAVES))
     return frozenset(names)
 
 
@@ -205,9 +202,7 @@ def _channels(names: Any) -> tuple[str, ...]:
         raise SettingsError(f"channels is {names!r:.60}", hint="give names of channels")
     for name in names:
         if name not in CHANNELS:
-            near = difflib.get_close_matches(str(name), CHANNELS, 1)
-            hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(CHANNELS)}"
-            raise SettingsError(f"no channel is named {name!r:.60}", hint=hint)
+            raise SettingsError(f"no channel is named {name!r:.60}", hint=choice_hint(name, CHANNELS))
     return tuple(dict.fromkeys(names))
 
 

@@ -6,8 +6,18 @@ turns an error into exit code 2 and one printed line.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 MOST_CHARACTERS = 2000
 """Limit on each part of a printed error; values and names in files may have megabytes."""
+
+
+def choice_hint(name: object, names: Iterable[str], more: str = "") -> str:
+    """``did you mean X?`` for the nearest of ``names``, else ``choose from A, B`` and ``more``."""
+    names = tuple(names)
+    near = difflib.get_close_matches(str(name), names, 1)
+    return f"did you mean {near[0]}?" if near else f"choose from {', '.join(names)}{more}"
 
 
 class TaubenchError(Exception):

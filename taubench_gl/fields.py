@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SettingsError, choice_hint
 
 REQUIRED = dataclasses.MISSING
 """Default of a field that must be given."""
@@ -229,9 +229,7 @@ def declared(owner: Any) -> dict[str, Setting]:
 
 def unknown_field(name: str, allowed: Collection[str]) -> SettingsError:
     """The error for a name that is none of ``allowed``."""
-    near = difflib.get_close_matches(name, allowed, 1)
-    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(allowed)}"
-    return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
+    return SettingsError(f"no setting is named {name!r}", hint=choice_hint(name, allowed), setting=name)
 
 
 def from_values(kind: type[T], values: Mapping[str, Any]) -> T:

@@ -8,7 +8,9 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import shlex
 import sys
+from pathlib import Path
 from typing import NoReturn, TextIO
 
 import click
@@ -27,6 +29,7 @@ from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
 from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.paper_command import paper
+from taubench_gl.apps.progress import show_stages
 from taubench_gl.apps.reference_command import reference
 from taubench_gl.apps.reject_command import reject
 from taubench_gl.apps.report_command import report
@@ -53,8 +56,27 @@ SECTIONS = {
 """Commands by purpose, for the help."""
 
 
+class Program(Commands):
+    """All commands."""
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple:
+        """A scene in place of a command is answered with what to type."""
+        if args[0] not in self.commands and _names_scene(args[0]):
+            scene = shlex.quote(args[0])
+            raise click.UsageError(
+                f"{args[0]} is no command (type: taubench-gl evaluate {scene}, or view, inspect)", ctx
+            )
+        return super().resolve_command(ctx, args)
+
+
+def _names_scene(word: str) -> bool:
+    from taubench_gl.scene import READERS  # not for --help
+
+    return word.startswith("exr:") or Path(word).suffix.lower() in READERS
+
+
 @click.group(
-    cls=Commands,
+    cls=Program,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Examples:
@@ -100,6 +122,7 @@ cli.sections["Machine"].append(completion.name)
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Entry point of the console script.  Always exits: 0, 2 for an error, 130 when interrupted."""
+    show_stages()
     for stream in (sys.stdout, sys.stderr):
         # A terminal that cannot show a dash or a superscript gets a question mark, not a traceback.
         if hasattr(stream, "reconfigure"):

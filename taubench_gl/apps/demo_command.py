@@ -6,9 +6,10 @@ import os
 import tempfile
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from taubench_gl.apps.options import GPU, command, part
 from taubench_gl.apps.screen import only_one
@@ -21,6 +22,23 @@ if TYPE_CHECKING:
     from taubench_gl.demos.gallery import Shown
 
 EXIT_NOT_AS_EXPECTED = 1
+
+
+class DemoType(click.ParamType):
+    """A demo by its name, its number or the beginning of its name."""
+
+    name = "demo"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Demo:
+        from taubench_gl.demos.lessons import find_demo
+
+        return find_demo(value) if isinstance(value, str) else value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Names with their titles."""
+        from taubench_gl.demos.lessons import demos
+
+        return [CompletionItem(d.name, help=d.title) for d in demos() if d.name.startswith(incomplete)]
 
 
 @command(
@@ -37,9 +55,9 @@ Examples:
 DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all, and Jupyter notebooks
 with --notebook.  docs/demos.md lists the demos.""",
 )
-@click.argument("names", nargs=-1, metavar="[NAME|NUMBER]...")
+@click.argument("named", nargs=-1, metavar="[NAME|NUMBER]...", type=DemoType())
 def demo(
-    names: tuple[str, ...],
+    named: tuple[Any, ...],  # demos
     settings: Settings,
     *,
     every: bool = setting(False, "Run all demos and write an index page", flag="--all"),
@@ -64,15 +82,15 @@ def demo(
     Each number is compared with its theoretical value; the exit code is 1 if one differs.  Without a name, lists the
     demos.
     """
-    from taubench_gl.demos.lessons import demos, find_demo
+    from taubench_gl.demos.lessons import demos
 
-    only_one("--all and names were given", "give one of the two", every, names)
+    only_one("--all and names were given", "give one of the two", every, named)
     only_one("--notebook, --scene and --view exclude each other", "give one of them", notebook, scene_file, viewing)
-    if (scene_file is not None or viewing) and not (names or every or listing):
+    if (scene_file is not None or viewing) and not (named or every or listing):
         raise SettingsError("no demo was named", hint="--scene and --view need one, see 'taubench-gl demo'")
     if scene_file is not None and scene_file.suffix.lower() != ".glb":
         raise SettingsError(f"{scene_file.name} does not end in .glb", hint="scenes are written as one binary file")
-    selected = demos() if every else list(dict.fromkeys(find_demo(name) for name in names))
+    selected = demos() if every else list(dict.fromkeys(named))
     if listing or not selected:
         _list(selected or demos())
         return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import operator
 import time
 from collections import deque
@@ -16,7 +15,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as reprojection_of
-from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.errors import SettingsError, TaubenchError, choice_hint
 from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
 from taubench_gl.features import FEATURES, GEOMETRY
 from taubench_gl.frame.passes.masks import PLACES, ComparedSource, MaskPass
@@ -323,9 +322,7 @@ class Pair:
 
 def _channel(source: Any, name: str, previous: bool) -> np.ndarray:
     if name not in source.channels:
-        near = difflib.get_close_matches(str(name), source.channels, 1) or [f"choose from {', '.join(source.channels)}"]
-        hint = f"did you mean {near[0]}?" if near[0] in source.channels else near[0]
-        raise SettingsError(f"no channel of these frames is named {name!r}", hint=hint)
+        raise SettingsError(f"no channel of these frames is named {name!r}", hint=choice_hint(name, source.channels))
     return source.read(name, previous=previous)
 
 

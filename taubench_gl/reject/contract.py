@@ -6,7 +6,6 @@ history is rejected where it is above the threshold.  A test of kind ``color`` a
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from taubench_gl.data_files import read_text, read_toml, schema_fault
-from taubench_gl.errors import MethodError
+from taubench_gl.errors import MethodError, choice_hint
 from taubench_gl.paths import PACKAGE
 
 FILE, SHADER = "test.toml", "test.glsl"
@@ -102,8 +101,7 @@ def _one(source: str) -> RejectionTest:
     name, equals, text = source.strip().partition("=")
     path = BUILTIN / name if name in builtin_tests() else Path(name)
     if not name or not (path / FILE).is_file():
-        near = difflib.get_close_matches(name, builtin_tests(), 1)
-        hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(builtin_tests())}, or give a folder"
+        hint = choice_hint(name, builtin_tests(), ", or give a folder")
         raise MethodError(f"there is no rejection test {name!r}", hint=hint)
     test = load_folder(path)
     if not equals:

@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 
 from taubench_gl.demos.demo import REGISTRY, Demo
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SettingsError, choice_hint
 
 for _module in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_module.name}")
@@ -27,5 +27,4 @@ def find_demo(text: str) -> Demo:
     if len(matches) == 1:
         return matches[0]
     message = f"several demos begin with {text!r}" if matches else f"no demo is {text!r}"
-    names = ", ".join(f"{d.number} {d.name}" for d in (matches or every))
-    raise SettingsError(message, hint=f"choose from {names}")
+    raise SettingsError(message, hint=choice_hint(word, [d.name for d in matches or every], ", or give a number"))
