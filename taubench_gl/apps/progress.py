@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +18,47 @@ if TYPE_CHECKING:
 
 PLAIN_STEPS = 10
 """Progress lines per scene if standard error is not a terminal."""
+
+
+STAGE_SECONDS = 1.0
+"""A stage that takes longer is printed where no bar shows it."""
+
+
+class Stages(logging.Handler):
+    """Shows what a command does before it has a number to show: the package's log records of level INFO.
+
+    A bar has the text of the stage at once; without one, a line says it once the stage has taken STAGE_SECONDS.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.show: Callable[[str], None] | None = None  # of the bar that is on the terminal
+        self._timer: threading.Timer | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.end()
+        if self.show is not None:
+            return self.show(record.getMessage())
+        self._timer = threading.Timer(STAGE_SECONDS, note, (f"{record.getMessage()} ...",))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def end(self) -> None:
+        """The stage is over."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None
+
+
+STAGES = Stages()
+
+
+def show_stages() -> None:
+    """Show the stages of this process."""
+    logger = logging.getLogger("taubench_gl")
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    logger.addHandler(STAGES)
 
 
 class Bars:
@@ -33,9 +77,15 @@ class Bars:
             columns = (name, BarColumn(), MofNCompleteColumn(), text, TimeRemainingColumn())
             self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
             self._progress.start()
+            STAGES.show = self.stage
         return self
 
+    def stage(self, text: str) -> None:
+        """Show what is being done where no number tells: here nowhere."""
+
     def __exit__(self, *exc: object) -> None:
+        STAGES.show = None
+        STAGES.end()
         if self._progress is not None:
             self._progress.stop()
 
@@ -80,7 +130,11 @@ class ProgressBar(Bars):
         self.set_bar(self.name, 0, None, "starting")
         return self
 
+    def stage(self, text: str) -> None:
+        self.set_bar(self.name, self.done, self.total or None, text)
+
     def __call__(self, progress: Progress) -> None:
+        STAGES.end()
         if progress.text:
             self.set_bar(self.name, progress.done, progress.total, progress.text)
             if not self.on_terminal:
@@ -113,6 +167,9 @@ class StudyScreen(Bars, StudyProgress):
         self._show_whole()  # first: it stays above the bars of jobs
         return self
 
+    def stage(self, text: str) -> None:
+        self._show_whole(text)
+
     def job_known(self, job: str, label: str, done: int, total: int) -> None:
         super().job_known(job, label, done, total)
         if done < total:  # a job that an earlier run has finished has no bar
@@ -133,5 +190,5 @@ class StudyScreen(Bars, StudyProgress):
         self.remove_bar(job)
         super().job_failed(job, label, message)
 
-    def _show_whole(self) -> None:
-        self.set_bar(f"all {self.of}", sum(self.done.values()), sum(self.total.values()) or None)
+    def _show_whole(self, text: str = "") -> None:
+        self.set_bar(f"all {self.of}", sum(self.done.values()), sum(self.total.values()) or None, text)

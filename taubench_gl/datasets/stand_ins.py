@@ -7,6 +7,7 @@ else, the geometry in particular, is original and CC0, so the rest of its Table 
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import box, sphere
 from taubench_gl.errors import SettingsError
 
+log = logging.getLogger(__name__)
 Array = np.ndarray
 Tracks = list[tuple]
 
@@ -85,6 +87,7 @@ def make_stand_in(name: str, path: str | Path) -> StandIn:
     recipe, path = stand_in(name), Path(path)
     if path.suffix.lower() != ".glb":
         raise SettingsError(f"{path.name} does not end in .glb", hint="stand-ins are written as one binary file")
+    log.info("making the stand-in %s", name)
     build(recipe).save(path)
     return recipe
 

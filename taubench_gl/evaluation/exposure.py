@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import logging
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, camera_of_run, is_still
 from taubench_gl.data_files import code_hash, read_json
 from taubench_gl.effects.lighting import environment_of, own_light
-from taubench_gl.effects.path_tracing import traced_sources
+from taubench_gl.effects.path_tracing import emitters
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.schedule import duration_of
@@ -29,6 +30,8 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_EXPOSURE, Settings
+
+log = logging.getLogger(__name__)
 
 METERED_FRAMES = 9
 """Evenly spread over the whole animation of scene and camera; one where both are still."""
@@ -92,7 +95,7 @@ def _metering(scene: Scene, settings: Settings) -> Settings:
         light_unit=lighting.light_unit, environment=lighting.environment, camera=sequence.camera,
         backend=device.backend, device=device.device,
     )  # fmt: skip
-    if traced_sources(scene, metering.replace(light="auto")):
+    if environment_of(metering).shines or emitters(scene, metering):
         return metering.replace(size=TRACED_SIZE, **TRACED)
     return metering
 
@@ -116,6 +119,7 @@ def _times(scene: Scene, camera: CameraTrack) -> np.ndarray:
 
 def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, owner: GpuOwner | None) -> float | None:
     """The exposure of direct light at ``times``; None if there is none."""
+    log.info("metering the exposure in %d frame%s", len(times), "s" * (len(times) > 1))
     if len(times) > 1:
         metering = metering.replace(fps=1.0 / times[1])
     with opened_gpu(metering, owner) as opened:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,8 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.settings import Settings
+
+log = logging.getLogger(__name__)
 
 
 class GpuOwner(Owner):
@@ -43,6 +46,7 @@ class GpuOwner(Owner):
 
         ``instead_of``: the source that it replaces, which is freed once the new one is open.
         """
+        log.info("preparing frames of %dx%d pixels", settings.sequence.width, settings.sequence.height)
         source = RasterSource(self.gpu, animated, settings, shaders=self.context.shaders, **how)
         return self.own(source, instead_of=instead_of)
 

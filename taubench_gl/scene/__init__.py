@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from taubench_gl.errors import SceneError
+from taubench_gl.errors import SceneError, printable
 from taubench_gl.scene.memory import within_memory
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.obj.reader import is_sequence, read_obj_sequence
+
+log = logging.getLogger(__name__)
 
 READERS = {".gltf": "gltf", ".glb": "gltf", ".obj": "obj", ".aff": "aff", ".nff": "aff"}
 """File suffix, lower case -> format: its reader is imported when the first file is read."""
@@ -49,6 +52,7 @@ def load_scene(
     else:
         source = Path(path)
         reader = _reader_of(source)
+    log.info("reading %s", printable(Path(path).name))
     loaded = reader(source, scene, animation, strict)
     return within_memory(loaded)
 

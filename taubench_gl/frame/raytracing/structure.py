@@ -12,6 +12,7 @@ numbers in all pixels and 15 % slower with independent ones, on llvmpipe.)  ``ra
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from taubench_gl.gpu.memory import require_memory
 if TYPE_CHECKING:
     from taubench_gl.frame.renderer import Renderer
 
+log = logging.getLogger(__name__)
 Array = np.ndarray
 
 MAX_STEPS = 16_384
@@ -73,6 +75,7 @@ class SceneStructure:
     # --- building
     def _build(self) -> None:
         total = self._stored_triangles
+        log.info("building trees for rays: %s triangles", f"{total:,}")
         require_memory(self._gpu, TRIANGLE_BYTES * total, f"the acceleration structure of {total} triangles", HINT)
         self._top_nodes = 2 * max(self.table.count, 1) - 1
         self._nodes = Texels(self._moments * self._top_nodes)

@@ -1,0 +1,65 @@
+"""What a command says before it has a number to show, and answers to what is typed wrongly."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from taubench_gl.apps import progress
+from taubench_gl.apps.cli import main
+from taubench_gl.apps.progress import ProgressBar, Stages, StudyScreen
+
+
+@pytest.fixture
+def stages(monkeypatch):
+    """Handles the records of a logger of the test; lines that it says."""
+    handler, said = Stages(), []
+    monkeypatch.setattr(progress, "STAGES", handler)
+    monkeypatch.setattr(progress, "note", said.append)
+    logger = logging.Logger("taubench_gl.test", logging.INFO)
+    logger.addHandler(handler)
+    return handler, logger, said
+
+
+def test_a_long_stage_is_a_line(stages, monkeypatch):
+    monkeypatch.setattr(progress, "STAGE_SECONDS", 0.0)
+    handler, logger, said = stages
+    logger.info("reading %s", "a.glb")
+    handler._timer.join()
+    assert said == ["reading a.glb ..."]
+
+
+def test_a_stage_that_ends_says_nothing(stages, monkeypatch):
+    monkeypatch.setattr(progress, "STAGE_SECONDS", 3600.0)
+    handler, logger, said = stages
+    logger.info("reading")
+    first = handler._timer
+    logger.info("metering")
+    second = handler._timer
+    with ProgressBar("a.glb"):
+        pass
+    for timer in (first, second):
+        timer.join()
+    assert said == [] and handler._timer is None
+
+
+@pytest.mark.parametrize(("bar", "name"), [(ProgressBar("a.glb"), "a.glb"), (StudyScreen(), "all pairs")])
+def test_a_bar_has_the_text_of_the_stage(stages, monkeypatch, bar, name):
+    shown = []
+    monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(bar, "set_bar", lambda *values, **more: shown.append(values))
+    with bar:
+        stages[1].info("metering the exposure in %d frames", 9)
+    assert shown[-1] == (name, 0, None, "metering the exposure in 9 frames") and stages[2] == []
+
+
+@pytest.mark.parametrize(
+    "arguments", [["scene.glb"], ["exr:frames"], ["A.OBJ", "--size", "64x36"], ["demo", "rotatoins"]]
+)
+def test_one_line_says_what_to_type(arguments, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert stopped.value.code == 2
+    assert ("did you mean rotations?" if arguments[0] == "demo" else f"evaluate {arguments[0]}") in line
