@@ -92,7 +92,7 @@ def assets(work: Path) -> None:
 
 def readme(work: Path) -> None:
     """As tools/demo."""
-    printed = taubench("evaluate", DEMO, "--size", "640x360", "--save", "masks", "--out", work / "demo")
+    printed = taubench("evaluate", DEMO, "--size", "640x360", "--save", "masks", "--verbose", "--out", work / "demo")
     write_marked(ROOT / "README.md", "demo", f"```text\n{readme_sample(printed)}```")
     keep_image(work / "demo" / "mask.png", "mask.png")
 

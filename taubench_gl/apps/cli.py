@@ -29,13 +29,13 @@ from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
 from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.paper_command import paper
-from taubench_gl.apps.progress import show_stages
 from taubench_gl.apps.reference_command import reference
 from taubench_gl.apps.reject_command import reject
 from taubench_gl.apps.report_command import report
 from taubench_gl.apps.reuse_command import reuse
 from taubench_gl.apps.scenes_command import scenes
 from taubench_gl.apps.selftest_command import selftest
+from taubench_gl.apps.stages import show_stages
 from taubench_gl.apps.stress_command import stress
 from taubench_gl.apps.view_command import view
 from taubench_gl.errors import TaubenchError

@@ -62,6 +62,7 @@ def evaluate(
         group=OUTPUT,
         short=False,
     ),
+    verbose: bool = setting(False, "Print all tables, with the paper's rows and the notes of each", group=OUTPUT),
     preset: Path | None = setting(
         None,
         "Settings recommended by 'taubench-gl cost'; options given beside it take precedence",
@@ -70,7 +71,7 @@ def evaluate(
         metavar="FILE",
     ),
 ) -> int:
-    """Measure how much of each frame the next one can reuse, and print the paper's Tables 1 to 4.
+    """Measure how much of each frame the next one can reuse: the share, its reasons, and the paper's Tables 1 to 4.
 
     SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or a quoted pattern of numbered OBJ
     files ("name*.obj@30"), exr:DIR (a folder of path-traced OpenEXR frames), or the name of a scene that 'scenes get'
@@ -91,7 +92,7 @@ def evaluate(
 
     failed = for_each_scene(scenes, out, run)
     if runs:
-        _show(runs, report=bool(kind))
+        _show(runs, report=bool(kind), verbose=verbose)
     if failed:
         warn(f"{failed} of {len(scenes)} scenes failed")
     return 2 if failed else 0
@@ -169,16 +170,17 @@ def _way_to_a_pair(run: Run, settings: Settings) -> str:
     return f"the animation lasts {run.summary['scene']['duration_s']:.3g} s: give a higher --fps"
 
 
-def _show(runs: list[Run], *, report: bool) -> None:
+def _show(runs: list[Run], *, report: bool, verbose: bool) -> None:
     from taubench_gl.apps.screen import show_notes, show_tables
-    from taubench_gl.report import run_tables
+    from taubench_gl.report import run_tables, short_tables
     from taubench_gl.report.page import REPORT_FILE
 
-    show_tables(run_tables([run.summary for run in runs]))
+    show_tables((run_tables if verbose else short_tables)([run.summary for run in runs]))
     for run in runs:
         show_notes(run.summary.get("notes", ()), run.summary["scene"]["name"])
         if run.out is not None:
-            click.echo(f"written to {run.out}{os.sep}")
+            tables = "" if verbose else " (tables.txt: Tables 1 to 4 with the paper's rows)"
+            click.echo(f"written to {run.out}{os.sep}{tables}")
             if report:
                 click.echo(f"report: {run.out / REPORT_FILE}")
 

@@ -145,8 +145,8 @@ def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path |
     digest = hashlib.sha256()
     # The files, and what a selection of scene and animations, a repair or a caller makes of them.
     selected = scene.nodes, scene.materials, scene.skins, scene.cameras, scene.lights, scene.channels
-    lighting = metering.lighting.light_unit, environment.kind, environment.radiance, image
-    _feed(digest, (scene.sha256, selected, place, lighting, code_hash(_CODE)))
+    metered = metering.sequence, metering.metrics, metering.lighting, image  # defaults are no part of the code's hash
+    _feed(digest, (scene.sha256, selected, place, metered, code_hash(_CODE)))
     return cache_folder() / FOLDER / f"{digest.hexdigest()[:24]}.json"
 
 

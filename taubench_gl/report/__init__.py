@@ -15,7 +15,7 @@ from typing import Any
 from taubench_gl.outputs import output_folder
 from taubench_gl.report.mask_images import mask_overlay, save_mask_image
 from taubench_gl.report.paper import paper_tables
-from taubench_gl.report.reusable import reusable_sentence, run_tables
+from taubench_gl.report.reusable import reusable_sentence, run_tables, short_tables
 from taubench_gl.report.run_plots import plot_frames, plot_thresholds
 from taubench_gl.report.table import FORMATS, MIN_WIDTH, Column, Row, Table, TablesView, write_tables
 
@@ -33,6 +33,7 @@ __all__ = [
     "reusable_sentence",
     "run_tables",
     "save_mask_image",
+    "short_tables",
     "write_report",
     "write_tables",
 ]

@@ -27,6 +27,28 @@ def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
     return [*reusable_tables(summaries), *paper_tables(summaries, paper), *exact_tables(summaries)]
 
 
+def short_tables(summaries: Sequence[Summary]) -> list[Table]:
+    """One screen: reusable pixels, the reasons of the others, Table 4 without the paper's rows, exact reasons if any.
+
+    Every fact stands once; the camera's motion is a note.
+    """
+    rates, reasons = (replace(table, notes=()) for table in reusable_tables(summaries))
+    discard = paper_tables(summaries, paper=False)[3]
+    motions = [motion_text(summary) for summary in summaries]
+    labels = run_labels(summaries) if len(summaries) > 1 else [""] * len(summaries)
+    lines = [f"{label}: {text}" if label else text for label, text in zip(labels, motions, strict=True) if text]
+    return [rates, reasons, replace(discard, notes=(*discard.notes, *lines)), *exact_tables(summaries)]
+
+
+def motion_text(summary: Summary) -> str | None:
+    """``the camera moves 0.113 m and turns 1.17° per frame.``, means of Tables 2 and 3; None without them."""
+    camera = summary.get("camera") or {}
+    meters, degrees = ((camera.get(name) or {}).get("mean") for name in ("position", "angle"))
+    if meters is None or degrees is None:
+        return None
+    return f"the camera moves {meters:.3g} m and turns {degrees:.3g}° per frame."
+
+
 def reusable_sentence(summary: Summary) -> str:
     """``81.3 % of surface pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``."""
     block = summary.get("reusable") or {}

@@ -6,33 +6,34 @@ import logging
 
 import pytest
 
-from taubench_gl.apps import progress
+from taubench_gl.apps import progress, stages
 from taubench_gl.apps.cli import main
-from taubench_gl.apps.progress import ProgressBar, Stages, StudyScreen
+from taubench_gl.apps.progress import ProgressBar, StudyScreen
+from taubench_gl.apps.stages import Stages
 
 
 @pytest.fixture
-def stages(monkeypatch):
+def logged(monkeypatch):
     """Handles the records of a logger of the test; lines that it says."""
     handler, said = Stages(), []
     monkeypatch.setattr(progress, "STAGES", handler)
-    monkeypatch.setattr(progress, "note", said.append)
+    monkeypatch.setattr(stages, "note", said.append)
     logger = logging.Logger("taubench_gl.test", logging.INFO)
     logger.addHandler(handler)
     return handler, logger, said
 
 
-def test_a_long_stage_is_a_line(stages, monkeypatch):
-    monkeypatch.setattr(progress, "STAGE_SECONDS", 0.0)
-    handler, logger, said = stages
+def test_a_long_stage_is_a_line(logged, monkeypatch):
+    monkeypatch.setattr(stages, "STAGE_SECONDS", 0.0)
+    handler, logger, said = logged
     logger.info("reading %s", "a.glb")
     handler._timer.join()
     assert said == ["reading a.glb ..."]
 
 
-def test_a_stage_that_ends_says_nothing(stages, monkeypatch):
-    monkeypatch.setattr(progress, "STAGE_SECONDS", 3600.0)
-    handler, logger, said = stages
+def test_a_stage_that_ends_says_nothing(logged, monkeypatch):
+    monkeypatch.setattr(stages, "STAGE_SECONDS", 3600.0)
+    handler, logger, said = logged
     logger.info("reading")
     first = handler._timer
     logger.info("metering")
@@ -45,13 +46,13 @@ def test_a_stage_that_ends_says_nothing(stages, monkeypatch):
 
 
 @pytest.mark.parametrize(("bar", "name"), [(ProgressBar("a.glb"), "a.glb"), (StudyScreen(), "all pairs")])
-def test_a_bar_has_the_text_of_the_stage(stages, monkeypatch, bar, name):
+def test_a_bar_has_the_text_of_the_stage(logged, monkeypatch, bar, name):
     shown = []
     monkeypatch.setattr(progress.sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(bar, "set_bar", lambda *values, **more: shown.append(values))
     with bar:
-        stages[1].info("metering the exposure in %d frames", 9)
-    assert shown[-1] == (name, 0, None, "metering the exposure in 9 frames") and stages[2] == []
+        logged[1].info("metering the exposure in %d frames", 9)
+    assert shown[-1] == (name, 0, None, "metering the exposure in 9 frames") and logged[2] == []
 
 
 @pytest.mark.parametrize(

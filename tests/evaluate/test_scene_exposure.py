@@ -8,12 +8,12 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from taubench_gl.animation import OrbitCamera, choose_camera
+from taubench_gl.animation import OrbitCamera, camera_of_run, choose_camera
 from taubench_gl.apps.cli import cli
 from taubench_gl.datasets.camera_path import PRESETS
 from taubench_gl.datasets.stress import Moves, stress
 from taubench_gl.evaluation import resolve_lighting
-from taubench_gl.evaluation.exposure import FOLDER
+from taubench_gl.evaluation.exposure import FOLDER, _cache_file, _metering
 from taubench_gl.paths import ASSETS, CACHE_VARIABLE
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -73,6 +73,17 @@ def test_the_cache_is_read(cache, expected):
     brighter = tuple(dataclasses.replace(light, intensity=2.0 * light.intensity) for light in scene.lights)
     changed = dataclasses.replace(scene, lights=brighter)
     assert exposure(changed) == pytest.approx(0.5 * expected, rel=2e-3)
+
+
+def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
+    """As of a newer version, or of a test that changes them."""
+    scene = load_scene(DEMO)
+    metering = _metering(scene, Settings(light_unit="candela", environment="none"))
+    camera = camera_of_run(scene, metering.sequence)
+    files = {
+        _cache_file(scene, m, camera) for m in (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
+    }
+    assert len(files) == 3
 
 
 def test_an_orbit_for_another_image_gives_the_same_exposure(cache, expected):

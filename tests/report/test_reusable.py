@@ -12,7 +12,7 @@ import pytest
 from taubench_gl.conventions import Reason
 from taubench_gl.glossary import REUSE_REASONS
 from taubench_gl.metrics.reuse_rate import NO_SURFACE, ReuseStats
-from taubench_gl.report import FORMATS, run_tables
+from taubench_gl.report import FORMATS, run_tables, short_tables
 from taubench_gl.report.reusable import headline, percent_text, reusable_sentence, sentence
 
 LABELS = {term.key: term.label for term in REUSE_REASONS.values()}
@@ -91,6 +91,17 @@ def test_reusable_pixels_come_before_the_tables_of_the_paper(summary):
         {"reusable": 75.0, "off-screen": 16.25, "disoccluded": 6.25, "newly occluding": 0.625,
          "changed in normal": 1.875, "fps": 24.0, "N": 12}
     )  # fmt: skip
+
+
+def test_short_tables_state_each_fact_once(summary):
+    summary["camera"] |= {"position": {"mean": 0.25}, "angle": {"mean": 1.5}}
+    tables = short_tables([summary])
+    assert [table.number for table in tables] == ["reusable", "reasons", 4]
+    assert not any(row.paper for table in tables for row in table.rows)
+    notes = [note for table in tables for note in table.notes]
+    assert len(set(notes)) == len(notes) and sum("0.25 m" in note and "1.5°" in note for note in notes) == 1
+    del summary["camera"]["angle"]
+    assert len(short_tables([summary])[-1].notes) == len(notes) - 1
 
 
 def test_reasons_beyond_the_largest_are_summed_up(summary):

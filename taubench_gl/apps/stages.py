@@ -1,0 +1,49 @@
+"""What a command does before it has a number to show: reading, metering, building."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from taubench_gl.apps.screen import note
+
+STAGE_SECONDS = 1.0
+"""A stage that takes longer is printed where no bar shows it."""
+
+
+class Stages(logging.Handler):
+    """Shows what a command does before it has a number to show: the package's log records of level INFO.
+
+    A bar has the text of the stage at once; without one, a line says it once the stage has taken STAGE_SECONDS.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.show: Callable[[str], None] | None = None  # of the bar that is on the terminal
+        self._timer: threading.Timer | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.end()
+        if self.show is not None:
+            return self.show(record.getMessage())
+        self._timer = threading.Timer(STAGE_SECONDS, note, (f"{record.getMessage()} ...",))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def end(self) -> None:
+        """The stage is over."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None
+
+
+STAGES = Stages()
+
+
+def show_stages() -> None:
+    """Show the stages of this process."""
+    logger = logging.getLogger("taubench_gl")
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    logger.addHandler(STAGES)
