@@ -8,6 +8,7 @@ import click
 
 from taubench_gl.apps.options import AS_JSON, GPU, command, part
 from taubench_gl.apps.screen import show_json
+from taubench_gl.apps.stages import STAGES
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import setting
 from taubench_gl.settings import Settings
@@ -57,6 +58,7 @@ def selftest(
         raise SettingsError(f"size is {size[0]}x{size[1]}", hint="the cases need at least 48x32 pixels")
     if max(size) > MAX_SIDE:
         raise SettingsError(f"size is {size[0]}x{size[1]}", hint=f"the cases take up to {MAX_SIDE}x{MAX_SIDE} pixels")
+    STAGES.silence()
     gpu = open_gpu(settings.device.backend, device)
     results = run_selftest(gpu, size, only, device=device, on_result=None if as_json else _show_row)
     failed = sum(not r.passed for r in results)

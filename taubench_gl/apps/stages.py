@@ -31,6 +31,11 @@ class Stages(logging.Handler):
         self._timer.daemon = True
         self._timer.start()
 
+    def silence(self) -> None:
+        """Show none from now on: the command says by itself how far it is."""
+        self.end()
+        self.show = lambda text: None
+
     def end(self) -> None:
         """The stage is over."""
         if self._timer is not None:

@@ -193,10 +193,13 @@ def color_with_indirect(bench: Bench) -> Outcome:
     return field("sRGB of the sum", shot["color"][..., :3] - expected, Naive("direct alone", f"{without:.3g}", without))
 
 
-def _furnished_room(rotation: tuple[float, float, float, float]) -> Scene:
-    """A room of three sides with a metal and a red box, a lamp and a spot, all turned with their camera."""
+def _furnished_room(rotation: tuple[float, float, float, float] = IDENTITY, scale: float = 1.0) -> Scene:
+    """A room of three sides with a metal and a red box, a lamp and a spot, all turned and scaled with their camera.
+
+    The lights are scale^2 as strong, so radiance is the same.
+    """
     b = SceneBuilder()
-    root = b.node(rotation=rotation)
+    root = b.node(rotation=rotation, scale=(scale, scale, scale))
     wall, red = lambert(b, 0.6), b.material(base_color=(0.9, 0.1, 0.2, 1.0), metallic=0.0, roughness=0.7)
     metal = b.material(base_color=(0.2, 0.8, 0.4, 1.0), metallic=1.0, roughness=0.4)
     b.node(root, mesh=b.mesh(box((4.0, 2.0, 3.0), inside=True, material=wall)))
@@ -204,10 +207,10 @@ def _furnished_room(rotation: tuple[float, float, float, float]) -> Scene:
            rotation=turn((0.2, 1.0, 0.1), 30.0))  # fmt: skip
     b.node(root, mesh=b.mesh(box((0.6, 0.4, 0.5), material=metal)), translation=(1.2, -0.8, -1.5),
            rotation=turn((1.0, 0.3, 0.1), 50.0))  # fmt: skip
-    b.light(root, translation=(-2.0, 1.2, 0.5), intensity=20.0, color=(1.0, 0.8, 0.6))
-    b.light(root, kind="spot", translation=(2.0, 1.5, 1.0), intensity=60.0, inner_cone=0.3, outer_cone=0.9,
+    b.light(root, translation=(-2.0, 1.2, 0.5), intensity=20.0 * scale**2, color=(1.0, 0.8, 0.6))
+    b.light(root, kind="spot", translation=(2.0, 1.5, 1.0), intensity=60.0 * scale**2, inner_cone=0.3, outer_cone=0.9,
             rotation=turn((1.0, 0.3, 0.0), -70.0))  # fmt: skip
-    b.camera(root, translation=(0.3, 0.4, 2.6), rotation=turn((0.3, 1.0, 0.0), 8.0), yfov=1.2, znear=0.1)
+    b.camera(root, translation=(0.3, 0.4, 2.6), rotation=turn((0.3, 1.0, 0.0), 8.0), yfov=1.2, znear=0.1 * scale)
     return b.build()
 
 
@@ -253,3 +256,23 @@ _turned_case("rsm", 1e-4, "float32: 1e-6 for the same sums in another order; a p
 _turned_case("probes", 1e-4, "float32: 1e-6 for the same sums in another order; a pixel at a shadow's edge may change",
              _rastered("probes"))  # fmt: skip
 _turned_case("paths", 0.04, "means of 9,216 paths with other directions: 1 % of indirect light", _traced)
+
+
+def _scaled_case(method: str) -> None:
+    @case(
+        f"scaled-room-by-{method}",
+        description=f"the furnished room at scales 1/16 and 32, lights by the square: radiance by {method} against "
+        "that of scale 1, mean difference over mean",
+        elsewhere="a lift, a shortest distance or a cell has a length in meters, which suits one size of scenes",
+        here="lengths are shares of the scene's grid, of texels or of coordinates",
+        tolerance=1e-4,
+        source="float32: 1e-6; powers of two; a pixel at a shadow's edge may change",
+    )
+    def scaled(bench: Bench) -> Outcome:
+        here, *others = (_rastered(method)(bench, _furnished_room(scale=s)) for s in (1.0, 2.0**-4, 2.0**5))
+        errors = [np.abs(other[name] - here[name]).mean() / here[name].mean() for other in others for name in here]
+        return field("no difference", errors)
+
+
+_scaled_case("rsm")
+_scaled_case("probes")

@@ -533,4 +533,7 @@ def schedules_and_notes(bench: Bench) -> Outcome:
     counts = Brightness(3, pixels=1000, black=990, lit=10, clipped=8, noisy=620, behind=370)
     percents = [[float(n) for n in re.findall(r"([0-9]+) %", note)] for note in counts.notes(settings)]
     errors.append(float(percents != [[80.0], [99.0], [62.0], [37.0]]))
+    at_most = Brightness(3, pixels=1000, black=900, lit=100, clipped=20, noisy=10, behind=10)
+    more = Brightness(3, pixels=1000, black=901, lit=100, clipped=21, noisy=11, behind=11)
+    errors += [float(len(at_most.notes(settings)) != 0), float(len(more.notes(settings)) != 4)]
     return field("by their definition", errors)
