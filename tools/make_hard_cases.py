@@ -38,6 +38,7 @@ TITLES = {
     "formulas": "Formulas against other formulas",
     "tables": "Tables and schedules by their definition",
     "cross_checks": "One scene by two ways",
+    "pictures": "The demo scene as recorded",
 }
 
 HEAD = """# Hard cases

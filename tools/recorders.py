@@ -78,6 +78,17 @@ def command_pages() -> dict[Path, str]:
     return doc.pages()
 
 
+def selftest_pictures(work: Path) -> None:
+    from taubench_gl.gpu.context import open_gpu
+    from taubench_gl.selftest import pictures
+    from taubench_gl.selftest.bench import Bench
+    from taubench_gl.selftest.runner import DEFAULT_SIZE
+
+    with open_gpu() as gpu:
+        text = json.dumps(pictures.measured(Bench(gpu, DEFAULT_SIZE)), separators=(",", ":"))
+    Path(pictures.__file__).with_name(pictures.RECORDED).write_text(text + "\n", encoding="utf-8")
+
+
 def hard_cases() -> dict[Path, str]:
     from make_hard_cases import PATH, page
 

@@ -125,6 +125,10 @@ EVERY = (
     # What is drawn; how it is drawn is what the goldens test.  Look at them before a commit.
     Record("goldens", ("tests/goldens",), ("tests/frame/golden_cases.py", DEMO), by.program("make_goldens.py")),
     Record(
+        "selftest-pictures", ("taubench_gl/selftest/pictures.json",), ("taubench_gl/selftest/pictures.py", DEMO),
+        by.selftest_pictures,
+    ),
+    Record(
         "cycles-references", ("tests/pathtraced/references", "tests/pathtraced/light_transport"),
         ("tools/cycles_references", "tools/light_transport_scenes.py", "tests/pathtraced/reference_scenes.py"),
         by.program("cycles_references"),

@@ -17,7 +17,7 @@ Value = float | int | str
 GROUPS = (
     "projection", "depth", "camera", "offsets", "animation", "geometry",
     "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "sampling",
-    "statistics", "storage", "files", "encodings", "arithmetic", "formulas", "tables", "cross_checks",
+    "statistics", "storage", "files", "encodings", "arithmetic", "formulas", "tables", "cross_checks", "pictures",
 )  # fmt: skip
 """Groups in the order in which they run; each is a module of the same name."""
 

@@ -1,0 +1,159 @@
+"""Cases: pictures of the demo scene by every method of light, and its masks, against recorded numbers.
+
+Closed forms test one formula each; these see all of them at once, with textures, normal maps, alpha, skins and morphs.
+The numbers were recorded with Mesa's llvmpipe, whose passes the tests compare with float64 references.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.metrics.reuse_rate import occupied
+from taubench_gl.paths import ASSETS
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.case import Outcome, case, count, field
+
+Array = np.ndarray
+
+RECORDED = "pictures.json"
+"""Beside this module; ``tools/record selftest-pictures`` writes it."""
+
+BLOCKS = (4, 8)
+"""Rows and columns of blocks, of which the mean is compared."""
+
+FRAME = 40
+LIGHT = ("direct", "indirect")
+OWN = {"width": 64, "height": 36, "fps": 24.0, "camera": 0, "textures": "finest"}  # drivers choose other mipmaps
+LAMPS = {"shadow_size": 128, "indirect_samples": 256, "probes": 96}
+
+
+@cache
+def _demo() -> Scene:
+    return load_scene(ASSETS / "demo.glb")
+
+
+def _raster(bench: Bench, **settings: Any) -> dict[str, Array]:
+    (shot,) = bench.shots(_demo(), (FRAME,), columns=(*LIGHT, "color"), **OWN | LAMPS | settings)
+    return {name: shot[name][..., :3] for name in (*LIGHT, "color")}
+
+
+def _traced(bench: Bench, **settings: Any) -> dict[str, Array]:
+    own = {"columns": LIGHT, "light": "path-traced", "indirect": "auto", "bounces": 4, "spp": 4}
+    own |= {"width": 32, "height": 18}
+    (shot,) = bench.shots(_demo(), (FRAME,), **OWN | own | settings)
+    return {name: shot[name][..., :3] for name in LIGHT}
+
+
+def _under_an_image(bench: Bench) -> dict[str, Array]:
+    """Path-traced in an environment image with a bright side."""
+    import OpenImageIO as oiio
+
+    across, down = np.meshgrid(np.linspace(0.0, 1.0, 64), np.linspace(0.0, 1.0, 32))
+    value = np.stack([np.exp(-8.0 * (across - 0.3) ** 2), 0.5 + 0.5 * across, 1.0 - down], axis=-1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "sky.exr")
+        image = oiio.ImageOutput.create(path)
+        image.open(path, oiio.ImageSpec(64, 32, 3, "float"))
+        image.write_image(value.astype(np.float32))
+        image.close()
+        return _traced(bench, environment=path, pattern="independent")
+
+
+PICTURES: dict[str, Callable[[Bench], dict[str, Array]]] = {
+    "rsm": lambda bench: _raster(bench, indirect="rsm"),
+    "probes": lambda bench: _raster(bench, indirect="probes", environment="default", shadow_filter="hard"),
+    "many-lights": lambda bench: _raster(bench, indirect="rsm", shadow_lights=1, light_error=0.02),
+    "paths": lambda bench: _traced(bench, pattern="fixed"),
+    "paths-from-lamps": lambda bench: _traced(bench, pattern="independent", bidirectional=True),
+    "paths-under-an-image": _under_an_image,
+}
+"""Radiance and color, (h, w, 3) each, by the name of the picture."""
+
+
+def blocks(image: Array) -> Array:
+    """Means of BLOCKS.  (h, w, 3) -> (rows, columns, 3) float64."""
+    rows = [np.stack([part.mean(axis=(0, 1)) for part in np.array_split(row, BLOCKS[1], axis=1)])
+            for row in np.array_split(image.astype(np.float64), BLOCKS[0])]  # fmt: skip
+    return np.stack(rows)
+
+
+def masks(bench: Bench, reprojection: str, sampling: str) -> dict[str, int]:
+    """Reason word, as text -> pixels of two pairs."""
+    own = {"indirect": "rsm", "frames": (FRAME - 2, FRAME + 1), "reprojection": reprojection, "sampling": sampling}
+    settings, found = bench._settings(OWN | LAMPS | own), {}
+
+    def add(pair: Any) -> None:
+        for word, pixels in zip(*occupied(pair.evaluated.counts.mask_histogram), strict=True):
+            found[str(int(word))] = found.get(str(int(word)), 0) + int(pixels)
+
+    evaluate_scene(_demo(), settings, Observers(on_pair=add), camera=choose_camera(_demo()))
+    return found
+
+
+MASKS = {"masks-by-camera": ("camera", "nearest"), "masks-by-motion": ("motion", "bilinear")}
+
+
+def measured(bench: Bench) -> dict[str, Any]:
+    """What RECORDED holds."""
+    pictures = {
+        name: {channel: blocks(image).round(9).tolist() for channel, image in draw(bench).items()}
+        for name, draw in PICTURES.items()
+    }
+    return {"pictures": pictures, "masks": {name: masks(bench, *how) for name, how in MASKS.items()}}
+
+
+@cache
+def recorded() -> dict[str, Any]:
+    """``measured`` as it was recorded."""
+    return json.loads(resources.files(__package__).joinpath(RECORDED).read_text(encoding="utf-8"))
+
+
+def _picture_case(name: str, draw: Callable[[Bench], dict[str, Array]]) -> None:
+    @case(
+        f"picture-by-{name}",
+        description=f"frame {FRAME} of the demo, light by {name.replace('-', ' ')}: means of 32 blocks against recorded "
+        "ones, over the mean of the image",
+        elsewhere="a driver or a change of one of many formulas alters the picture a little, and nothing tells",
+        here="the numbers of a driver whose passes are tested against float64 references",
+        tolerance=3e-3,
+        source="float32 in another order; few paths and pixels at edges of shadows take another side",
+    )
+    def picture(bench: Bench) -> Outcome:
+        errors = []
+        for channel, image in draw(bench).items():
+            expected = np.array(recorded()["pictures"][name][channel])
+            errors.append((blocks(image) - expected).ravel() / expected.mean())
+        return field("as recorded", np.concatenate(errors))
+
+
+def _masks_case(name: str, reprojection: str, sampling: str) -> None:
+    @case(
+        name,
+        description=f"two pairs of the demo, {reprojection} reprojection, {sampling} sampling: pixels whose reason "
+        "word is not as often there as recorded",
+        elsewhere="pixels change their class, and no sum tells",
+        here="thresholds with guards: the counts are equal on llvmpipe, zink and OSMesa",
+        tolerance=16,
+        source="pixels at a threshold: of 4,608, by light in float32",
+    )
+    def counted(bench: Bench) -> Outcome:
+        found, expected = masks(bench, reprojection, sampling), recorded()["masks"][name]
+        return count(0, sum(abs(found.get(word, 0) - expected.get(word, 0)) for word in found.keys() | expected))
+
+
+for _name, _draw in PICTURES.items():
+    _picture_case(_name, _draw)
+for _name, _how in MASKS.items():
+    _masks_case(_name, *_how)
