@@ -123,8 +123,8 @@ def recorded() -> dict[str, Any]:
 def _picture_case(name: str, draw: Callable[[Bench], dict[str, Array]]) -> None:
     @case(
         f"picture-by-{name}",
-        description=f"frame {FRAME} of the demo, light by {name.replace('-', ' ')}: means of 32 blocks against recorded "
-        "ones, over the mean of the image",
+        description=f"frame {FRAME} of the demo, light by {name.replace('-', ' ')}: means of 32 blocks against "
+        "recorded ones, over the mean of the image",
         elsewhere="a driver or a change of one of many formulas alters the picture a little, and nothing tells",
         here="the numbers of a driver whose passes are tested against float64 references",
         tolerance=3e-3,
