@@ -9,6 +9,7 @@ import taubench_gl as tb
 from taubench_gl.animation import Poser, pose_vertices
 from taubench_gl.animation.surface import previous_point
 from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.evaluation.explain import in_words
 from taubench_gl.glossary import label_of
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -62,6 +63,21 @@ def test_motion_word_is_the_word_of_motion_reprojection(scene):
         words = [(int(word) & COMPARED, other) for word, other in found if word is not None]
         assert len(words) > 10
         assert sum(a != b for a, b in words) <= 1  # an edge may be rounded to another pixel
+
+
+def test_words_name_the_motion_where_it_matters():
+    """Where motion vectors would help, or where the motion is longer than the threshold."""
+    seen = []
+    limit = tb.Settings().metrics.thresholds["position"]
+    for pair in tb.pairs(busy_room(), frames="10:12", **GEOMETRY):
+        for y, x in np.argwhere(pair.mask & np.uint32(Reason.POSITION | Reason.NORMAL)):
+            found = pair.explain(x, y)
+            if found.object_motion_m is not None:
+                helps = not found.motion_word & (FRUSTUM | Reason.POSITION | Reason.NORMAL)
+                expected = found.object_motion_m > 1e-3 * limit and (helps or found.object_motion_m > limit)
+                assert (found.reason != in_words(found.word)) == expected
+                seen.append((helps, expected, found.object_motion_m > limit))
+    assert len(set(seen)) >= 3
 
 
 def test_previous_point_follows_deformed_and_rigid_surfaces():

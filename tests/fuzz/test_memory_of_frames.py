@@ -15,7 +15,8 @@ from taubench_gl.frame.memory import memory_of_frame
 from taubench_gl.frame.plan import frame_spec
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.memory_budget import VARIABLE
-from taubench_gl.selftest.scenes import SceneBuilder, quad
+from taubench_gl.scene.memory import DRAW_BYTES, memory_of
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 MEASURE = """
@@ -101,3 +102,12 @@ def test_exact_visibility_has_structures_of_two_frames():
         for exact in (False, True)
     )
     assert plain == 0 and exact >= 100 * 100 * 2 * 48
+
+
+def test_every_draw_of_a_mesh_is_added_up():
+    b = SceneBuilder()
+    mesh = b.mesh(quad(), box())
+    for x in range(3):
+        b.node(mesh=mesh, translation=(float(x), 0.0, 0.0))
+    b.node(mesh=b.mesh(quad()))
+    assert memory_of(b.build())["instances"] == (3 * 2 + 1) * DRAW_BYTES
