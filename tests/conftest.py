@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from taubench_gl.gpu.context import Gpu
 
 
+os.environ.setdefault("TAUBENCH_STAGE_SECONDS", "3600")  # which stages are lines would depend on the load
+
+
 def _shared_data() -> Path | None:
     """Folder of third-party scenes: TAUBENCH_DATA, else shared/data beside the checkout."""
     candidates = [os.environ.get("TAUBENCH_DATA"), Path(__file__).resolve().parents[2] / "shared" / "data"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 from collections.abc import Callable
 
@@ -10,6 +11,9 @@ from taubench_gl.apps.screen import note
 
 STAGE_SECONDS = 1.0
 """A stage that takes longer is printed where no bar shows it."""
+
+VARIABLE = "TAUBENCH_STAGE_SECONDS"
+"""Another number of seconds, for programs that read standard error."""
 
 
 class Stages(logging.Handler):
@@ -27,7 +31,7 @@ class Stages(logging.Handler):
         self.end()
         if self.show is not None:
             return self.show(record.getMessage())
-        self._timer = threading.Timer(STAGE_SECONDS, note, (f"{record.getMessage()} ...",))
+        self._timer = threading.Timer(_patience(), note, (f"{record.getMessage()} ...",))
         self._timer.daemon = True
         self._timer.start()
 
@@ -41,6 +45,14 @@ class Stages(logging.Handler):
         if self._timer is not None:
             self._timer.cancel()
         self._timer = None
+
+
+def _patience() -> float:
+    """Seconds before a stage is a line."""
+    try:
+        return max(float(os.environ[VARIABLE]), 0.0)
+    except (KeyError, ValueError):
+        return STAGE_SECONDS
 
 
 STAGES = Stages()

@@ -16,6 +16,7 @@ from taubench_gl.apps.stages import Stages
 def logged(monkeypatch):
     """Handles the records of a logger of the test; lines that it says."""
     handler, said = Stages(), []
+    monkeypatch.delenv(stages.VARIABLE, raising=False)
     monkeypatch.setattr(progress, "STAGES", handler)
     monkeypatch.setattr(stages, "note", said.append)
     logger = logging.Logger("taubench_gl.test", logging.INFO)

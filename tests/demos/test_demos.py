@@ -131,11 +131,11 @@ def test_numbers_and_names_are_in_order():
         assert not missing
 
 
-@pytest.mark.parametrize("text", ["nonsense", "", "0", "99", "o-", "r"])
+@pytest.mark.parametrize("text", ["xyz", "", "0", "99", "o-", "r", "rotatoins"])
 def test_unknown_names_are_errors(text):
     with pytest.raises(SettingsError) as caught:
         find_demo(text)
-    assert "1 rotations" in caught.value.hint
+    assert "rotations" in caught.value.hint and ("1 rotations" in caught.value.hint) == (text != "rotatoins")
 
 
 def test_a_unique_prefix_of_a_name_is_accepted():

@@ -27,4 +27,5 @@ def find_demo(text: str) -> Demo:
     if len(matches) == 1:
         return matches[0]
     message = f"several demos begin with {text!r}" if matches else f"no demo is {text!r}"
-    raise SettingsError(message, hint=choice_hint(word, [d.name for d in matches or every], ", or give a number"))
+    numbered = [f"{d.number} {d.name}" for d in matches or every]
+    raise SettingsError(message, hint=choice_hint(word, [d.name for d in matches or every], shown=numbered))
