@@ -103,9 +103,7 @@ class Decisions:
     """Of n pixels of a pair.
 
     Pixels that were audited have the word and the distances of the limit; ``first`` is the word with which they were
-    decided, and ``audited`` the probability with which they were drawn, 0 where they were not.  ``half_words`` and
-    ``half_distances`` are those of either half of the parts where a pixel stays undecided, elsewhere the same as of
-    all: noise puts a share of pixels on the wrong side of a threshold that is twice as large with half the samples.
+    decided, and ``audited`` the probability with which they were drawn, 0 where they were not.
     """
 
     words: Array  # (n,) uint32 reason words with path-traced light
@@ -116,8 +114,6 @@ class Decisions:
     undecided: Array  # (n,) bool: the limit came first
     first: Array  # (n,) uint32
     audited: Array  # (n,) float64
-    half_words: Array  # (n, 2) uint32
-    half_distances: Mapping[str, Array]  # as ``distances`` -> (n, 2) float64
 
 
 class DecidedPixels:
@@ -183,20 +179,7 @@ class DecidedPixels:
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
         first[~decided] = words[~decided]
-        half_words = np.repeat(words[:, None], 2, axis=1)
-        half_distances = {name: np.repeat(of[:, None], 2, axis=1) for name, of in distances.items()}
-        left = ~decided[active]
-        if left.any():
-            rows, light = active[left], light[left]
-            compared = listed.take(rows)
-            for half, parts in enumerate((light[:, : PARTS // 2], light[:, PARTS // 2 :])):
-                found, _, bits, _ = self._compare(compared, parts)
-                half_words[rows, half] = (compared.words & ~LIGHT_BITS) | bits
-                for name, distance in (found | self._of_lobes(compared, parts)).items():
-                    half_distances[name][rows, half] = distance
-        return Decisions(
-            words, distances, luminance, samples, decided_samples, ~decided, first, audited, half_words, half_distances
-        )
+        return Decisions(words, distances, luminance, samples, decided_samples, ~decided, first, audited)
 
     def _listed(self, at: Array) -> _Listed:
         pair = self._pair
@@ -252,7 +235,7 @@ class DecidedPixels:
             bounce, lobe = name.split("_")
             if bounce in self.columns and lobe in self._lobes:
                 change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
-                variance = change.var(axis=1, ddof=1) / light.shape[1]
+                variance = change.var(axis=1, ddof=1) / PARTS
                 out[lobe_distance(bounce, lobe)] = distance_of(bounce, change.mean(axis=1), variance)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
 
@@ -263,7 +246,7 @@ class DecidedPixels:
         """
         mean = light.mean(axis=1)
         changes = self._changes(listed, mean)
-        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (light.shape[1] - 1))
+        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (PARTS - 1))
         found = {name: distance_of(name, changes[name], _jackknife(each)) for name, each in without.items()}
         error = {name: np.sqrt(_jackknife(distance_of(name, each))) for name, each in without.items()}
         bits, luminance = np.zeros(len(mean), np.uint32), np.zeros(len(mean))
@@ -325,9 +308,8 @@ def distance_of(column: str, change: Array, variance: Array | float = 0.0) -> Ar
 
 
 def _jackknife(without: Array) -> Array:
-    """Variance of a statistic from its values (m, parts, ...) without each part."""
-    parts = without.shape[1]
-    return (parts - 1) / parts * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
+    """Variance of a statistic from its values (m, PARTS, ...) without each part."""
+    return (PARTS - 1) / PARTS * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
 
 
 @lru_cache

@@ -119,9 +119,9 @@ class LightVisits:
         decisions = self._decided.decide(np.stack([flat % width, flat // width], axis=-1), PLAN.limit, (*seed, number))
         return Visit(
             position, strata.sizes, stratum, pair.words.ravel()[flat], decisions.first, decisions.words,
-            decisions.audited, decisions.undecided, decisions.samples, decisions.half_words,
+            decisions.audited, decisions.undecided, decisions.samples,
             {name: pair.distances[name].ravel()[flat].astype(np.float64) for name in self._columns},
-            decisions.distances, decisions.half_distances,
+            decisions.distances,
         )  # fmt: skip
 
 

@@ -85,10 +85,8 @@ class Visit:
     audited: Array  # (n,) float64, probability of the audit, 0 where there was none
     undecided: Array  # (n,) bool
     samples: Array  # (n,) int64, of each of the two frames
-    half_words: Array  # (n, 2) uint32, of either half of the parts where undecided
     preview_distances: Mapping[str, Array]  # column -> (n,) float64
     distances: Mapping[str, Array]
-    half_distances: Mapping[str, Array]  # column -> (n, 2)
 
     def record(self) -> dict[str, Any]:
         """JSON values, without loss."""
@@ -105,35 +103,22 @@ class Visit:
         values: dict[str, Any] = {"position": int(record["position"])}
         for name, kind in _KINDS.items():
             values[name] = np.array(record[name], kind)
-        for name in ("preview_distances", "distances", "half_distances"):
+        for name in ("preview_distances", "distances"):
             values[name] = {column: np.array(v, np.float64) for column, v in record[name].items()}
         return cls(**values)
 
     def effective(self, indicator: Indicator) -> Array:
-        """y - x of each pixel, of which an audited one stands for all that were decided and not audited.  (n,).
-
-        The bias of an undecided pixel is proportional to the variance of its distance, to first order, and so twice as
-        large with half of the parts: 2 y - the mean of both halves is without it (the generalized jackknife: Gray and
-        Schucany, 1972).
-        """
+        """Unbiased y - x of each pixel: an audited pixel stands for all that were decided and not audited.  (n,)."""
         end = indicator(self.words, self.distances).astype(np.float64)
         first = indicator(self.first, self.distances).astype(np.float64)
-        halves = np.mean(
-            [indicator(self.half_words[:, k], {n: d[:, k] for n, d in self.half_distances.items()}) for k in (0, 1)],
-            axis=0,
-        )
         known = (self.audited == 0.0) | self.undecided
         correction = np.where(known, 0.0, (end - first) / np.where(known, 1.0, self.audited))
-        return (
-            np.where(self.undecided, 2.0 * end - halves, first)
-            - indicator(self.preview, self.preview_distances)
-            + correction
-        )
+        return np.where(self.undecided, end, first) - indicator(self.preview, self.preview_distances) + correction
 
 
 _KINDS = {
     "sizes": np.int64, "stratum": np.int64, "preview": np.uint32, "first": np.uint32, "words": np.uint32,
-    "audited": np.float64, "undecided": np.bool_, "samples": np.int64, "half_words": np.uint32,
+    "audited": np.float64, "undecided": np.bool_, "samples": np.int64,
 }  # fmt: skip
 
 
@@ -330,15 +315,9 @@ class LightEstimate:
             stratum = np.concatenate([v.stratum for v in visits])
             drawn = np.bincount(stratum, minlength=len(visits[0].sizes))
             weight = scale * np.divide(visits[0].sizes, drawn, out=np.zeros(len(drawn)), where=drawn > 0)[stratum]
-            undecided = weight * np.concatenate([v.undecided for v in visits])
-
-            def bins(name: str, weights: Array, visits: Sequence[Visit] = visits) -> Array:
+            for sign, name in ((1.0, "distances"), (-1.0, "preview_distances")):
                 distances = np.concatenate([getattr(v, name)[column] for v in visits])
-                repeated = np.repeat(weights, distances.size // len(weights)) if len(weights) else weights
-                return np.bincount(bin_of(distances.ravel()), weights=repeated, minlength=HISTOGRAM_BINS)
-
-            counts += bins("distances", weight + undecided) - bins("preview_distances", weight)
-            counts -= 0.5 * bins("half_distances", undecided)
+                counts += sign * np.bincount(bin_of(distances), weights=weight, minlength=HISTOGRAM_BINS)
         above = np.clip(discarded_above(counts), 0.0, self._comparable)
         above = np.rint(np.maximum.accumulate(above[::-1])[::-1]).astype(np.int64)
         whole = np.concatenate([[self._comparable], above, [0]])

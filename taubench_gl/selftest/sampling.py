@@ -412,22 +412,9 @@ def estimates_of_all_pixels(bench: Bench) -> Outcome:
         none, whole = np.zeros(n), np.zeros(n, np.int64)
         strata = np.bincount(whole, minlength=STRATA)
         words, distances = truth[k]
-        halves = {name: np.stack([of, of], axis=-1) for name, of in distances.items()}
         estimate.add(
             Visit(
-                k,
-                strata,
-                whole,
-                preview[k][0],
-                words,
-                words,
-                none,
-                none > 0,
-                whole + LEAST,
-                np.stack([words, words], axis=-1),
-                preview[k][1],
-                distances,
-                halves,
+                k, strata, whole, preview[k][0], words, words, none, none > 0, whole + LEAST, preview[k][1], distances
             )
         )
     found = estimate.intervals(sample_pairs(2, "all"))
@@ -444,10 +431,8 @@ def estimates_of_all_pixels(bench: Bench) -> Outcome:
 @case(
     "audited-pixels",
     description="decided, audited and undecided pixels: the mean of their differences over all audits",
-    elsewhere="a pixel that was decided wrongly is corrected where it was audited, and counts as any other; noise "
-    "puts pixels below a threshold above it",
-    here="an audited pixel stands for all that were not: its correction is divided by its probability; undecided "
-    "pixels count without the part that doubles with half of the samples",
+    elsewhere="a pixel that was decided wrongly is corrected where it was audited, and counts as any other",
+    here="an audited pixel stands for all that were not: its correction is divided by its probability",
     tolerance=1e-12,
     source=ROUNDED,
 )
@@ -457,12 +442,11 @@ def audited_pixels(bench: Bench) -> Outcome:
     first = np.array([1, 1, 0, 0, 1, 0], np.uint32) * bit
     end = np.array([0, 1, 1, 0, 0, 1], np.uint32) * bit  # with the last pixel undecided
     undecided = np.array([False] * 5 + [True])
-    halves = np.stack([end, 0 * end], axis=-1)  # one half of the undecided pixel's samples says no: 2 - 1/2
     none, one = {}, np.ones(6, np.int64)
 
     def differences(audited: Array) -> Array:
         words = np.where((audited > 0) | undecided, end, first)
-        visit = Visit(0, one, one, preview, first, words, audited, undecided, one, halves, none, none, none)
+        visit = Visit(0, one, one, preview, first, words, audited, undecided, one, none, none)
         return visit.effective(lambda words, _: (words & bit) != 0)
 
     share = np.array([0.25, 0.25, 0.5, 0.5, 0.25, 0.0])
@@ -471,5 +455,5 @@ def audited_pixels(bench: Bench) -> Outcome:
         audited = np.array([*draws, False])
         chance = np.prod(np.where(audited, share, 1.0 - share))
         total += chance * differences(np.where(audited, share, 0.0))
-    expected = np.where(undecided, 1.5, end != 0) - (preview != 0)
+    expected = (end != 0).astype(float) - (preview != 0)
     return Outcome("of the last words", str(total.round(3).tolist()), worst(total - expected))

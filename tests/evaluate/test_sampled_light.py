@@ -93,9 +93,8 @@ def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
         shares = []
         for frame in (1, 2):
             _, _, found = decided(session, frame, ALL.limit)
-            bit = np.uint32(FEATURE_BIT["indirect"])
-            end, first, halves = ((w & bit) != 0 for w in (found.words, found.first, found.half_words))
-            shares.append(np.where(found.undecided, 2.0 * end - halves.mean(axis=1), first).sum() / (32 * 18))
+            words = np.where(found.undecided, found.words, found.first)
+            shares.append(np.count_nonzero(words & np.uint32(FEATURE_BIT["indirect"])) / (32 * 18))
     monkeypatch.setattr("taubench_gl.evaluation.decided_pixels.AUDITED", (0.0, 0.0))
     settings = Settings(frames=(0, 3), spp=1, **SMALL)
     entry = evaluate_scene(scene, settings, sampled=True).summary["discard"]["indirect"]
@@ -194,9 +193,9 @@ def test_records_of_visits_keep_every_bit():
     rng = np.random.default_rng(3)
     n = 5
     words = [rng.integers(0, 2**16, n).astype(np.uint32) for _ in range(3)]
-    distances = [{"direct": rng.random(shape)} for shape in (n, n, (n, 2))]
+    distances = [{"direct": rng.random(n)} for _ in range(2)]
     visit = Visit(3, rng.integers(0, 9, 16), rng.integers(0, 16, n), *words, rng.random(n), rng.random(n) < 0.5,
-                  rng.integers(64, 512, n), rng.integers(0, 2**16, (n, 2)).astype(np.uint32), *distances)  # fmt: skip
+                  rng.integers(64, 512, n), *distances)  # fmt: skip
     again = Visit.of_record(json.loads(json.dumps(visit.record())))
     for name in Visit.__slots__:
         a, b = (of["direct"] if isinstance(of, dict) else of for of in (getattr(visit, name), getattr(again, name)))
