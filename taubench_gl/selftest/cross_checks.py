@@ -7,7 +7,6 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
@@ -27,7 +26,18 @@ from taubench_gl.scene.model import Camera, Image, Primitive, Sampler, Scene, Te
 from taubench_gl.selftest.bench import Bench, rays
 from taubench_gl.selftest.case import Outcome, case, field, worst
 from taubench_gl.selftest.direct import lambert
-from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn, turn_x, turn_y
+from taubench_gl.selftest.scenes import (
+    SceneBuilder,
+    box,
+    morphed,
+    quad,
+    skinned,
+    sky_file,
+    sphere,
+    turn,
+    turn_x,
+    turn_y,
+)
 from taubench_gl.srgb import srgb_decode, srgb_encode
 
 Array = np.ndarray
@@ -560,16 +570,9 @@ def light_that_moves(bench: Bench) -> Outcome:
     source="bilinear texels of 5.6 degrees, half floats",
 )
 def sky_behind_a_room(bench: Bench) -> Outcome:
-    import OpenImageIO as oiio
-
     slope, errors = np.array([[0.3, 0.1, -0.2], [0.2, -0.4, 0.1], [-0.1, 0.2, 0.3]]), []
     radiance = 0.4 * (1.0 + directions(32) @ slope)
-    with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "sky.exr")
-        image = oiio.ImageOutput.create(path)
-        image.open(path, oiio.ImageSpec(64, 32, 3, "float"))
-        image.write_image(radiance.astype(np.float32))
-        image.close()
+    with sky_file(radiance) as path:
         for rotation, lens in (
             (turn((1.0, 2.0, 0.3), 100.0), {"yfov": 1.4}), (turn((0.2, 1.0, -0.5), -140.0), {"yfov": 0.3}),
             (turn_x(40.0), {"kind": "orthographic", "xmag": 3.0, "ymag": 2.0, "zfar": 30.0}),

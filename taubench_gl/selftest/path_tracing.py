@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
@@ -17,7 +14,7 @@ from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
 from taubench_gl.selftest.direct import lambert
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad, sphere, turn, turn_x, turn_y
+from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad, sky_file, sphere, turn, turn_x, turn_y
 
 Array = np.ndarray
 RANDOM = "relative; noise of this many samples"
@@ -457,19 +454,12 @@ def _below(b: SceneBuilder, bench: Bench, znear: float, **how) -> dict[str, Arra
     source="relative; 16,384 paths of a radiance between 0.5 and 3.5: 0.4 %, and an image of 64 x 32 texels",
 )
 def sky_image(bench: Bench) -> Outcome:
-    import OpenImageIO as oiio
-
     a = np.array([0.6, 0.48, 0.64])
     theta, phi = (np.arange(32) + 0.5) * np.pi / 32, ((np.arange(64) + 0.5) / 64 - 0.5) * 2.0 * np.pi
     x, z = np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi))
     value = 2.0 + 1.5 * (a[0] * x + a[1] * np.cos(theta)[:, None] + a[2] * z)
     errors = []
-    with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "sky.exr")
-        image = oiio.ImageOutput.create(path)
-        image.open(path, oiio.ImageSpec(64, 32, 3, "float"))
-        image.write_image((value[..., None] * (1.0, 0.5, 0.25)).astype(np.float32))
-        image.close()
+    with sky_file(value[..., None] * (1.0, 0.5, 0.25)) as path:
         for axis, degrees in (((1.0, 0.0, 0.0), -90.0), ((1.0, 1.0, 0.0), 70.0), ((0.0, 1.0, 0.2), -120.0)):
             b, rotation = SceneBuilder(), turn(axis, degrees)
             stand = b.node(rotation=rotation)

@@ -7,11 +7,9 @@ The numbers were recorded with Mesa's llvmpipe, whose passes the tests compare w
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +22,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Outcome, case, count, field
+from taubench_gl.selftest.scenes import sky_file
 
 Array = np.ndarray
 
@@ -58,16 +57,9 @@ def _traced(bench: Bench, **settings: Any) -> dict[str, Array]:
 
 def _under_an_image(bench: Bench) -> dict[str, Array]:
     """Path-traced in an environment image with a bright side."""
-    import OpenImageIO as oiio
-
     across, down = np.meshgrid(np.linspace(0.0, 1.0, 64), np.linspace(0.0, 1.0, 32))
     value = np.stack([np.exp(-8.0 * (across - 0.3) ** 2), 0.5 + 0.5 * across, 1.0 - down], axis=-1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "sky.exr")
-        image = oiio.ImageOutput.create(path)
-        image.open(path, oiio.ImageSpec(64, 32, 3, "float"))
-        image.write_image(value.astype(np.float32))
-        image.close()
+    with sky_file(value) as path:
         return _traced(bench, environment=path, pattern="independent")
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +26,20 @@ from taubench_gl.scene.model import (
 
 Array = np.ndarray
 IDENTITY = (0.0, 0.0, 0.0, 1.0)
+
+
+@contextlib.contextmanager
+def sky_file(radiance: Array) -> Iterator[str]:
+    """Path of an environment image, equirectangular, while the block runs.  ``radiance``: (h, w, 3)."""
+    import OpenImageIO as oiio
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "sky.exr")
+        image = oiio.ImageOutput.create(path)
+        image.open(path, oiio.ImageSpec(radiance.shape[1], radiance.shape[0], 3, "float"))
+        image.write_image(radiance.astype(np.float32))
+        image.close()
+        yield path
 
 
 class SceneBuilder:
