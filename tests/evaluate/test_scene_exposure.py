@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from taubench_gl.animation import OrbitCamera, camera_of_run, choose_camera
+from taubench_gl.animation import OrbitCamera, View, camera_of_run, choose_camera
 from taubench_gl.apps.cli import cli
 from taubench_gl.datasets.camera_path import PRESETS
 from taubench_gl.datasets.stress import Moves, stress
@@ -16,6 +17,8 @@ from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import FOLDER, _cache_file, _metering
 from taubench_gl.paths import ASSETS, CACHE_VARIABLE
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Camera
+from taubench_gl.selftest.bench import MovingCamera
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -84,6 +87,19 @@ def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
         _cache_file(scene, m, camera) for m in (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
     }
     assert len(files) == 3
+
+
+def test_what_has_no_content_hash_has_no_file(cache):
+    """A scene made in memory, and a camera that only the caller knows."""
+    scene = load_scene(DEMO)
+    metering = _metering(scene, Settings(light_unit="candela", environment="none"))
+    camera, own = (
+        camera_of_run(scene, metering.sequence),
+        MovingCamera(lambda time: View(np.zeros(3), np.eye(3), Camera())),
+    )
+    assert _cache_file(scene, metering, camera) is not None
+    assert _cache_file(dataclasses.replace(scene, sha256=None), metering, camera) is None
+    assert _cache_file(scene, metering, own) is None
 
 
 def test_an_orbit_for_another_image_gives_the_same_exposure(cache, expected):

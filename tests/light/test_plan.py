@@ -14,6 +14,7 @@ from test_effects_on_demand import everything
 
 from taubench_gl.apps.inspect_command import describe
 from taubench_gl.features import COLUMNS
+from taubench_gl.frame.materials import image_bytes
 from taubench_gl.frame.passes.lighting import LOBES
 from taubench_gl.frame.plan import DEPENDS, effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
@@ -180,3 +181,11 @@ def test_costs_are_what_a_frame_loses_without_the_effect():
     }
     assert costs["normal_maps"]["textures"] == ["image 0"] and costs["normal_maps"]["gpu_bytes"] == 4 * 4 * 4 * 4 // 3
     assert costs["spot_lights"]["on"] is False and costs["spot_lights"]["gpu_bytes"] == 0
+
+
+@pytest.mark.parametrize("size", [(1, 1), (4, 4), (256, 64)])
+def test_bytes_of_an_image_are_those_of_its_mipmaps(size):
+    """Four bytes a texel; the levels of a square of a power of two add up to a third more, rounded down."""
+    levels = 1 + max(size).bit_length() - 1
+    texels = sum(max(size[0] >> k, 1) * max(size[1] >> k, 1) for k in range(levels))
+    assert image_bytes(size) == pytest.approx(4 * texels, rel=0.02, abs=4)
