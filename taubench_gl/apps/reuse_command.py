@@ -153,11 +153,12 @@ Examples:
 def new(
     path: Path,
     *,
-    python: bool = setting(False, "Write a Python class (NAME.py) instead of a folder with GLSL"),
+    python: bool = setting(False, "Write a Python class (NAME.py) instead of a folder with GLSL; default for NAME.py"),
 ) -> None:
     """Write a working example: a folder with method.toml and GLSL, or one Python file."""
     from taubench_gl.reuse.check import write_example
 
+    python = python or path.suffix == ".py"
     files = write_example(path, python)
     for file in files:
         click.echo(f"written: {file}")

@@ -73,6 +73,8 @@ KEPT_REFERENCE_BYTES = 1 << 31
 
 MAX_SEED = 65535
 
+TWICE = "use other settings, NAME@setting=value, or rename the class, file or folder"
+
 
 @dataclass(frozen=True, slots=True)
 class MethodSpec:
@@ -86,7 +88,8 @@ class MethodSpec:
     def parse(cls, text: str) -> MethodSpec:
         """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``.
 
-        The label of ``exr:DIR`` is its setting ``label``, by default the name of the folder.  Raises SettingsError.
+        A path is labelled with its class, its file without suffix, or its folder; ``exr:DIR`` with its setting
+        ``label``, by default the name of the folder.  Raises SettingsError.
         """
         name, *parts = text.split("@")
         pairs = [part.partition("=") for part in parts]
@@ -95,7 +98,18 @@ class MethodSpec:
         settings = {key.strip(): value for key, _, value in pairs}
         if is_sequence(name):
             return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
-        return cls("@".join((name, *parts)), name, settings)
+        return cls("@".join((short_name(name), *parts)), name, settings)
+
+
+def short_name(name: str) -> str:
+    """What labels of the method ``name`` of the command line begin with."""
+    file, colon, of_class = name.rpartition(":")
+    if colon and file.endswith(".py"):
+        return of_class
+    path = Path(name)
+    if path.name == "method.toml":
+        path = path.resolve().parent
+    return path.stem if path.suffix == ".py" else path.name or name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +243,7 @@ def _check_labels(labels: Sequence[str]) -> None:
         raise SettingsError("there is no method to evaluate", hint="see 'taubench-gl reuse list'")
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
-        raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")
+        raise SettingsError(f"method {twice!r} is given twice", hint=TWICE)
 
 
 @dataclass(slots=True)

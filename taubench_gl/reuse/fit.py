@@ -17,7 +17,7 @@ from taubench_gl.option_groups import FITTED_METRICS, FitOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Setting, Value
-from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
+from taubench_gl.reuse.evaluate import TWICE, MethodSpec, evaluate_methods, method_settings, short_name
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import EQUAL
@@ -120,7 +120,9 @@ def expand_methods(texts: Sequence[str]) -> list[MethodSpec]:
         spec = MethodSpec.parse(text)
         grid = isinstance(spec.method, str) and not is_sequence(spec.method)
         for variant in _grid(spec) if grid else (spec,):
-            specs[variant.label] = variant
+            other = specs.setdefault(variant.label, variant).method
+            if isinstance(other, str) and isinstance(variant.method, str) and other != variant.method:
+                raise SettingsError(f"two methods have the name {variant.label!r}", hint=TWICE)
     if len(specs) > MAX_METHODS:
         raise SettingsError(f"{len(specs)} methods are more than {MAX_METHODS}", hint="give fewer values")
     return list(specs.values())
@@ -135,7 +137,7 @@ def _grid(spec: MethodSpec) -> list[MethodSpec]:
     for combination in itertools.product(*values):
         settings = {**spec.settings, **dict(zip(several, combination, strict=True))}
         method_settings(method, settings)  # raises for invalid values
-        label = "@".join((str(spec.method), *(f"{n}={v}" for n, v in settings.items())))
+        label = "@".join((short_name(str(spec.method)), *(f"{n}={v}" for n, v in settings.items())))
         out.append(MethodSpec(label, method, settings))
     return out
 

@@ -231,3 +231,10 @@ def test_values_of_methods_make_a_grid():
             expand_methods([wrong])
     with pytest.raises(SettingsError):
         expand_methods(["taa_variance@gamma=0.5:2:49"])
+
+
+def test_a_method_of_a_file_is_called_by_its_class_file_or_folder():
+    texts = ["some/where/first.py", "some/where/file.py:Second@alpha=0.1", "else/third/", "package.module:Fourth"]
+    assert [s.label for s in expand_methods(texts)] == ["first", "Second@alpha=0.1", "third", "package.module:Fourth"]
+    with pytest.raises(SettingsError):
+        expand_methods(["a/mine.py", "b/mine"])

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from reuse_tools import play
+from reuse_scenes import drifting_checks
+from reuse_tools import evaluate, play
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Reason
@@ -92,6 +93,7 @@ def test_new_and_check(gpu, tmp_path, monkeypatch, python):
     assert checked.exit_code == 0 and "every pixel finite" in checked.output
     report = check_method(gpu, path)
     assert report.error < report.error_without_reuse and report.reused > 0.3
+    assert load_method(path).reports == ("reprojected_history",), "a new method has its bound"
     again = run.invoke(cli, ["reuse", "new", "mine", *(["--python"] if python else [])])
     assert again.exit_code != 0 and isinstance(again.exception, OutputError)
     assert check_method(gpu, path).error == report.error, "the existing method is unchanged"
@@ -104,6 +106,9 @@ def test_glsl_and_python_examples_are_equal(gpu, tmp_path):
     steps = list(synthetic_steps((48, 27), 6, speed=0.0, noise=0.3))
     for one, other in zip(play(gpu, tmp_path / "a", steps), play(gpu, tmp_path / "b.py", steps)):
         np.testing.assert_allclose(one, other, atol=1e-6)
+    run = evaluate(drifting_checks(), [str(tmp_path / "a"), str(tmp_path / "b.py")], (0, 4))
+    bounds = [run.summary["methods"][name]["bound"] for name in ("a", "b")]
+    assert all(b["blends"] and b["linear_mse"] <= b["method_linear_mse"] for b in bounds)
 
 
 def test_new_removes_incomplete_files(tmp_path):
