@@ -29,7 +29,7 @@ from taubench_gl.metrics.environment import (
     solid_angles,
 )
 from taubench_gl.metrics.lighting import albedo_table
-from taubench_gl.scene.environment import read_environment
+from taubench_gl.scene.environment import environment_bytes, read_environment
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, sphere
 from taubench_gl.settings import Settings
@@ -411,6 +411,11 @@ def test_negative_radiance_counts_as_black_and_is_noted(gpu, tmp_path):
     assert read_environment(path).negative == 3 and read_environment(path).radiance.min() == 0.0
     with opened(gpu, ball_scene(), environment=path) as source:
         assert any("below 0" in note for note in source.describe()["notes"])
+
+
+def test_bytes_of_an_image_are_known_before_it_is_read(tmp_path):
+    path = image_file(tmp_path, np.ones((6, 12, 3)))
+    assert environment_bytes(path) == read_environment(path).radiance.nbytes == 12 * 6 * 12
 
 
 def test_an_image_that_changes_is_read_again(tmp_path):
