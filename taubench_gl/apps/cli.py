@@ -31,7 +31,7 @@ from taubench_gl.apps.options import Commands, command
 from taubench_gl.apps.paper_command import paper
 from taubench_gl.apps.reference_command import reference
 from taubench_gl.apps.reject_command import reject
-from taubench_gl.apps.report_command import report
+from taubench_gl.apps.report_command import report, share
 from taubench_gl.apps.reuse_command import reuse
 from taubench_gl.apps.scenes_command import scenes
 from taubench_gl.apps.selftest_command import selftest
@@ -46,7 +46,7 @@ _REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a full or failing disk."""
 SHELLS = ("bash", "zsh", "fish")
 SECTIONS = {
-    "Measure": (evaluate, inspect, compare, report),
+    "Measure": (evaluate, inspect, compare, report, share),
     "Reuse and rejection": (reuse, reject, benchmark),
     "Studies": (batch, paper, cost, stress),
     "Look": (view, demo),

@@ -59,6 +59,37 @@ def report(
     _echo_written(path)
 
 
+@command(
+    epilog="""\b
+Examples:
+  taubench-gl evaluate scene.glb --out results --report
+  taubench-gl share results
+  taubench-gl share results --out walk.html"""
+)
+@click.argument("run", metavar="RUN")
+def share(
+    run: str,
+    *,
+    out: Path | None = setting(
+        None, "Output file", group=OUTPUT, metavar="FILE", shown="share.html in the folder of the run"
+    ),
+) -> None:
+    """Write one HTML file below 5 MB that plays the masks of every pair of RUN.
+
+    RUN is an output folder of 'taubench-gl evaluate --report'.  The file is the report with smaller images of all
+    recorded pairs; it needs no network and no server, and fits in a message.
+    """
+    from taubench_gl.apps.screen import load_runs
+    from taubench_gl.report.run_frames import stored_frames
+    from taubench_gl.report.run_page import ReportRun, write_html_report
+
+    (loaded,) = load_runs([run])
+    if why := stored_frames(loaded.out)[1]:
+        raise OutputError(f"no images: {why}", where=run, hint="evaluate the scene again with --report")
+    shared = ReportRun(loaded.summary, loaded.frames, loaded.out)
+    _echo_written(write_html_report([shared], out or loaded.out / "share.html", share=True))
+
+
 def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:
     """The page of one reuse evaluation.  Raises OutputError for several runs."""
     from taubench_gl.outputs import write_atomically

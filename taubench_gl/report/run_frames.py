@@ -7,6 +7,7 @@ pixels per code of every pair.
 
 from __future__ import annotations
 
+import io
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -43,6 +44,7 @@ MAX_WIDTH_FULL = 1920
 _CHECK = 8  # side of a checkerboard cell, pixels
 _PLANES = "planes"
 _SUFFIX = {"frame": "webp", "previous": "webp", "mask": "png", _PLANES: "webp"}
+SHARED_STEPS, SHARED_QUALITY = (0, 1, 2, 3, 4, 6, 8), 60
 NO_PLANES = "the run was made without --report-full"
 
 
@@ -95,6 +97,41 @@ class StoredFrames:
     index: ImageIndex
     planes: StoredPlanes | None = None
     no_planes: str = NO_PLANES
+
+    def small(self, budget: int) -> tuple[list[dict[str, Any]], ImageIndex]:
+        """Every frame and its mask as data URIs of at most ``budget`` bytes, and the index for their size.
+
+        The images as they are, else smaller ones of less quality: ``step`` is of the smallest cut that fits, at most
+        SHARED_STEPS[-1].  Raises OutputError.
+        """
+        items: list[dict[str, Any]] = []
+        index = self.index
+        for step in SHARED_STEPS:
+            items = [
+                {"n": f, "frame": self._reduced("frame", f, step), "mask": self._reduced("mask", f, step)}
+                for f in index.frames
+            ]
+            if sum(len(item["frame"]) + len(item["mask"]) for item in items) <= budget:
+                break
+        width, height = (max(side // max(step, 1), 1) for side in (index.width, index.height))
+        return items, msgspec.structs.replace(index, width=width, height=height, step=index.step * max(step, 1))
+
+    def _reduced(self, part: str, frame: int, step: int) -> str:
+        """An image as a data URI with one of ``step`` rows and columns; 0: as it is stored."""
+        from PIL import Image
+
+        if step == 0:
+            return self.uri(part, frame)
+        with Image.open(io.BytesIO(read_bytes(self.folder / file_name(part, frame)))) as image:
+            image.load()
+        width, height = (max(side // step * step, 1) for side in image.size)
+        whole, data = image.crop((0, 0, width, height)), io.BytesIO()
+        if part == "mask":
+            pixels = np.asarray(whole)[step // 2 :: step, step // 2 :: step]
+            Image.fromarray(pixels).save(data, format="PNG", optimize=True)
+        else:
+            whole.reduce(step).save(data, format="WEBP", quality=SHARED_QUALITY, method=4)
+        return data_uri(data.getvalue(), _SUFFIX[part])
 
     def uri(self, part: str, frame: int) -> str:
         """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OutputError."""

@@ -10,6 +10,7 @@ import base64
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,9 @@ Summary = Mapping[str, Any]
 MAX_IMAGES = 60
 """Default number of pairs with images per report, all runs together."""
 
+SHARED_IMAGE_BYTES = 4_400_000
+"""Bytes of base64 text of the images of a page to share, which then has less than 5 MB."""
+
 _CLASSES = (Reason.FIRST, Reason.CUT, Reason.INVALID)
 _DETAILS = (Reason.OUTSIDE, Reason.BEHIND, *(bit for feature in BY_BIT for bit in feature.details))
 _COLUMN_OF = {bit: feature.name for feature in BY_BIT for bit in feature.details}
@@ -52,24 +56,27 @@ class ReportRun:
     out: Path | None = None
 
 
-def write_html_report(runs: Sequence[ReportRun], path: str | Path, images: int = MAX_IMAGES) -> Path:
+def write_html_report(
+    runs: Sequence[ReportRun], path: str | Path, images: int = MAX_IMAGES, *, share: bool = False
+) -> Path:
     """Write ``report_html`` to ``path`` atomically.  Raises OutputError."""
     path = Path(path)
-    write_atomically(path, report_html(runs, images))
+    write_atomically(path, report_html(runs, images, share=share))
     return path
 
 
-def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
+def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES, *, share: bool = False) -> str:
     """The page.  ``images``: most pairs with images, all runs together; fewer where they take MAX_IMAGE_BYTES.
 
-    Raises ValueError without a run.
+    ``share``: every recorded pair, as small as SHARED_IMAGE_BYTES asks for, without the reprojected history and
+    distances; the page plays them at once.  Raises ValueError without a run.
     """
     if not runs:
         raise ValueError("runs is empty, expected at least one")
     summaries = [run.summary for run in runs]
     labels, several = run_labels(summaries), len(runs) > 1
     views = [_run_view(summary, label) for summary, label in zip(summaries, labels, strict=True)]
-    data = report_data(runs, labels, images)
+    data = report_data(runs, labels, images, share=share)
     title = ", ".join(labels) if len(labels) < 4 else f"{len(labels)} runs"
     about = [Markup("<b>{}</b>: {}").format(v["label"], v["about"]) if several else v["about"] for v in views]
     page = Page(
@@ -82,15 +89,20 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
         data=data,
     )  # fmt: skip
     missing = tag("p", "The images and plots below need scripts. Figures, tables and details do not.", class_="missing")
+    frames = partial(page.add, "frames", "Discarded pixels by reason", tag("div", id="viewer"), link="Frames")
+    first = any(run["images"] for run in data["runs"])
+    if first:
+        frames()
     page.add("reusable", "", macro("reusable", "run.html")(views, several), label="Reusable pixels")
     page.add("figures", "", macro("key_figures", "run.html")(views, several), tag("noscript", missing),
              label="Key figures")  # fmt: skip
-    page.add("frames", "Discarded pixels by reason", tag("div", id="viewer"), link="Frames")
+    if not first:
+        frames()
     page.add("time", "Over time", tag("div", id="plots"))
     text = "The tables show one point of each curve. Drag a dot on its track, or move it with the arrow keys. The "
     text += "triangle moves all dots."
     if any(run["images"] and run["images"]["planes"] for run in data["runs"]):
-        text += " The sentence and bars at the top, the masks and shares of the frame and the rates over time follow; "
+        text += " The sentence and bars, the masks and shares of the frame and the rates over time follow; "
         text += "the sliders next to the frame are the same."
     curves = tag("p", text, class_="lead"), tag("div", id="curves")
     page.add("thresholds", "Discarded pixels by threshold", *curves, link="Thresholds")
@@ -113,6 +125,7 @@ def _run_view(summary: Summary, label: str) -> dict[str, Any]:
         "about": _about(summary),
         "headline": reusable_sentence(summary),
         "light": sampled_text(summary),
+        "lighting": lighting_text(summary),
         "reprojection": reprojection_of(summary),
         "rates": [_rate(summary, rate) for rate in RATES],
         "sky": _sky(summary),
@@ -140,8 +153,6 @@ def _about(summary: Summary) -> str:
         f"{settings.get('width', '?')} × {settings.get('height', '?')} pixels",
         f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling",
     ]
-    lighting = lighting_text(summary)
-    parts += [lighting] if lighting else []
     stand_in = (summary.get("scene") or {}).get("stand_in")
     return " · ".join(parts + ([f"stand-in: {stand_in}"] if stand_in else []))
 
@@ -241,11 +252,14 @@ def _plain(value: Any) -> str:
 # ----------------------------------------------------------------------------------------------- values of the scripts
 
 
-def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = MAX_IMAGES) -> dict[str, Any]:
-    """Values of the scripts, fit for JSON, with images of at most ``images`` pairs in all."""
-    share = max(1, images // max(len(runs), 1))
-    budget = MAX_IMAGE_BYTES // max(len(runs), 1)
+def report_data(
+    runs: Sequence[ReportRun], labels: Sequence[str], images: int = MAX_IMAGES, *, share: bool = False
+) -> dict[str, Any]:
+    """Values of the scripts, fit for JSON, with images of at most ``images`` pairs in all; ``share``: of all pairs."""
+    most = None if share else max(1, images // max(len(runs), 1))
+    budget = (SHARED_IMAGE_BYTES if share else MAX_IMAGE_BYTES) // max(len(runs), 1)
     return {
+        "play": share,
         "columns": [{"name": name, "dash": DASHES[name], "unit": UNITS.get(name, "")} for name in COLUMNS],
         "features": list(FEATURES),
         "bits": {
@@ -271,11 +285,11 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = 
             for bit, term in glossary.REASONS.items()
             if bit is not FRUSTUM
         ],
-        "runs": [_run_data(run, label, share, budget) for run, label in zip(runs, labels, strict=True)],
+        "runs": [_run_data(run, label, most, budget) for run, label in zip(runs, labels, strict=True)],
     }
 
 
-def _run_data(run: ReportRun, label: str, most: int, budget: int) -> dict[str, Any]:
+def _run_data(run: ReportRun, label: str, most: int | None, budget: int) -> dict[str, Any]:
     summary, settings = run.summary, run.summary.get("settings") or {}
     discard = summary.get("discard") or {}
     measured = [c for c in COLUMNS if (discard.get(c) or {}).get("mean_percent") is not None]
@@ -356,13 +370,13 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
     ]  # fmt: skip
 
 
-def _images(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | None, str]:
-    """Images of at most ``most`` pairs and ``budget`` bytes, or None and the reason."""
+def _images(run: ReportRun, most: int | None, budget: int) -> tuple[dict[str, Any] | None, str]:
+    """Images of at most ``most`` pairs (None: small ones of all) and ``budget`` bytes, or None and the reason."""
     stored, why = stored_frames(run.out)
     if stored is None:
         return None, why
 
-    planes, no_planes = _planes(run, stored)
+    planes, no_planes = _planes(run, stored) if most is not None else (None, "")
     parts = ("frame", "previous", "mask", *(("planes",) if planes else ()))
 
     def load(frame: int) -> dict[str, Any]:
@@ -370,7 +384,10 @@ def _images(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | No
 
     index = stored.index
     try:
-        items = within_budget(index, most, budget - len((planes or {}).get("counts", "")), load)
+        if most is None:
+            items, index = stored.small(budget)
+        else:
+            items = within_budget(index, most, budget - len((planes or {}).get("counts", "")), load)
     except OSError as error:
         return None, f"an image cannot be read: {error.strerror}"
     text = shown_text(index, len(items), run.summary.get("pairs") or 0, "pairs")

@@ -111,6 +111,7 @@ function makeFrameViewer({ images, go, milliseconds, redrawn = () => {}, point =
       const { width, height } = images();
       [front, back = null] = layers;
       for (const one of stages) one.stage.style.aspectRatio = `${width} / ${height}`;
+      pair.style.setProperty("--ratio", width / height);
       zoom.apply();
       alternate();
     },

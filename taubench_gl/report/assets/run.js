@@ -39,6 +39,7 @@ if (data.runs.length > 1) {
   document.getElementById("run-choice").hidden = false;
 }
 choose(chosen);
+if (data.play && !matchMedia("(prefers-reduced-motion: reduce)").matches) viewer.play();
 
 // The counts of the distances arrive later; until then sliders stop at the edges of the recorded bins.
 for (const run of data.runs) {

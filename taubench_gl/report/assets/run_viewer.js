@@ -236,8 +236,9 @@ function makeViewer(box, state) {
     fillPanel();
     const others = state.runs.filter((r) => r !== run && r.images);
     other = others.includes(other) ? other : others[0] || null;
-    if (mode === "runs" && !other) mode = "masks";
-    modes.fill(MODES.filter(([name]) => name !== "runs" || other));
+    const usable = { masks: true, history: images.items[0].previous, plain: true, runs: other };
+    if (!usable[mode]) mode = "masks";
+    modes.fill(MODES.filter(([name]) => usable[name]));
     choice?.remove();
     choice = null;
     if (others.length > 1) {
@@ -275,7 +276,7 @@ function makeViewer(box, state) {
 
   let queued = false;
   return {
-    setRun, setStops, showStop,
+    setRun, setStops, showStop, play: scrubber.play,
     goTo(frame) { if (images) go(nearestItem(images, frame)); },
     // The thresholds of the page changed: once per drawn frame, however often they do.
     thresholds() {

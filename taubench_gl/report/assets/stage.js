@@ -57,7 +57,7 @@ function makeDivider(stage, moved) {
 }
 
 // A play button, a slider and a caption.  `go(index)` shows a frame; `milliseconds` between frames while playing.
-// `set(count, index)`: for a series of `count` frames; `show(index, caption)` after a frame is shown; `stop()`.
+// `set(count, index)`: for a series of `count` frames; `show(index, caption)` after a frame is shown; `play()`; `stop()`.
 function makeScrubber(go, milliseconds = 160) {
   const slider = el("input", { type: "range", id: "frame", min: "0", value: "0", "aria-label": "Frame" });
   const caption = el("output", { for: "frame" });
@@ -77,7 +77,7 @@ function makeScrubber(go, milliseconds = 160) {
     play.setAttribute("aria-label", "Pause");
   });
   return {
-    stop, bar: el("div", { class: "bar" }, play, slider, caption),
+    stop, play: () => { if (!timer) play.click(); }, bar: el("div", { class: "bar" }, play, slider, caption),
     set(number) { count = number; slider.max = number - 1; },
     show(index, words) {
       slider.value = index;

@@ -1,0 +1,98 @@
+"""``taubench-gl share``: every recorded pair on one page below 5 MB, which plays at once."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+from page_tools import opened
+
+from taubench_gl.apps.cli import main
+from taubench_gl.conventions import Reason
+from taubench_gl.report import run_page
+from taubench_gl.report.frame_store import FOLDER
+from taubench_gl.report.run_frames import FrameRecorder
+
+SIZE = (64, 36)
+WORDS = np.uint32([0, int(Reason.POSITION), int(Reason.NORMAL), int(Reason.POSITION | Reason.NORMAL)])
+
+
+def command(*words: object) -> int:
+    with pytest.raises(SystemExit) as done:
+        main(list(map(str, words)))
+    return done.value.code
+
+
+@pytest.fixture
+def recorded(stored_run, tmp_path) -> Path:
+    """The folder of a stored run with images: frames of noise, masks of four blocks."""
+    folder = tmp_path / "run"
+    stored_run.save(folder)
+    rng = np.random.default_rng(1)
+    recorder = FrameRecorder(folder)
+    mask = np.repeat(np.repeat(WORDS.reshape(2, 2), SIZE[1] // 2, axis=0), SIZE[0] // 2, axis=1)
+    for row in stored_run.frames:
+        image = rng.random((*SIZE[::-1], 3))
+        recorder.add(row["frame"], 1, image, image, mask, np.zeros((*SIZE[::-1], 2)))
+    recorder.finish(folder / "frames.csv")
+    return folder
+
+
+def images_of(page: Path) -> dict:
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page.read_text(), re.DOTALL)[1])
+    assert data["play"]
+    return data["runs"][0]["images"]
+
+
+def pixels(uri: str) -> np.ndarray:
+    return np.asarray(PIL.Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monkeypatch, step):
+    """Frames of noise take as many bytes as pixels do: a quarter of the budget keeps every second row and column."""
+    assert command("share", recorded) == 0
+    page = recorded / "share.html"
+    whole = images_of(page)
+    size = sum(len(item["frame"]) + len(item["mask"]) for item in whole["items"])
+    monkeypatch.setattr(run_page, "SHARED_IMAGE_BYTES", int(1.2 * size / step**2) if step > 1 else size)
+    assert command("share", recorded) == 0
+    images = images_of(page)
+    assert [item["n"] for item in images["items"]] == [row["frame"] for row in stored_run.frames]
+    assert sum(len(item["frame"]) + len(item["mask"]) for item in images["items"]) <= run_page.SHARED_IMAGE_BYTES
+    assert images["step"] == step if step < 3 else images["step"] >= 2
+    for item in images["items"]:
+        mask = pixels(item["mask"]).astype(int)
+        assert pixels(item["frame"]).shape[:2] == mask.shape[:2] == (images["height"], images["width"])
+        corners = mask[:: mask.shape[0] - 1, :: mask.shape[1] - 1]
+        assert ((corners @ [1, 256, 65536]) == WORDS.reshape(2, 2)).all()
+    assert page.stat().st_size < 5_000_000
+
+
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_the_page_plays_masks_and_has_no_button_for_what_it_leaves_out(recorded, browser, motion):
+    """It stands still where the reader's system asks for less motion."""
+    assert command("share", recorded) == 0
+    with contextlib.contextmanager(opened)(browser, recorded / "share.html", reduced_motion=motion) as page:
+        if motion == "reduce":
+            assert page.locator(".bar button").get_attribute("aria-label") == "Play"
+        else:
+            first = page.locator(".stage").first.get_attribute("data-frame")
+            page.wait_for_selector(f".stage[data-frame]:not([data-frame='{first}'])")
+        assert page.locator("[data-mode=history]").count() == 0
+        assert page.locator("[data-mode=masks]").count() == 1
+
+
+@pytest.mark.parametrize("lost", ["images", "all"])
+def test_a_run_without_images_is_refused(recorded, tmp_path, capsys, lost):
+    if lost == "images":
+        (recorded / FOLDER / "index.json").unlink()
+    assert command("share", recorded if lost == "images" else tmp_path / "none") == 2
+    assert capsys.readouterr().err.count("\n") == 1 and not list(tmp_path.rglob("share.html"))
