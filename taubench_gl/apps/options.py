@@ -300,13 +300,10 @@ class Commands(click.Group):
         return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """A list for each section."""
-        if not self.sections:
-            return super().format_commands(ctx, formatter)
-        width = max(map(len, self.commands)) + 2
-        for heading, names in self.sections.items():
+        """A list for each section, with whole sentences."""
+        width = max(map(len, self.commands))
+        for heading, names in (self.sections or {"Commands": self.list_commands(ctx)}).items():
             with formatter.section(heading):
-                limit = formatter.width - width - 4
                 formatter.write_dl(
-                    [(f"{name:<{width - 2}}", self.commands[name].get_short_help_str(limit)) for name in names]
+                    [(f"{name:<{width}}", self.commands[name].get_short_help_str(1000)) for name in names]
                 )

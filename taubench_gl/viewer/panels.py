@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from taubench_gl.animation import OrbitCamera
 from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, REASONS, STATISTICS, label_of
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
@@ -148,12 +149,17 @@ class Panels:
         for i, mode in enumerate(CAMERAS):
             if i:
                 imgui.same_line()
-            if imgui.radio_button(mode, s.camera == mode):
+            if imgui.radio_button(self._camera_label(mode), s.camera == mode):
                 self._viewer.act("file camera" if mode == "file" else mode)
             self._ui.place(f"camera.{mode}")
         self._ui.check("freeze current", s.freeze_current, "freeze current", "freeze_current")
         imgui.same_line()
         self._ui.check("freeze previous", s.freeze_previous, "freeze previous", "freeze_previous")
+
+    def _camera_label(self, mode: str) -> str:
+        """A file without a camera is seen from an orbit that frames it."""
+        framing = isinstance(getattr(self._viewer.engine.feed, "camera", None), OrbitCamera)
+        return "framing orbit" if mode == "file" and framing else mode
 
     def _image(self) -> None:
         s = self._viewer.state

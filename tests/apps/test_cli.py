@@ -10,7 +10,9 @@ import tomllib
 import types
 
 import pytest
+from click.testing import CliRunner
 
+from taubench_gl.apps.cli import cli
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import RunWriter
 from taubench_gl.run_schema import COUNT_COLUMNS
@@ -255,3 +257,13 @@ def test_an_interrupt_while_importing_is_no_traceback(tmp_path, start):
         capture_output=True, text=True, timeout=120, env=os.environ | {"PYTHONPATH": paths},
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize("group", [(), ("reuse",), ("scenes",)])
+def test_help_lists_every_command_with_its_whole_sentence(group):
+    command = cli
+    for name in group:
+        command = command.commands[name]
+    shown = " ".join(CliRunner().invoke(cli, [*group, "--help"]).output.split())
+    for name, one in command.commands.items():
+        assert f"{name} {one.get_short_help_str(1000)}" in shown

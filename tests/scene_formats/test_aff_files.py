@@ -191,6 +191,22 @@ def test_includes_share_material_and_block(tmp_path):
     assert len(scene.mesh_nodes) == 1
 
 
+def test_textures_of_bart_are_found_in_the_folder_beside_the_scene(tmp_path):
+    """A texture of the scene's own folder comes first; nothing but that one other folder is searched."""
+    scene_folder, shared = tmp_path / "kitchen", tmp_path / "TextureFiles"
+    scene_folder.mkdir()
+    shared.mkdir()
+    Image.new("RGB", (4, 2), (255, 0, 0)).save(shared / "red.ppm")
+    Image.new("RGB", (2, 2), (0, 255, 0)).save(shared / "both.ppm")
+    Image.new("RGB", (8, 8), (0, 0, 255)).save(scene_folder / "both.ppm")
+    Image.new("RGB", (1, 1)).save(tmp_path / "secret.ppm")
+    names = ("red.ppm", "both.ppm", "../secret.ppm", "../TextureFiles/red.ppm")
+    text = "".join(f"tt {name} 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n" for name in names)
+    scene = load_scene(write(scene_folder, text))
+    assert sorted(image.size for image in scene.images) == [(4, 2), (8, 8)]
+    assert [bool(notes_about(scene, repr(name))) for name in names] == [False, False, True, False]
+
+
 def test_unusable_textures_are_noted(tmp_path):
     (tmp_path.parent / "secret.png").write_bytes(b"")
     text = "".join(f"tt {name} 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n" for name in ("none.ppm", "../secret.png", "/etc/x"))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -299,6 +299,9 @@ class Parser:
     def _with_texture(self, name: str, t: Tokens) -> int:
         """The current fill with a texture, or without it if the image cannot be read."""
         target = find_referenced(self.path.parent, name)
+        if isinstance(target, str):  # BART keeps the textures of all its scenes in one folder beside theirs
+            shared = find_referenced(self.path.parent.parent / "TextureFiles", PurePosixPath(name).name)
+            target = shared if isinstance(shared, Path) else target
         if isinstance(target, str):
             self.file.notes.remark("texture-missing", t.where(), detail=target)
             return self.fill
