@@ -43,13 +43,14 @@ SMALL = {
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
 
-LESS = {"path-traced@1024": "path-traced@8", "yaw=0:12:7": "yaw=0:12:3", "64": "4"}
+LESS = {"path-traced@1024": "path-traced@8", "yaw=0:12:7": "yaw=0:12:2", "64": "4"}
 """Words in place of those of the page."""
 
 FIRST = {
     r"^batch (status|resume|report) results": ["batch run spec.toml --out results"],
     r"^batch report batch": ["batch run batch.toml --out batch"],
     r"^(report|compare|view) .*\bresults\b": ["evaluate scene.glb --out results"],
+    r"^share results": ["evaluate scene.glb --report --out results"],
     r"\bother-results\b": ["evaluate scene.glb --reprojection motion --out other-results"],
     r"\bout/": ["evaluate scene.glb --out out/sponza", "evaluate scene.glb --reprojection motion --out out/bistro"],
     r"\breuse-results\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-results"],
@@ -75,7 +76,10 @@ QUICK = (
     r"^(inspect scene.glb|completion|scenes|benchmark|reference (check|list|clear)|demo$|reject list)"
     r"|^reuse (list|show|new)|^stress .*headset"
 )
-"""Examples of the normal run; tests/test_tour.py runs those of the tour in their order."""
+"""Examples of other pages in the normal run."""
+
+FIRST_PAGES = ("README.md", "docs/tour.md")
+"""Pages whose examples are all in the normal run; tests/test_tour.py runs those of the tour as written, in their order."""
 
 PYTHON = {
     "README.md": {
@@ -129,6 +133,8 @@ def reduced(words: list[str], kept: Collection[str]) -> list[str]:
     small = SMALL | ({"--size": "160x90"} if words[0] == "demo" else {})
     if any(word.startswith("exr:") for word in words) or (words[0] == "stress" and "--sweep" not in words):
         del small["--size"]
+    if words[:2] in (["reuse", "evaluate"], ["reuse", "fit"]) and "--input" not in words:
+        small["--reference"] = "path-traced@4"  # of path-traced input: as many samples as fit in two minutes
     if words[0] == "export" and "--reference-spp" not in words:
         del small["--reference-spp"]  # it asks for training pairs
     return [LESS.get(word, word) for word in words] + [
@@ -218,11 +224,12 @@ def ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, prepared) -> Callable
     return fill
 
 
-def marked(line: str) -> Any:
-    return pytest.param(line, id=line, marks=() if re.search(QUICK, line) else pytest.mark.long)
+def marked(line: str, page: str) -> Any:
+    usual = page in FIRST_PAGES or re.search(QUICK, line)
+    return pytest.param(line, id=line, marks=() if usual else pytest.mark.long)
 
 
-@pytest.mark.parametrize("line", [marked(line) for line in examples()])
+@pytest.mark.parametrize("line", [marked(line, page) for line, page in examples().items()])
 def test_examples_run(line: str, ready):
     ready(line)
     words = line.split()
