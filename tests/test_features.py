@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
 from taubench_gl.features import COUNTED_BITS, TABLE
 
@@ -94,6 +96,6 @@ def test_a_new_feature_is_a_bit_a_record_and_a_distance(tmp_path) -> None:
     assert found["wrong"] == 0
     assert found["bits"] == found["rows"] > 0
     assert found["above"] == found["curve"] > 0
-    assert found["percent"] == 100.0 * found["rows"] / (2 * 96 * 54)
+    assert found["percent"] == pytest.approx(100.0 * found["rows"] / (2 * 96 * 54), rel=1e-15)
     assert "roughness" in found["columns"] and "roughness" in found["labels"]
     assert found["threshold"] == 0.05

@@ -10,6 +10,9 @@ from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5
+SKY = "0.13,0.23,0.46"
+"""Radiance of the evening sky, the same in every direction."""
+
 LICENSE = "CC0-1.0, made for taubench-gl"
 
 
@@ -36,7 +39,7 @@ def bricks(size: int = 128) -> tuple[np.ndarray, np.ndarray]:
     edge = np.minimum.reduce([inside_x, size // 4 - 1 - inside_x, inside_y, size // 8 - 1 - inside_y])
     height = np.clip(edge / 2.0, 0, 1)
     tone = rng.uniform(0.75, 1.1, (8, 4))[row, column][..., None]
-    brick, mortar = np.array([168, 92, 66]) * tone, np.array([190, 182, 168])
+    brick, mortar = np.array([142, 86, 66]) * tone, np.array([190, 182, 168])
     color = np.where((height > 0.2)[..., None], brick, mortar)
     return (np.clip(color, 0, 255) // 8 * 8).astype(np.uint8), height
 
@@ -49,12 +52,30 @@ def normal_map(height: np.ndarray, strength: float) -> np.ndarray:
     return np.round((n * 0.5 + 0.5) * 255).astype(np.uint8)
 
 
-def tiles(size: int = 64) -> np.ndarray:
+def tiles(size: int = 128) -> np.ndarray:
+    """Terracotta and slate, four by four, no two of one tone."""
+    rng = np.random.default_rng(2)
     y, x = np.mgrid[0:size, 0:size]
-    light = ((x // (size // 2) + y // (size // 2)) % 2).astype(bool)
-    joint = (x % (size // 2) < 1) | (y % (size // 2) < 1)
-    color = np.where(light[..., None], [205, 198, 180], [120, 128, 132])
-    return np.where(joint[..., None], [70, 70, 66], color).astype(np.uint8)
+    side = size // 4
+    row, column = y // side, x // side
+    tone = rng.uniform(0.82, 1.12, (4, 4))[row, column][..., None]
+    color = np.where(((row + column) % 2 == 0)[..., None], [124, 84, 64], [80, 84, 92]) * tone
+    joint = (x % side < 1) | (y % side < 1)
+    return (np.where(joint[..., None], [58, 54, 50], color) // 4 * 4).astype(np.uint8)
+
+
+def leaves(size: int = 64) -> np.ndarray:
+    """A spray of leaves with alpha."""
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[0:size, 0:size] / size
+    out = np.zeros((size, size, 4), np.uint8)
+    for _ in range(26):
+        at, turned = rng.uniform(0.12, 0.88, 2), rng.uniform(0, math.pi)
+        along = (x - at[0]) * math.cos(turned) + (y - at[1]) * math.sin(turned)
+        across = (y - at[1]) * math.cos(turned) - (x - at[0]) * math.sin(turned)
+        leaf = (along / 0.11) ** 2 + (across / 0.045) ** 2 < 1
+        out[leaf] = (*(np.array([70, 104, 44]) * rng.uniform(0.7, 1.25)).astype(int), 255)
+    return out
 
 
 def lattice(size: int = 64) -> np.ndarray:
@@ -154,16 +175,42 @@ def add_ball(w: Writer, material: int) -> list[tuple]:
     return [(node, "translation", times(2 * count + 1), np.array(keys).reshape(-1, 3), "CUBICSPLINE")]
 
 
+def tree(rng: np.random.Generator, at, height: float) -> tuple[Shape, Shape]:
+    """A trunk in a pot, and its crown: cards of leaves on a ball, facing outwards.  (wood, leaves)."""
+    pot = tube(np.array([0.2, 0.24, 0.3, 0.3]), np.array([0.0, 0.2, 0.45, 0.5]))
+    trunk = tube(np.array([0.06, 0.045, 0.03]), np.array([0.45, 0.7 * height, height]))
+    cards = []
+    for _ in range(48):
+        out = rng.normal(size=3)
+        out /= np.linalg.norm(out)
+        side = np.cross(out, rng.normal(size=3))
+        side *= 0.62 / np.linalg.norm(side)
+        up = np.cross(out, side)
+        middle = np.array([0.0, height, 0.0]) + 0.48 * out * [1.0, 1.25, 1.0]
+        cards.append(quad(middle - 0.5 * (side + up), side, up, 1 / 0.62))
+    return moved(join([pot, trunk]), at), moved(join(cards), at)
+
+
+def add_trees(w: Writer, wood: int) -> None:
+    """Four of them, at corners of the basin and before the arcade."""
+    rng = np.random.default_rng(4)
+    crown = w.material("leaves", texture=w.texture(leaves()), roughness=0.8, alphaMode="MASK", doubleSided=True)
+    places = ((-6.6, 0, -2.9, 1.9), (-6.6, 0, 2.9, 1.7), (-0.9, 0, -3.3, 1.6), (6.9, 0, 3.0, 1.8))
+    grown = [tree(rng, place[:3], place[3]) for place in places]
+    parts = [join([one[k] for one in grown]) for k in (0, 1)]
+    w.node("trees", mesh=w.mesh("trees", w.primitive(parts[0], wood), w.primitive(parts[1], crown)))
+
+
 def add_court(w: Writer) -> None:
     color, height = bricks()
     wall = w.material("brick", texture=w.texture(color), normal=w.texture(normal_map(height, 1.5)), roughness=0.9)
-    floor = w.material("tiles", texture=w.texture(tiles()), roughness=0.4)
-    plaster = w.material("plaster", (0.78, 0.74, 0.64), roughness=0.95)
+    floor = w.material("tiles", texture=w.texture(tiles()), roughness=0.5)
+    plaster = w.material("plaster", (0.6, 0.55, 0.46), roughness=0.95)
     wood = w.material("trellis", texture=w.texture(lattice()), alphaMode="MASK", doubleSided=True)
     wood_dark = w.material("wood", (0.25, 0.14, 0.07), roughness=0.7)
-    water = w.material("water", (0.03, 0.12, 0.14), roughness=0.05)
+    water = w.material("water", (0.02, 0.1, 0.13), roughness=0.08)
     walls = box((-8, 0, -6), (8, 4.2, 6), 0.5, inside=True, faces="xXzZ")
-    ground = quad((-8, 0, 6), (16, 0, 0), (0, 0, -12), 0.5)
+    ground = quad((-8, 0, 6), (16, 0, 0), (0, 0, -12), 0.25)
     w.node("court", mesh=w.mesh("court", w.primitive(walls, wall), w.primitive(ground, floor)))
     places = [(x, z) for x in (-5.2, -2.6, 0, 2.6, 5.2) for z in (-4.2, 4.2)]
     columns = [box((x - 0.22, 0, z - 0.22), (x + 0.22, 3.0, z + 0.22)) for x, z in places]
@@ -183,29 +230,30 @@ def add_court(w: Writer) -> None:
     w.node("trellis", mesh=w.mesh("trellis", w.primitive(join(screens), wood)))
     steps = [moved(box((0, 0, 0), (1.6, 0.25 * (i + 1), 0.4)), (6.2, 0, -2.4 + 0.4 * i)) for i in range(6)]
     w.node("steps", mesh=w.mesh("steps", w.primitive(join(steps), plaster)))
+    add_trees(w, wood_dark)
 
 
 def add_lights(w: Writer) -> list[tuple]:
     """A sun, two static lamps, a moving one, one that is switched by its scale, and a rotating spot light."""
     glow = w.material("glow", (1.0, 0.9, 0.7), emissiveFactor=[1.0, 0.75, 0.4])
     bulb = w.mesh("bulb", w.primitive(sphere(0.1, 8, 12), glow))
-    sun = w.light(type="directional", name="sun", color=[1.0, 0.95, 0.85], intensity=3.0)
+    sun = w.light(type="directional", name="sun", color=[1.0, 0.8, 0.58], intensity=8.3)
     w.node("sun", rotation=[-0.454519, 0.270598, 0.146447, 0.835600], extensions=sun)
-    lamp = w.light(type="point", name="lamp", color=[1.0, 0.75, 0.45], intensity=20.0, range=12.0)
+    lamp = w.light(type="point", name="lamp", color=[1.0, 0.75, 0.45], intensity=33.0, range=12.0)
     for i, x in enumerate((-6.5, 4.0)):
         hang(w, w.node(f"lamp {i}", translation=[x, 2.6, -5.2], mesh=bulb), lamp)
-    spark = w.light(type="point", name="spark", color=[0.4, 0.7, 1.0], intensity=15.0, range=10.0)
+    spark = w.light(type="point", name="spark", color=[0.4, 0.7, 1.0], intensity=33.0, range=10.0)
     flying = w.node("spark", mesh=bulb)
     hang(w, flying, spark)
     t = times(26)
     phase = 2 * math.pi * t / DURATION
     path = np.stack([2.5 + 3 * np.cos(phase), 1.6 + 0.5 * np.sin(3 * phase), 3 * np.sin(phase)], axis=-1)
-    flash = w.light(type="point", name="flash", color=[1.0, 0.3, 0.2], intensity=40.0, range=10.0)
+    flash = w.light(type="point", name="flash", color=[1.0, 0.3, 0.2], intensity=39.0, range=10.0)
     switched = w.node("flash", translation=[0.0, 2.6, -5.2], scale=[0.0, 0.0, 0.0], mesh=bulb)
     hang(w, switched, flash)
     states = np.repeat([0.0, 1.0, 0.0], 3).reshape(3, 3)
     cone = {"innerConeAngle": 0.25, "outerConeAngle": 0.5}
-    spot = w.light(type="spot", name="searchlight", color=[1.0, 1.0, 0.9], intensity=120.0, range=20.0, spot=cone)
+    spot = w.light(type="spot", name="searchlight", color=[1.0, 1.0, 0.9], intensity=167.0, range=20.0, spot=cone)
     search = w.node("searchlight", translation=[7.0, 4.0, 0.0], extensions=spot)
     sweep = [turn("y", a) for a in (60.0, 120.0, 60.0)]
     down = turn("x", -35.0)
@@ -248,9 +296,9 @@ def demo() -> Writer:
     w = Writer(LICENSE, "taubench-gl tools/make_assets.py")
     add_court(w)
     metal = w.material("brass", (0.9, 0.65, 0.3), metallic=1.0, roughness=0.3)
-    paints = [w.material(f"paint {i}", c, roughness=0.35) for i, c in enumerate(((0.75, 0.1, 0.08), (0.1, 0.25, 0.7)))]
+    paints = [w.material(f"paint {i}", c, roughness=0.35) for i, c in enumerate(((0.45, 0.07, 0.05), (0.08, 0.2, 0.5)))]
     skin = w.material("tentacle", (0.35, 0.16, 0.4), roughness=0.5)
-    jade = w.material("jade", (0.15, 0.55, 0.3), roughness=0.3)
+    jade = w.material("jade", (0.12, 0.4, 0.22), roughness=0.3)
     w.animation("carousel", *add_carousel(w, metal, paints, (3.2, 0, -0.4)))
     w.animation("tentacle", *add_tentacle(w, skin, (-3.7, 0.2, 0)))
     w.animation("morph", *add_morph(w, jade, (0.0, 0.95, -1.6)))
@@ -259,4 +307,5 @@ def demo() -> Writer:
     w.animation("ball", *add_ball(w, paints[0]))
     w.animation("lights", *add_lights(w))
     w.animation("walk", *add_camera(w))
+    w.gltf.asset.extras = {"taubench_gl": {"environment": SKY}}
     return w

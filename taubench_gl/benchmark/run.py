@@ -43,7 +43,10 @@ def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:
 
 def _expanded(text: str) -> list[str]:
     """The methods that one argument names: settings can have several values."""
-    return [text] if is_sequence(text) else [spec.label for spec in expand_methods([text])]
+    if is_sequence(text):
+        return [text]
+    name = text.partition("@")[0]
+    return ["@".join((name, *(f"{n}={v}" for n, v in spec.settings.items()))) for spec in expand_methods([text])]
 
 
 class BenchmarkStudy(Study):

@@ -115,7 +115,7 @@ def stress(
 
 def _exposure(scene: Scene) -> dict[str, str]:
     """The exposure that the file records, so that added motion does not change it; nothing where none is metered."""
-    settings = without_auto(scene, Settings())
+    settings = without_auto(scene, Settings(light_unit="auto", environment="auto"))
     if scene.exposure is not None or (settings.lighting.light_unit == "watt" and own_light(scene) is not None):
         return {}
     metered, _ = meter(scene, settings)

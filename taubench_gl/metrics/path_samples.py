@@ -20,7 +20,7 @@ VERTICES = 13
 SUBPATH_VERTEX = VERTICES - 1
 """The vertex whose numbers for scattering light subpaths have: the last one does not scatter."""
 
-LEAST, LIMIT = 64, 512
+LEAST, LIMIT = 64, 1024
 """Samples of every pixel that is decided, and most samples of one."""
 
 PARTS = 16

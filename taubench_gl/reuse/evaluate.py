@@ -35,7 +35,7 @@ from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, Inputs, RasterInputs
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import MEASURES, display, fixed_gain, reusable, warp_error
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
@@ -102,14 +102,15 @@ class MethodSpec:
 
 
 def short_name(name: str) -> str:
-    """What labels of the method ``name`` of the command line begin with."""
+    """What labels of the method ``name`` of the command line begin with: never the name of another, built-in one."""
     file, colon, of_class = name.rpartition(":")
-    if colon and file.endswith(".py"):
-        return of_class
     path = Path(name)
     if path.name == "method.toml":
         path = path.resolve().parent
-    return path.stem if path.suffix == ".py" else path.name or name
+    short = path.stem if path.suffix == ".py" else path.name
+    if colon and file.endswith(".py"):
+        short = of_class
+    return name if not short or short in builtin_methods() else short
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

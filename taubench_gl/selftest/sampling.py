@@ -166,19 +166,19 @@ def sampled_direct(bench: Bench) -> Outcome:
 
 @case(
     "parts-of-samples",
-    description="512 samples in 16 parts: values of a part that are not one in each 1/32, of every dimension; parts "
-    "that are equal",
+    description=f"{LIMIT} samples in {PARTS} parts: values of a part that are not one in each 1/{LIMIT // PARTS}, of "
+    "every dimension; parts that are equal",
     elsewhere="parts of one sequence are not independent, so that their spread is not the error of the mean",
     here="each part is a scrambled sequence of its own, and grows with the number of samples",
     source="exact: a Sobol sequence has one value in each interval",
 )
 def parts_of_samples(bench: Bench) -> Outcome:
-    words, start = [[] for _ in range(PARTS)], 0
-    for end in (LEAST, 2 * LEAST, 4 * LEAST, LIMIT):  # as a pixel gets them
+    words, start, end = [[] for _ in range(PARTS)], 0, LEAST
+    while start < LIMIT:  # as a pixel gets them
         for part, rows in enumerate(np.split(part_table(start, end - start), PARTS)):
             words[part].append(rows)
-        start = end
-        if end == LEAST:
+        start, end = end, 2 * end
+        if start == LEAST:
             first = np.stack([np.concatenate(own) for own in words])
     table = np.stack([np.concatenate(own) for own in words]).reshape(PARTS, LIMIT // PARTS, -1)
     wrong = 0

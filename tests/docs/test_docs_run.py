@@ -79,7 +79,7 @@ QUICK = (
 """Examples of other pages in the normal run."""
 
 FIRST_PAGES = ("README.md", "docs/tour.md")
-"""Pages whose examples are all in the normal run; tests/test_tour.py runs those of the tour as written, in their order."""
+"""Pages whose examples are all in the normal run; tests/test_tour.py runs those of the tour as written."""
 
 PYTHON = {
     "README.md": {

@@ -54,7 +54,7 @@ def test_columns_are_those_of_images_of_many_samples():
     """Emitters, which the raster method leaves out: the columns are not those of the preview's images."""
     scene, settings = lamp_over_floor(emits=40.0), Settings(**TRACED | {"frames": (0, 2)})
     ours = evaluate_scene(scene, settings, sampled=True).summary["discard"]
-    images = evaluate_scene(scene, settings.replace(spp=256, bidirectional=True)).summary["discard"]
+    images = evaluate_scene(scene, settings.replace(spp=1024, bidirectional=True)).summary["discard"]
     raster = evaluate_scene(scene, settings.replace(light="raster")).summary["discard"]
     for name in RADIANCE_FEATURES:
         assert ours[name]["mean_percent"] == pytest.approx(images[name]["mean_percent"], abs=1.5), name

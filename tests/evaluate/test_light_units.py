@@ -239,7 +239,7 @@ def test_frames_whose_brightness_is_checked():
 
 
 # ------------------------------------------------------------------------------------------------------ entry points
-CONCRETE = {"light_unit": "candela", "environment": "none"}
+CONCRETE = {"light_unit": "candela", "environment": list(load_scene(DEMO).environment)}
 
 
 def test_a_run_records_its_lighting(tmp_path):
@@ -272,7 +272,7 @@ def test_users_get_automatic_lighting_from_the_command_line(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     settings = load_run(tmp_path).summary["settings"]
-    assert settings["light_unit"] == "candela" and settings["environment"] == "none" and settings["exposure"] != 1.0
+    assert CONCRETE.items() <= settings.items() and settings["exposure"] != 1.0
     assert done.stdout.count(f"exposure {settings['exposure']:.4g}") == 1
     assert (tmp_path / "tables.txt").read_text().count(f"exposure {settings['exposure']:.4g}") >= 4  # with every table
 

@@ -68,7 +68,7 @@ class Seen:
         return self.result.current[name][self.rows, self.columns]
 
     def agreed(self) -> np.ndarray:
-        """Pixels where both saw the same draw at the same depth; asserts that the others are few."""
+        """Pixels where both saw the same opaque draw at the same depth; asserts that the others are few."""
         position, ids = self.channel("position").astype(float), self.channel("ids")
         drawn, hit = position[:, 3] > 0, self.hits.triangle >= 0
         same = drawn & hit & (ids[:, 0] == self.triangles.record[self.hits.triangle])
@@ -76,7 +76,8 @@ class Seen:
         # A pixel's width on a steep surface: the sub-pixel grid moves the depth by a share of this.
         same &= np.abs(position[:, 3] - depth) <= 0.02 * depth
         cut = np.array([False] + [m.alpha_mode != "OPAQUE" for m in self.scene.materials])
-        surface = (drawn | hit) & ~(hit & cut[self.triangles.material[self.hits.triangle]])  # rays know no alpha
+        behind = hit & cut[self.triangles.material[self.hits.triangle]]  # rays know no alpha
+        same, surface = same & ~behind, (drawn | hit) & ~behind
         assert surface.any()
         wrong = surface & ~same
         assert wrong.sum() <= max(EDGE_SHARE * surface.sum(), 2), f"{wrong.sum()} of {surface.sum()} pixels differ"

@@ -104,7 +104,8 @@ def test_a_render_gets_the_lighting_of_evaluate(tmp_path, monkeypatch):
         record = {"job": "1", "settings": {"samples": 4}, "lighting": calls[-1]["lighting"]}
         (tmp_path / "provenance.json").write_text(json.dumps(record))
     first, second = (call["lighting"] for call in calls)
-    assert first == second and first["light_unit"] == "candela" and first["environment"] == "none"
+    assert first == second and first["light_unit"] == "candela"
+    assert first["environment"] == list(load_scene(DEMO).environment)
     assert first["exposure"] not in (1.0, "auto")
     assert f"--exposure {first['exposure']:g}" in done.output
     assert {call["quality"].light_unit for call in calls} == {"candela"}

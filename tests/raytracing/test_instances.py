@@ -76,7 +76,11 @@ def test_two_levels_answer_as_one(gpu, monkeypatch, name):
     same = (a.draw == b.draw) & (a.triangle == b.triangle)
     close = (a.draw >= 0) & (b.draw >= 0) & (np.abs(a.t - b.t) <= 1e-5 * b.t)
     assert np.mean(same | close) > 0.9995
-    assert np.isclose(a.t[same], b.t[same], rtol=1e-5, atol=1e-5).mean() > 0.9995
+    hit = same & (a.draw >= 0)
+    corners = triangles.corners[triangles.index(a)[hit]]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    off = (a.t - b.t)[hit] * np.einsum("nc,nc->n", d[hit], across) / np.linalg.norm(across, axis=1)
+    assert np.abs(off).max() < 1e-5  # meters from the surface; along a ray that grazes it, any distance
 
 
 def test_frames_in_any_order_give_the_same_bits(gpu):

@@ -82,7 +82,7 @@ def test_method_without_report_has_no_bound(tmp_path):
     done = evaluate_methods(
         still(), [str(folder)], small_settings(frames=(0, 3)), input="full", metrics=("relmse",), reference_samples=1
     )
-    method = done.summary["methods"][str(folder)]
+    method = done.summary["methods"]["plain"]
     assert method["bound"] is None and method["reasons"]["bound"] == NO_HISTORY
 
 

@@ -155,8 +155,8 @@ def test_a_missing_input_is_named(tmp_path):
         still(), ["none", str(folder)], settings(width=20, height=15, frames=(0, 2)), input="noisy", metrics=("psnr",),
         reference_samples=1,
     )  # fmt: skip
-    assert list(done.failed) == [str(folder)]
-    assert "hit_distance" in done.failed[str(folder)] and "path-traced" in done.failed[str(folder)]
+    assert list(done.failed) == ["m"]
+    assert "hit_distance" in done.failed["m"] and "path-traced" in done.failed["m"]
 
 
 # ------------------------------------------------------------------------------------------ methods written before v2

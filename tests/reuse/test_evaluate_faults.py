@@ -33,7 +33,7 @@ def test_failing_method_does_not_affect_others(tmp_path):
     (broken / "b.glsl").write_text("void reuse(ivec2 p) { write_result(p, nonsense); }\n")
     specs = ["nosuch", str(broken), "none@gamma=3", MethodSpec("nan", NanFromThree), "accumulate"]
     done = evaluate(passing_box(), specs, (0, 5))
-    assert set(done.failed) == {"nosuch", str(broken), "none@gamma=3", "nan"}
+    assert set(done.failed) == {"nosuch", "broken", "none@gamma=3", "nan"}
     assert all("\n" not in line for line in done.failed.values())
     assert "frame 3" in done.failed["nan"] and "gamma" in done.failed["none@gamma=3"]
     alone = evaluate(passing_box(), ["accumulate"], (0, 5))

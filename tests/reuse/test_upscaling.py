@@ -223,7 +223,7 @@ def test_an_accumulating_upscaler_beats_resampling(tmp_path, factor):
     assert done.summary["settings"]["width"] == 72
     assert done.summary["input"]["size"] == [round(72 / factor), round(54 / factor)]
     last = {row["method"]: row["psnr_db"] for row in done.rows[-2:]}
-    assert last[folder] > last["none"] + 1.5
+    assert last["up"] > last["none"] + 1.5
 
 
 def test_path_traced_input_below_the_size_of_its_reference(tmp_path, monkeypatch):
