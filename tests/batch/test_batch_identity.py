@@ -84,8 +84,8 @@ def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     "light",
     [
         {"light": "raster", "indirect": "none"},
-        {"light": "auto", "light_within": 9.0},
-        {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
+        pytest.param({"light": "auto", "light_within": 9.0}, marks=pytest.mark.long),
+        pytest.param({"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)}, marks=pytest.mark.long),
     ],
 )
 def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):

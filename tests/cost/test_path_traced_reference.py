@@ -68,6 +68,7 @@ def test_light_values():
     assert with_light(Settings(light="path-traced"), "raster").lighting.light == "raster"
 
 
+@pytest.mark.long
 def test_a_study_against_the_path_traced_reference(demo, tmp_path, monkeypatch):
     monkeypatch.setitem(PARAMETERS, "light", dataclasses.replace(PARAMETERS["light"], values=("path-traced@4",)))
     given = {"width": 16, "height": 9, "frames": (20, 22), "repeats": 1, "bounces": 2, "indirect": "none"}

@@ -260,6 +260,7 @@ def test_parameters_are_documented():
         assert all(isinstance(parameter.phrase(v), str) and parameter.phrase(v) for v in parameter.values)
 
 
+@pytest.mark.long
 def test_a_preset_leaves_open_what_the_study_left_open(tmp_path, demo):
     auto = {"exposure": "auto", "light_unit": "auto", "environment": "auto"}
     small = SMALL | {"parameters": ("storage",), "columns": ("frustum", "direct"), "choose_for": "direct"}

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from repeated import few
 from validator import errors
 
 from taubench_gl.animation import Poser, choose_camera
@@ -23,7 +24,7 @@ from taubench_gl.settings import Settings
 
 PAPER = {scene["name"].replace(" ", ""): scene for scene in paper_numbers()["scenes"]}
 RECIPES = list(STAND_INS.values())
-each = pytest.mark.parametrize("recipe", RECIPES, ids=list(STAND_INS))
+each = pytest.mark.parametrize("recipe", few(RECIPES), ids=list(STAND_INS))
 
 
 KNOWN_DEPARTURES = {("eternal-valley-vr", "position"): 6.0, ("eternal-valley-vr", "color"): 2.5}
@@ -117,6 +118,7 @@ def test_half_of_the_floor_is_sunlit(recipe, made):
     assert shadowed[south].mean() > 0.8 and shadowed[north].mean() < 0.2
 
 
+@pytest.mark.long
 def test_output_is_deterministic(made, tmp_path):
     again = tmp_path / "again.glb"
     make_stand_in("eternal-valley-fps", again)
@@ -190,6 +192,7 @@ def test_what_glows_reflects_nothing(made):
         assert all(np.all(np.asarray(m.base_color)[:3] <= recipe.albedo) for m in materials)
 
 
+@pytest.mark.long
 def test_command_prints_tables_with_the_papers_rows(tmp_path):
     out = tmp_path / "valley.glb"
     done = CliRunner().invoke(cli, ["scenes", "make", "eternal-valley-vr", str(out)])

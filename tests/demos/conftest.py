@@ -53,6 +53,9 @@ def runs(tmp_path_factory) -> Runs:
     return Runs(tmp_path_factory.mktemp("demos"))
 
 
-@pytest.fixture(params=[d.name for d in demos()])
+SLOW = ("cost", "lock", "samples")
+
+
+@pytest.fixture(params=[pytest.param(d.name, marks=pytest.mark.long if d.name in SLOW else ()) for d in demos()])
 def demo(request) -> Demo:
     return next(d for d in demos() if d.name == request.param)

@@ -16,7 +16,7 @@ from taubench_gl.demos.gallery import demo_page
 from taubench_gl.demos.lessons import demos, find_demo
 
 WINDOWS = ((1280, 720), (1920, 1080), (390, 844))
-QUICK = ("thresholds", "rotations")
+QUICK = ("thresholds",)
 """A parameter that repaints a mask, and one with an image per value."""
 
 
@@ -163,6 +163,7 @@ def test_keyboard_and_screen_reader(runs, gpu, opened):
     assert not re.search(r"- (slider|button|img|radio|columnheader|region)(:|\n)", tree)
 
 
+@pytest.mark.long
 def test_firefox_redraws_the_parameter(runs, gpu, firefox):
     shown = runs.shown(find_demo("thresholds"), gpu)
     parameter = shown.result.parameter

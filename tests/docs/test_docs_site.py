@@ -117,6 +117,7 @@ def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, s
     page.close()
 
 
+@pytest.mark.long
 def test_search_works_in_firefox(site: Path, firefox):
     from marionette_driver import By, Wait
 

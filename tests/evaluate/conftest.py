@@ -1,6 +1,6 @@
-"""The shared scenes as parameters: a test with the argument ``real_scene`` runs once per scene.
+"""The shared scenes as parameters.
 
-``sampled_scene``: once per third scene, and once per scene in the long tests.
+A test with the argument ``sampled_scene`` runs once per third scene, and once per scene in the long tests.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ def _scenes(config: pytest.Config) -> list[Path]:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    if "real_scene" in metafunc.fixturenames:
-        metafunc.parametrize("real_scene", _scenes(metafunc.config), ids=lambda p: p.stem)
     if "sampled_scene" in metafunc.fixturenames:
         scenes = [
             pytest.param(path, id=path.stem, marks=[pytest.mark.long] if number % 3 else [])

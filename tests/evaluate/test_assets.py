@@ -63,7 +63,7 @@ def test_make_assets_writes_the_same_scene(tmp_path: Path) -> None:
         np.testing.assert_array_equal(a.decode(), b.decode())
 
 
-@pytest.mark.parametrize("which", ["masks", "geometry"])
+@pytest.mark.parametrize("which", ["geometry", pytest.param("masks", marks=pytest.mark.long)])
 def test_bench_writes_ratios_and_its_clock(which: str, tmp_path: Path) -> None:
     command = [sys.executable, ROOT / "tools" / "bench", which, "--no-install", "--size", "96x54", "--repeats", "1"]
     command += ["--out", tmp_path]

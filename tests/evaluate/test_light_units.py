@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from repeated import few
 
 from taubench_gl.batch.spec import read_spec
 from taubench_gl.batch.study import run_batch
@@ -89,7 +90,7 @@ def test_what_is_metered_is_what_the_shader_draws(gpu):
 
 
 @pytest.mark.parametrize("factor", [683.0, 1.0 / 50.0])
-@pytest.mark.parametrize("lamps", [3, 20])
+@pytest.mark.parametrize("lamps", few([3, 20]))
 def test_metered_columns_do_not_depend_on_the_scale_of_the_lights(factor, lamps):
     settings = Settings(**SIZE | AUTO | CHEAP, frames=(0, 3))
     runs = [evaluate_scene(one, settings) for one in (busy_room(lamps=lamps), scaled(busy_room(lamps=lamps), factor))]

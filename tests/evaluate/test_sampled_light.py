@@ -104,7 +104,7 @@ def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
 
 
 def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
-    settings = Settings(frames=(0, 3), **SMALL)
+    settings = Settings(frames=(0, 2), **SMALL | {"light_within": 2.5})
     scene = lamp_over_floor(emits=40.0)
     truth = evaluate_scene(scene, settings.replace(light="path-traced", spp=128)).summary["discard"]["direct"]
     entry = evaluate_scene(scene, settings, sampled=True).summary["discard"]["direct"]

@@ -72,8 +72,8 @@ def assert_summary(summary: dict, pairs: int) -> None:
     assert provenance <= summary["provenance"].keys()
 
 
-def test_every_scene(real_scene: Path, tmp_path) -> None:
-    path = real_scene
+def test_every_scene(sampled_scene: Path, tmp_path) -> None:
+    path = sampled_scene
     if path.stem in NOTHING_TO_DRAW:
         with pytest.raises(SceneError) as caught:
             evaluate_scene(path, Settings(**SETTINGS), out=tmp_path / "out")

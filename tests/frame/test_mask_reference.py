@@ -35,6 +35,7 @@ SCENES = {
     "Knight.glb": (0.3, 0.3 + 1 / 24),
     "player.glb": (0.2, 0.2 + 1 / 24),
 }
+LARGE = ("Sponza.gltf", "Knight.glb")
 
 
 def walk_in_sponza() -> FormulaCamera:
@@ -78,7 +79,7 @@ def in_band(reference, result, sampling: str, thresholds) -> np.ndarray:
 
 @pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
-@pytest.mark.parametrize("name", list(SCENES))
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long if n in LARGE else ()) for n in SCENES])
 def test_masks_equal_the_twin(gpu, data, name: str, reprojection: str, sampling: str) -> None:
     result = pair_of(gpu, data, name, reprojection, sampling)
     for values in (*result.current.values(), *result.history.values()):

@@ -90,6 +90,7 @@ def test_a_notebook_gives_the_bits_of_the_command_line(kernel, expected, tmp_pat
     assert results(tmp_path / "out") == expected
 
 
+@pytest.mark.long
 def test_a_killed_notebook_leaves_nothing_half_written(kernel, expected, tmp_path):
     """The kernel holds the folder when it is killed; the command line then finishes the run in it."""
     manager, client = kernel

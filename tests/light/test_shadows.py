@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 import pytest
 from light_tools import FLAT, facing, floor, lambert, look, look_down, opened, picture, shoot
+from repeated import few
 from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.frame.shading import Shading
@@ -28,8 +29,8 @@ KINDS = ("directional", "point", "spot")
 
 
 @pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
-@pytest.mark.parametrize("azimuth", [0.0, 30.0])
-@pytest.mark.parametrize("elevation", [1.0, 5.0, 20.0, 45.0, 70.0, 90.0])
+@pytest.mark.parametrize("azimuth", few([30.0, 0.0]))
+@pytest.mark.parametrize("elevation", few([1.0, 20.0, 70.0, 90.0, 5.0, 45.0], 4))
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
     case = Case(kind, elevation, azimuth)
@@ -91,7 +92,7 @@ def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
 
 
 @pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
-@pytest.mark.parametrize("elevation", [0.5, 2.0, 5.0, 10.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("elevation", few([0.5, 5.0, 60.0, 90.0, 2.0, 10.0, 30.0], 4))
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_acne_on_a_bare_plane(gpu, kind, elevation, shadow_filter):
     """Half a degree above the plane is 89.5 degrees from its normal."""

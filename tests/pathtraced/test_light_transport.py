@@ -149,7 +149,7 @@ def test_a_bias_of_two_percent_and_a_wrong_block_are_found():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in NAMES]
+    "name", [pytest.param(name, marks=() if name == SAMPLED else pytest.mark.long) for name in NAMES]
 )
 def test_columns_are_those_of_converged_cycles(name):
     reference = references()[name]
@@ -163,7 +163,7 @@ def test_columns_are_those_of_converged_cycles(name):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in NAMES]
+    "name", [pytest.param(name, marks=() if name == "foliage" else pytest.mark.long) for name in NAMES]
 )
 def test_sampled_columns_hold_those_of_converged_cycles(name):
     """The default: intervals of 95 %, and 0.5 points for what the two renderers define differently."""

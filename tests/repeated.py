@@ -1,0 +1,13 @@
+"""Parameters that repeat what the first of them proves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+
+def few(values: Iterable[Any], keep: int = 1) -> list[Any]:
+    """``values``, all but the first ``keep`` for ``tools/test --long`` alone."""
+    return [pytest.param(v, marks=pytest.mark.long) if k >= keep else v for k, v in enumerate(values)]
