@@ -93,7 +93,7 @@ def _evaluate_one(
     from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.report.page import REPORT_FILE
-    from taubench_gl.report.reuse import reuse_tables
+    from taubench_gl.report.reuse import reuse_tables, verdict
     from taubench_gl.reuse.evaluate import evaluate_methods
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
@@ -107,6 +107,8 @@ def _evaluate_one(
         if results is not None:
             results.finish(done)
     if len(done.failed) < len(done.summary["methods"]):
+        if text := verdict(done.summary):
+            click.echo(f"{text}\n")
         show_tables(reuse_tables(done.summary))
     if folder is not None:
         click.echo(f"written to {folder}{os.sep}")

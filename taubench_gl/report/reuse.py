@@ -51,6 +51,20 @@ MOST_PAIRS = 15
 """Of more pairs, a table shows those with the best method."""
 
 NO_PIXEL = "no such pixel"
+
+NOT_OF_A_RENDERER = ("reference", "exact_mask")
+"""Inputs of methods that no renderer can have: they are in the tables, and never the best."""
+
+_PIXELS = {
+    "frustum": "off-screen pixels", "disoccluded": "disoccluded pixels", "occluding": "newly occluding pixels",
+    "geometry": "other changed geometry", "lit": "brightened pixels", "shadowed": "darkened pixels",
+    "light": "other changed light", "sky": "sky", "rest": "unchanged pixels",
+}  # fmt: skip
+"""Class of pixels -> its name in sentences."""
+
+_WORTH = 0.01
+"""Share of the error without reuse from which on a gain or loss in one class of pixels is named."""
+
 _BOUND_NOTE = (
     "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
     "reference. A method whose every pixel is a blend of the two cannot be better; others can."
@@ -73,6 +87,51 @@ def reuse_tables(summary: Summary) -> list[Table]:
     rows = tuple(_row(label, method, "bound", _BOUND, "bound.") for label, method in methods)
     tables.append(Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE,)))
     return tables + comparison_tables(summary) + _further_table(summary)
+
+
+def verdict(summary: Summary) -> str | None:
+    """The best method by the measure of Table 5, and in which pixels it beats no reuse or loses to it.
+
+    None where fewer than two methods that a renderer could have were measured.
+    """
+    methods = {n: m for n, m in _valid(summary).items() if not {*m.get("reads", ())} & {*NOT_OF_A_RENDERER}}
+    name = next((n for n in _HEADLINES if all(m["mean"].get(n) is not None for m in methods.values())), None)
+    if len(methods) < 2 or name is None:
+        return None
+    sign = 1.0 if summary["measures"][name]["better"] == "lower" else -1.0
+    best = min(methods, key=lambda label: sign * methods[label]["mean"][name])
+    digits = (_QUALITY | _FURTHER)[name].digits
+    text = f"By {_LABELS[name]}, {best} is best ({methods[best]['mean'][name]:.{digits}f}"
+    if "none" in methods and best != "none":
+        text += f"; no reuse {methods['none']['mean'][name]:.{digits}f}"
+    text += ")"
+    ranking = ((summary.get("statistics") or {}).get("measures") or {}).get(name, {}).get("ranking", ())
+    ties = [entry["method"] for entry in ranking if entry["rank"] == 1 and entry["method"] in methods]
+    if ties := [label for label in ties if label != best]:
+        text += f", not told apart from {_listed(ties)}"
+    if "none" not in methods or best == "none":
+        return f"{text}."
+    gains = _gains(methods[best]["classes"], methods["none"]["classes"])
+    won, lost = ([_PIXELS[n] for n, g in gains if g > 0][:2], [_PIXELS[n] for n, g in gains[::-1] if g < 0][:2])
+    parts = [f"gains most in {_listed(won)}"] * bool(won) + [f"loses in {_listed(lost)}"] * bool(lost)
+    return f"{text}." + (f" Against no reuse it {' and '.join(parts)}." if parts else "")
+
+
+def _gains(own: Mapping[str, Summary], base: Mapping[str, Summary]) -> list[tuple[str, float]]:
+    """Classes of pixels with what ``own`` gains there of the error of ``base``, the largest gain first."""
+    measure = next((m for m in ("flip", "relmse") if any(m in entry for entry in base.values())), None)
+    values = {
+        name: [entry["percent"] * (of.get(name) or {}).get(measure, 0.0) for of in (base, own)]
+        for name, entry in base.items()
+        if name in _PIXELS and entry["pixels"]
+    }
+    whole = sum(before for before, _ in values.values()) or 1.0
+    gains = [(name, (before - after) / whole) for name, (before, after) in values.items()]
+    return sorted((entry for entry in gains if abs(entry[1]) >= _WORTH), key=lambda entry: -entry[1])
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def _further_table(summary: Summary) -> list[Table]:
@@ -425,7 +484,7 @@ def reuse_html(
     failed = [(label, f" failed: {m['failed']}") for label, m in summary["methods"].items() if m["failed"]]
     page = Page(
         f"{name}: reuse evaluation", "reuse evaluation", heading=name,
-        intro=(text_lines(reuse_notes(summary)), *([bullets(failed)] if failed else [])),
+        intro=(tag("p", verdict(summary) or "", class_="sentence"), *([bullets(failed)] if failed else [])),
         styles=("stage.css", "reuse.css"), data=data,
         scripts=("stage.js", "zoom.js", "frame_viewer.js", "reuse_viewer.js", "reuse.js"),
     )  # fmt: skip
@@ -450,6 +509,7 @@ def reuse_html(
         alt = "The methods side by side on the frame with the largest mean error, above their error maps"
         page.add("frame", "Worst frame", picture(data_uri(image), alt))
     page.add("tables", "Tables", to_html(reuse_tables(summary), scroll=True))
+    page.add("details", "Details", text_lines(reuse_notes(summary)))
     return page.html()
 
 

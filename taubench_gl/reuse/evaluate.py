@@ -255,7 +255,7 @@ class _MethodRun:
     record: MethodRecord
     method: Method | RecordedFrames | None = None  # None: it could not be loaded
     facts: dict[str, Any] = field(
-        default_factory=lambda: {"title": None, "cite": [], "settings": None, "memory_bytes": None}
+        default_factory=lambda: {"title": None, "cite": [], "reads": [], "settings": None, "memory_bytes": None}
     )
     runner: MethodRunner | RecordedRunner | None = None
 
@@ -275,7 +275,7 @@ class _MethodRun:
             self.facts["title"] = "frames made elsewhere"
         else:
             self.method = load_method(source)
-            self.facts |= {"title": self.method.title, "cite": list(self.method.cite)}
+            self.facts |= {"title": self.method.title, "cite": list(self.method.cite), "reads": list(self.method.reads)}
 
     def open(self, inputs: Inputs, seed: int) -> None:
         """The runner for ``inputs``, whose random numbers are those of ``seed``."""
