@@ -11,6 +11,7 @@ from taubench_gl.frame.passes.pathtracing import subpath_choice
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
 from taubench_gl.metrics.stochastic import light_choice
@@ -375,3 +376,13 @@ def test_error_of_fixed_falls_with_the_samples(gpu, scene, environment):
         errors = [float(np.sqrt(np.mean((f[name] - converged[name]) ** 2))) for f in frames]
         if max(errors) > 1e-6:  # direct light of few punctual lights is exact
             assert np.polyfit(np.log(counts), np.log(errors), 1)[0] <= -0.45, (name, errors)
+
+
+@pytest.mark.parametrize("tile", [(7, 5), (5, 7), (24, 3)])
+def test_tiles_of_any_shape_give_the_bits_of_one(gpu, monkeypatch, tile):
+    scene = room(lights=2, emitter=4.0)
+    whole = render(gpu, scene, spp=2, bounces=3)
+    monkeypatch.setattr(Tuning, "path_tile", tile)
+    parts = render(gpu, scene, spp=2, bounces=3)
+    for name in ("direct", "indirect"):
+        assert whole[name].any() and np.array_equal(whole[name], parts[name]), name
