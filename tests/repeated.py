@@ -9,5 +9,8 @@ import pytest
 
 
 def few(values: Iterable[Any], keep: int = 1) -> list[Any]:
-    """``values``, all but the first ``keep`` for ``tools/test --long`` alone."""
-    return [pytest.param(v, marks=pytest.mark.long) if k >= keep else v for k, v in enumerate(values)]
+    """``values``, all but the first ``keep`` for ``tools/test --long`` alone.  A tuple is of several arguments."""
+    return [
+        pytest.param(*(v if isinstance(v, tuple) else (v,)), marks=pytest.mark.long if k >= keep else ())
+        for k, v in enumerate(values)
+    ]

@@ -9,19 +9,21 @@ import pytest
 from taubench_gl.benchmark.output import load_benchmark
 from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import Entry
+from taubench_gl.settings import FIXED_LIGHTING
 
 
-def test_a_recorded_cell_of_the_quick_suite_comes_out_again():
+def test_a_recorded_cell_of_the_quick_suite_comes_out_again(lighting_defaults):
     """docs/benchmark-quick.json: one case of a deterministic input, two methods."""
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.unit import evaluate_case
 
     recorded = load_benchmark(Path(__file__).resolve().parents[2] / "docs" / "benchmark-quick.json")
-    case = next(case for case in read_suite("quick").cases if case.id == "demo/checkerboard")
-    path = scene_file(case.scene)
-    entries = [Entry.of("none"), Entry.of("checkerboard")]
-    found = evaluate_case(case, entries, path)
-    assert recorded["suite"] == read_suite("quick").describe()
+    with lighting_defaults(light="auto", **dict.fromkeys(FIXED_LIGHTING, "auto")):  # those of users
+        suite = read_suite("quick")
+        case = next(case for case in suite.cases if case.id == "demo/checkerboard")
+        entries = [Entry.of("none"), Entry.of("checkerboard")]
+        found = evaluate_case(case, entries, scene_file(case.scene))
+    assert recorded["suite"] == suite.describe()
     for entry in entries:
         known = recorded["methods"][entry.label]["cases"][case.id]["mean"]
         for name in ("flip", "psnr_db", "relmse"):

@@ -179,7 +179,7 @@ def test_firefox_redraws_the_parameter(runs, gpu, firefox):
 
 
 def test_the_lecture_goes_on_with_the_next_demo(runs, gpu, opened, tmp_path):
-    first, second = (find_demo(name) for name in QUICK[::-1])
+    first, second = (find_demo(name) for name in ("rotations", "thresholds"))
     for demo, around in ((first, (None, second)), (second, (first, None))):
         page = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), around)
         (tmp_path / f"{demo.stem}.html").write_text(page, encoding="utf-8")

@@ -85,7 +85,7 @@ def test_pages_are_self_contained(demo, runs, gpu):
 
 
 def test_index_links_every_page(runs, gpu):
-    shown = [(d, runs.of(d, gpu)) for d in demos()]
+    shown = [(d, runs.of(d, gpu)) for d in demos()[:6]]
     page = index_page(shown)
     assert re.findall(r'<a href="([^"]+)"', page) == [f"{d.stem}.html" for d, _ in shown]
     assert page.count('class="ok"') == len(shown)

@@ -121,7 +121,7 @@ def run_series(server: Any, folder: Path, seeds: Path, seed: int, numbers: range
 
 def test_hostile_files(server, seeds, tmp_path):
     """A fixed series of cases that draw nothing."""
-    ends = run_series(server, tmp_path, seeds, 1, range(90), draw=False)
+    ends = run_series(server, tmp_path, seeds, 1, range(150), draw=False)
     for kind in {kind for kind, _ in ends}:
         assert ends[kind, "refused"], f"every file of kind {kind} was read: the cases test nothing"
     assert sum(n for (_, end), n in ends.items() if end == "read") > 20, ends
