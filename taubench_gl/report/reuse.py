@@ -108,7 +108,7 @@ def verdict(summary: Summary) -> str | None:
     ranking = ((summary.get("statistics") or {}).get("measures") or {}).get(name, {}).get("ranking", ())
     ties = [entry["method"] for entry in ranking if entry["rank"] == 1 and entry["method"] in methods]
     if ties := [label for label in ties if label != best]:
-        text += f", not told apart from {_listed(ties)}"
+        text += f", indistinguishable from {_listed(ties)}"
     if "none" not in methods or best == "none":
         return f"{text}."
     gains = _gains(methods[best]["classes"], methods["none"]["classes"])
