@@ -116,6 +116,7 @@ def test_pyrender_draws_a_scene_with_a_node_scaled_to_nothing() -> None:
     peer.close()
 
 
+@pytest.mark.long
 def test_missing_peers_are_reported_in_the_table(tmp_path: Path) -> None:
     """Without Blender and PyTorch the command succeeds and its files give the reasons."""
     bare = {**os.environ, "TAUBENCH_TORCH_PYTHON": str(tmp_path / "none"), "TAUBENCH_DATA": str(tmp_path)}

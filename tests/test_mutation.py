@@ -87,6 +87,7 @@ def test_sites_of_python_are_code():
             assert ast.dump(ast.parse(mutant)) != ast.dump(ast.parse(PYTHON))
 
 
+@pytest.mark.long
 def test_every_shader_and_numeric_module_has_sites_and_every_seed_its_own_mutants(mutate):
     files = mutate.files_of(list(mutate.AREAS))
     shaders = {p.relative_to(ROOT).as_posix() for p in (ROOT / "shaders").rglob("*.glsl")}

@@ -43,7 +43,7 @@ SMALL = {
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
 
-LESS = {"path-traced@1024": "path-traced@8", "yaw=0:12:7": "yaw=0:12:2", "64": "4"}
+LESS = {"path-traced@1024": "path-traced@8", "yaw=0:12:7": "yaw=0:12:2", "64": "4", "5": "2"}
 """Words in place of those of the page."""
 
 FIRST = {

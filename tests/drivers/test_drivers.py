@@ -43,6 +43,13 @@ def tool(name: str) -> ModuleType:
     return module
 
 
+@pytest.fixture
+def other_driver(session_gpu: Gpu) -> None:
+    """For what compares the driver of the run with llvmpipe."""
+    if session_gpu.backend == "egl" and session_gpu.renderer.startswith("llvmpipe"):
+        pytest.skip("it is that driver: tools/test --driver runs this on others")
+
+
 def counted(environment: dict[str, str] | None = None) -> dict:
     command = [sys.executable, "-c", COUNT, str(ROOT / "assets" / "demo.glb")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, env=environment)
@@ -50,7 +57,7 @@ def counted(environment: dict[str, str] | None = None) -> dict:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_counts_equal_those_of_llvmpipe() -> None:
+def test_counts_equal_those_of_llvmpipe(other_driver: None) -> None:
     """Every count of every pair, bit for bit: geometry and light, both reprojections, both samplings."""
     here, reference = counted(), counted(tool("drivers").environ("llvmpipe"))
     assert reference["renderer"].startswith("llvmpipe")
@@ -83,7 +90,7 @@ def path_traced(file: Path, environment: dict[str, str] | None = None) -> dict[s
         return {name: arrays[name].astype(np.float64) for name in arrays}
 
 
-def test_path_traced_light_equals_that_of_llvmpipe(tmp_path: Path) -> None:
+def test_path_traced_light_equals_that_of_llvmpipe(tmp_path: Path, other_driver: None) -> None:
     """99.9 % of pixels to float tolerance, which grows at every bounce of a narrow lobe; the others without bias."""
     here = path_traced(tmp_path / "here.npz")
     reference = path_traced(tmp_path / "reference.npz", tool("drivers").environ("llvmpipe"))
@@ -98,9 +105,7 @@ QUICK = ("offsets", "projection", "camera", "depth", "statistics")
 """Groups of hard cases whose shaders compile fast; ``tools/test --driver`` also runs tests/selftest, which has all."""
 
 
-def test_hard_cases(session_gpu: Gpu) -> None:
-    if session_gpu.backend == "egl" and session_gpu.renderer.startswith("llvmpipe"):
-        pytest.skip("tests/selftest runs them on this driver")
+def test_hard_cases(session_gpu: Gpu, other_driver: None) -> None:
     results = run_selftest(session_gpu, only=QUICK)
     failed = [f"{r.name}: error {r.error:g} of {r.case.tolerance:g} {r.failure or ''}" for r in results if not r.passed]
     assert len(results) > 40 and not failed, "\n".join(failed)

@@ -50,6 +50,7 @@ def test_emissive_surfaces_have_light_columns_with_auto(data):
     json.dumps(summary["settings"])
 
 
+@pytest.mark.long
 def test_all_methods_and_seeds_are_metered_alike():
     scene = lamp()
     found = {

@@ -296,6 +296,7 @@ print(json.dumps(out))
 """
 
 
+@pytest.mark.long
 def test_egl_and_osmesa_count_the_same(data: Path) -> None:
     """Both back ends run the same Mesa: equal counts.  Each runs in its own process."""
     names = ("khronos/CesiumMan/CesiumMan.glb", "khronos/AlphaBlendModeTest/AlphaBlendModeTest.glb")

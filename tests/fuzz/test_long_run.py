@@ -79,7 +79,7 @@ def live_names(gpu) -> dict[str, int]:
     return out
 
 
-@pytest.mark.parametrize("step", [20, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step", [40, pytest.param(1, marks=pytest.mark.long)])
 def test_selftest_leaves_no_gl_object(step: int):
     """Repeated runs of the same cases, every twentieth one or all, leave the same number of GL objects."""
     gpu = open_gpu("egl")

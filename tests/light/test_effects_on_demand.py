@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from light_tools import FLAT, lambert, opened, shoot
+from repeated import few
 
 from taubench_gl.errors import TaubenchError
 from taubench_gl.evaluation import evaluate_scene
@@ -65,7 +66,7 @@ def test_in_a_lit_room_nothing_changes(settings):
     assert not differences(busy_room(lamps=20), light_error=0.0, **settings)
 
 
-@pytest.mark.parametrize("shadow_lights", [0, 1])
+@pytest.mark.parametrize("shadow_lights", few([1, 0]))
 def test_under_the_default_environment_alone_nothing_changes(shadow_lights):
     scene = everything()
     dark = dataclasses.replace(scene, nodes=dataclasses.replace(scene.nodes, light=np.full(len(scene.nodes), -1)))

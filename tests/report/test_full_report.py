@@ -258,6 +258,7 @@ def test_firefox_repaints_masks_and_headline(firefox, made):
     )
 
 
+@pytest.mark.long
 def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made):
     walk = """(name) => {
         const node = document.querySelector(`.handle[data-feature=${name}]`);

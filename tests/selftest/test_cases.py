@@ -42,7 +42,7 @@ SLOW_GROUPS = ("path_tracing", "indirect")
 @pytest.mark.parametrize(
     ("size", "step", "left_out"),
     [
-        ((97, 61), 3, SLOW_GROUPS), pytest.param((97, 61), 1, (), marks=LONG),
+        pytest.param((97, 61), 3, SLOW_GROUPS, marks=LONG), pytest.param((97, 61), 1, (), marks=LONG),
         pytest.param((48, 32), 1, (), marks=LONG), pytest.param((160, 90), 1, (), marks=LONG),
     ],
 )  # fmt: skip
