@@ -119,6 +119,24 @@ def readme_sample(printed: str) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def animation(work: Path) -> None:
+    """Each frame of the demo beside its masks, at half speed."""
+    import numpy as np
+    from PIL import Image
+
+    import taubench_gl as tb
+    from taubench_gl.report.mask_images import as_bytes, mask_overlay
+
+    pairs = tb.pairs(DEMO, size="320x180", light="preview")
+    parts = [
+        np.concatenate([as_bytes(p.color[..., :3]), mask_overlay(p.mask, p.color[..., :3])], axis=1) for p in pairs
+    ]
+    first, *others = map(Image.fromarray, parts)
+    first.save(
+        DOCS / "images" / "walk.webp", save_all=True, append_images=others, duration=83, loop=0, quality=55, method=6
+    )
+
+
 def report_image(work: Path) -> None:
     from playwright.sync_api import sync_playwright
 

@@ -142,6 +142,7 @@ EVERY = (
         (*FRAME, *RAYS, "taubench_gl/selftest", "tests/selftest/guards.py"), by.program("make_numerics.py"),
     ),
     Record("readme", ("README.md", "docs/images/mask.png"), (DEMO, *FRAME, "taubench_gl/metrics"), by.readme),
+    Record("animation", ("docs/images/walk.webp",), (DEMO, *FRAME, "taubench_gl/report"), by.animation),
     Record("report-image", ("docs/images/report.png",), (DEMO, *FRAME, "taubench_gl/report"), by.report_image),
     Record(
         "viewer-image", ("docs/images/viewer.png",), (DEMO, *FRAME, "taubench_gl/viewer", "shaders/viewer"),
