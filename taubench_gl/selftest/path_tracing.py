@@ -178,7 +178,7 @@ def sphere_light(bench: Bench) -> Outcome:
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.5))), translation=(0.0, 0.0, -10.0))
     b.node(mesh=b.mesh(_with(sphere(1.0, 24), _matte(b, 0.0, 10.0))), translation=(0.0, 0.0, -5.0))
-    frame = _below(b, bench, 6.5, spp=1024, bounces=1)
+    frame = _below(b, bench, 6.5, spp=512, bounces=1)
     return scalar(0.5 * 10.0 / 25.0, float(frame["direct"][..., 0].mean()), relative=True)
 
 
