@@ -481,10 +481,11 @@ def reuse_html(
     if images.data is not None:
         data |= {"images": images.data, "viewer": _viewer_data(summary, rows, images.text)}
     name = summary["scene"]["name"]
+    best = verdict(summary)
     failed = [(label, f" failed: {m['failed']}") for label, m in summary["methods"].items() if m["failed"]]
     page = Page(
         f"{name}: reuse evaluation", "reuse evaluation", heading=name,
-        intro=(tag("p", verdict(summary) or "", class_="sentence"), *([bullets(failed)] if failed else [])),
+        intro=(*([tag("p", best, class_="sentence")] if best else []), *([bullets(failed)] if failed else [])),
         styles=("stage.css", "reuse.css"), data=data,
         scripts=("stage.js", "zoom.js", "frame_viewer.js", "reuse_viewer.js", "reuse.js"),
     )  # fmt: skip
