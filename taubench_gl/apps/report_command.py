@@ -87,7 +87,7 @@ def share(
     if why := stored_frames(loaded.out)[1]:
         raise OutputError(f"no images: {why}", where=run, hint="evaluate the scene again with --report")
     shared = ReportRun(loaded.summary, loaded.frames, loaded.out)
-    _echo_written(write_html_report([shared], out or loaded.out / "share.html", share=True))
+    _echo_written(write_html_report([shared], out or loaded.out / "share.html", images=None))
 
 
 def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:

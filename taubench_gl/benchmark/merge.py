@@ -15,7 +15,7 @@ from taubench_gl.benchmark.ranking import CaseValues, ranked
 from taubench_gl.benchmark.scenes import SceneRecipe
 from taubench_gl.benchmark.speed import speed_curves
 from taubench_gl.benchmark.suite import Case, Suite
-from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, Entry, yardstick
+from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, Entry, loaded
 from taubench_gl.benchmark.values import (
     GEOMETRIC,
     HEADLINES,
@@ -48,7 +48,7 @@ def merge(
     of_case = {case.id: stored[case.identity(scenes[case.scene])] for case in suite.cases}
     tracks = tracks_of(suite, scenes)
     measures = [n for n in MEASURES if any(_mean(r, e.label, n) is not None for r in of_case.values() for e in entries)]
-    yardsticks = {entry.label: why for entry in entries if (why := yardstick(entry))}
+    yardsticks = {entry.label: method.yardstick for entry in entries if (method := loaded(entry))}
     methods = {e.label: _scorecard(e, suite, of_case, tracks, measures) for e in entries}
     for label, method in methods.items():
         method["yardstick"] = yardsticks.get(label)

@@ -20,6 +20,7 @@ from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
+from taubench_gl.reuse.evaluate import method_text
 from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.study.engines import available_cores
@@ -46,7 +47,7 @@ def _expanded(text: str) -> list[str]:
     if is_sequence(text):
         return [text]
     name = text.partition("@")[0]
-    return ["@".join((name, *(f"{n}={v}" for n, v in spec.settings.items()))) for spec in expand_methods([text])]
+    return [method_text(name, spec.settings) for spec in expand_methods([text])]
 
 
 class BenchmarkStudy(Study):

@@ -22,7 +22,8 @@ from taubench_gl.data_files import hashed
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import MethodError, SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
-from taubench_gl.reuse.evaluate import REFERENCE_INPUT, EvaluatedFrame, Evaluation, MethodSpec, evaluate_methods
+from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
+from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation, MethodSpec, evaluate_methods
 from taubench_gl.reuse.inputs import missing_inputs
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.quality import MEASURES
@@ -202,7 +203,8 @@ def inapplicable(case: Case, entry: Entry) -> str | None:
     missing = missing_inputs(case.kind, traced=bool(case.kind.path_samples))
     if case.kind.upscale != 1:
         missing[REFERENCE_INPUT] = "the reference has the size of the output"
-    lost = [name for name in _reads(entry) if name in missing]
+    method = loaded(entry)
+    lost = [name for name in (method.reads if method else ()) if name in missing]
     return f"no {', '.join(lost)}: {missing[lost[0]]}" if lost else None
 
 
@@ -223,15 +225,9 @@ def _spec(case: Case, entry: Entry) -> MethodSpec:
     return replace(spec, label=entry.label)
 
 
-def _reads(entry: Entry) -> Sequence[str]:
-    """Inputs of a method; none where it cannot be loaded, which the evaluation reports."""
+def loaded(entry: Entry) -> Method | None:
+    """The method; None where it cannot be loaded, which the evaluation reports, and for frames made elsewhere."""
     try:
-        return load_method(MethodSpec.parse(entry.text).method).reads
+        return load_method(MethodSpec.parse(entry.text).method)
     except (MethodError, SettingsError):
-        return ()
-
-
-def yardstick(entry: Entry) -> str | None:
-    """Why a method is not ranked: it reads what a renderer does not know.  None for other methods."""
-    lost = [name for name in (REFERENCE_INPUT, "exact_mask") if name in _reads(entry)]
-    return f"reads {' and '.join(lost)}, which no renderer has" if lost else None
+        return None

@@ -52,9 +52,6 @@ MOST_PAIRS = 15
 
 NO_PIXEL = "no such pixel"
 
-NOT_OF_A_RENDERER = ("reference", "exact_mask")
-"""Inputs of methods that no renderer can have: they are in the tables, and never the best."""
-
 _PIXELS = {
     "frustum": "off-screen pixels", "disoccluded": "disoccluded pixels", "occluding": "newly occluding pixels",
     "geometry": "other changed geometry", "lit": "brightened pixels", "shadowed": "darkened pixels",
@@ -94,13 +91,13 @@ def verdict(summary: Summary) -> str | None:
 
     None where fewer than two methods that a renderer could have were measured.
     """
-    methods = {n: m for n, m in _valid(summary).items() if not {*m.get("reads", ())} & {*NOT_OF_A_RENDERER}}
+    methods = {label: m for label, m in _valid(summary).items() if not m.get("yardstick")}
     name = next((n for n in _HEADLINES if all(m["mean"].get(n) is not None for m in methods.values())), None)
     if len(methods) < 2 or name is None:
         return None
     sign = 1.0 if summary["measures"][name]["better"] == "lower" else -1.0
     best = min(methods, key=lambda label: sign * methods[label]["mean"][name])
-    digits = (_QUALITY | _FURTHER)[name].digits
+    digits = _QUALITY[name].digits
     text = f"By {_LABELS[name]}, {best} is best ({methods[best]['mean'][name]:.{digits}f}"
     if "none" in methods and best != "none":
         text += f"; no reuse {methods['none']['mean'][name]:.{digits}f}"

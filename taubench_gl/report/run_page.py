@@ -56,27 +56,25 @@ class ReportRun:
     out: Path | None = None
 
 
-def write_html_report(
-    runs: Sequence[ReportRun], path: str | Path, images: int = MAX_IMAGES, *, share: bool = False
-) -> Path:
+def write_html_report(runs: Sequence[ReportRun], path: str | Path, images: int | None = MAX_IMAGES) -> Path:
     """Write ``report_html`` to ``path`` atomically.  Raises OutputError."""
     path = Path(path)
-    write_atomically(path, report_html(runs, images, share=share))
+    write_atomically(path, report_html(runs, images))
     return path
 
 
-def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES, *, share: bool = False) -> str:
+def report_html(runs: Sequence[ReportRun], images: int | None = MAX_IMAGES) -> str:
     """The page.  ``images``: most pairs with images, all runs together; fewer where they take MAX_IMAGE_BYTES.
 
-    ``share``: every recorded pair, as small as SHARED_IMAGE_BYTES asks for, without the reprojected history and
-    distances; the page plays them at once.  Raises ValueError without a run.
+    None: a page to share, with every recorded pair, as small as SHARED_IMAGE_BYTES asks for, without the reprojected
+    history and distances, which plays at once.  Raises ValueError without a run.
     """
     if not runs:
         raise ValueError("runs is empty, expected at least one")
     summaries = [run.summary for run in runs]
     labels, several = run_labels(summaries), len(runs) > 1
     views = [_run_view(summary, label) for summary, label in zip(summaries, labels, strict=True)]
-    data = report_data(runs, labels, images, share=share)
+    data = report_data(runs, labels, images)
     title = ", ".join(labels) if len(labels) < 4 else f"{len(labels)} runs"
     about = [Markup("<b>{}</b>: {}").format(v["label"], v["about"]) if several else v["about"] for v in views]
     page = Page(
@@ -252,14 +250,12 @@ def _plain(value: Any) -> str:
 # ----------------------------------------------------------------------------------------------- values of the scripts
 
 
-def report_data(
-    runs: Sequence[ReportRun], labels: Sequence[str], images: int = MAX_IMAGES, *, share: bool = False
-) -> dict[str, Any]:
-    """Values of the scripts, fit for JSON, with images of at most ``images`` pairs in all; ``share``: of all pairs."""
-    most = None if share else max(1, images // max(len(runs), 1))
-    budget = (SHARED_IMAGE_BYTES if share else MAX_IMAGE_BYTES) // max(len(runs), 1)
+def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int | None = MAX_IMAGES) -> dict[str, Any]:
+    """Values of the scripts, fit for JSON, with images of at most ``images`` pairs in all; None: small ones of all."""
+    most = None if images is None else max(1, images // max(len(runs), 1))
+    budget = (SHARED_IMAGE_BYTES if images is None else MAX_IMAGE_BYTES) // max(len(runs), 1)
     return {
-        "play": share,
+        "play": images is None,
         "columns": [{"name": name, "dash": DASHES[name], "unit": UNITS.get(name, "")} for name in COLUMNS],
         "features": list(FEATURES),
         "bits": {

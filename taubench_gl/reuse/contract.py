@@ -69,6 +69,10 @@ MAX_WRITES, MAX_READS = 8, 16
 
 MAX_REPEAT = 64
 
+REFERENCE_INPUT = "reference"
+NOT_OF_A_RENDERER = (REFERENCE_INPUT, "exact_mask")
+"""Inputs that no renderer has: methods that read them are measured, and never ranked."""
+
 BLOCK_THREADS = 256
 """Invocations of a work group of a block pass: they share memory and synchronize with ``barrier()``."""
 
@@ -231,6 +235,12 @@ class Method:
     @property
     def label(self) -> str:
         return f"method {self.name!r}"
+
+    @property
+    def yardstick(self) -> str | None:
+        """Why it is not ranked: it reads what a renderer does not know.  None for other methods."""
+        lost = [name for name in NOT_OF_A_RENDERER if name in self.reads]
+        return f"reads {' and '.join(lost)}, which no renderer has" if lost else None
 
     @property
     def shader_folders(self) -> tuple[Path, ...]:

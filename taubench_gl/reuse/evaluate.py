@@ -30,7 +30,7 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
 from taubench_gl.reuse.bound import Blended
 from taubench_gl.reuse.comparison import compare_methods
-from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
@@ -65,7 +65,6 @@ REQUIRED = {
 """Metrics that need another package: module and package.  For ``lpips`` and ``cvvdp`` see ``perceptual``."""
 
 _EVALUATION_READS = ("mask", "motion", "exact_mask")
-REFERENCE_INPUT = "reference"
 """The input that the evaluation itself provides: what methods are compared with."""
 
 KEPT_REFERENCE_BYTES = 1 << 31
@@ -99,6 +98,11 @@ class MethodSpec:
         if is_sequence(name):
             return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
         return cls("@".join((short_name(name), *parts)), name, settings)
+
+
+def method_text(name: str, settings: Mapping[str, Value | str]) -> str:
+    """``NAME@setting=value@...``, which ``MethodSpec.parse`` reads."""
+    return "@".join((name, *(f"{key}={value}" for key, value in settings.items())))
 
 
 def short_name(name: str) -> str:
@@ -255,7 +259,7 @@ class _MethodRun:
     record: MethodRecord
     method: Method | RecordedFrames | None = None  # None: it could not be loaded
     facts: dict[str, Any] = field(
-        default_factory=lambda: {"title": None, "cite": [], "reads": [], "settings": None, "memory_bytes": None}
+        default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
     )
     runner: MethodRunner | RecordedRunner | None = None
 
@@ -275,7 +279,8 @@ class _MethodRun:
             self.facts["title"] = "frames made elsewhere"
         else:
             self.method = load_method(source)
-            self.facts |= {"title": self.method.title, "cite": list(self.method.cite), "reads": list(self.method.reads)}
+            self.facts |= {"title": self.method.title, "cite": list(self.method.cite)}
+            self.facts["yardstick"] = self.method.yardstick
 
     def open(self, inputs: Inputs, seed: int) -> None:
         """The runner for ``inputs``, whose random numbers are those of ``seed``."""

@@ -17,7 +17,7 @@ from taubench_gl.option_groups import FITTED_METRICS, FitOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Setting, Value
-from taubench_gl.reuse.evaluate import TWICE, MethodSpec, evaluate_methods, method_settings, short_name
+from taubench_gl.reuse.evaluate import TWICE, MethodSpec, evaluate_methods, method_settings, method_text, short_name
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import EQUAL
@@ -137,8 +137,7 @@ def _grid(spec: MethodSpec) -> list[MethodSpec]:
     for combination in itertools.product(*values):
         settings = {**spec.settings, **dict(zip(several, combination, strict=True))}
         method_settings(method, settings)  # raises for invalid values
-        label = "@".join((short_name(str(spec.method)), *(f"{n}={v}" for n, v in settings.items())))
-        out.append(MethodSpec(label, method, settings))
+        out.append(MethodSpec(method_text(short_name(str(spec.method)), settings), method, settings))
     return out
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from batch_tools import DEMO, SMALL, final_files, spec_of
+from repeated import few
 
 from taubench_gl.batch.spec import BatchSpec, Job, read_spec
 from taubench_gl.batch.study import batch_store, run_batch, stored_spec
@@ -82,11 +83,13 @@ def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
 
 @pytest.mark.parametrize(
     "light",
-    [
-        {"light": "raster", "indirect": "none"},
-        pytest.param({"light": "auto", "light_within": 9.0}, marks=pytest.mark.long),
-        pytest.param({"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)}, marks=pytest.mark.long),
-    ],
+    few(
+        [
+            {"light": "raster", "indirect": "none"},
+            {"light": "auto", "light_within": 9.0},
+            {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
+        ]
+    ),
 )
 def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):
     """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null, and sampled."""

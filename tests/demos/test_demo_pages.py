@@ -17,7 +17,7 @@ from taubench_gl.demos.lessons import demos, find_demo
 
 WINDOWS = ((1280, 720), (1920, 1080), (390, 844))
 QUICK = ("thresholds",)
-"""A parameter that repaints a mask, and one with an image per value."""
+"""A parameter that repaints a mask."""
 
 
 @pytest.fixture

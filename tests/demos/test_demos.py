@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from repeated import few
 
 from taubench_gl.demos.gallery import index_page
 from taubench_gl.demos.lessons import demos, find_demo
@@ -84,8 +85,9 @@ def test_pages_are_self_contained(demo, runs, gpu):
     assert parser.open == [], "tags left open"
 
 
-def test_index_links_every_page(runs, gpu):
-    shown = [(d, runs.of(d, gpu)) for d in demos()[:6]]
+@pytest.mark.parametrize("count", few([6, len(demos())]))
+def test_index_links_every_page(runs, gpu, count):
+    shown = [(d, runs.of(d, gpu)) for d in demos()[:count]]
     page = index_page(shown)
     assert re.findall(r'<a href="([^"]+)"', page) == [f"{d.stem}.html" for d, _ in shown]
     assert page.count('class="ok"') == len(shown)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from repeated import few
 
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse import load_evaluation
@@ -47,7 +48,7 @@ def run(name: str, out: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("name", ["export", *(pytest.param(n, marks=pytest.mark.long) for n in ("evaluate", "reuse"))])
+@pytest.mark.parametrize("name", few(["export", "evaluate", "reuse"]))
 def test_a_full_and_a_read_only_disk(disk, name):
     out = disk / "out"
     for state in ("size=32k", "ro"):

@@ -81,7 +81,7 @@ def live_names(gpu) -> dict[str, int]:
 
 @pytest.mark.parametrize("step", [40, pytest.param(1, marks=pytest.mark.long)])
 def test_selftest_leaves_no_gl_object(step: int):
-    """Repeated runs of the same cases, every twentieth one or all, leave the same number of GL objects."""
+    """Repeated runs of the same cases, every fortieth one or all, leave the same number of GL objects."""
     gpu = open_gpu("egl")
     names = [c.name for c in cases() if c.name != "more-than-2^24-pixels"][::step]
     found = []

@@ -7,6 +7,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
+from repeated import few
 from scipy import stats
 
 from taubench_gl.evaluation import evaluate_scene
@@ -93,10 +94,10 @@ SCHEMES = [("strata", range(6, 7)), ("strata", range(8, 9)), ("strata", range(20
 """Every k-th pair allows only k samples for one k, so resampling also varies k."""
 
 
-MADE = ["independent", *(pytest.param(name, marks=pytest.mark.long) for name in ("drifting", "trend"))]
+MADE = ("independent", "drifting", "trend")
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", few(MADE))
 @pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
 def test_coverage_for_synthetic_populations(name, scheme, numbers):
     assert coverage(populations()[name], scheme, numbers) >= 0.9
