@@ -47,7 +47,7 @@ def test_every_page_is_in_the_navigation():
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[1]
     named = set(re.findall(r"[\w-]+\.md", nav))
     assert {page.name for page in (ROOT / "docs").glob("*.md")} == named - {
-        "index.md", "README.md", "contributing.md", "changelog.md",
+        "index.md", "start.md", "README.md", "contributing.md", "changelog.md",
     }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -12,7 +13,14 @@ from pathlib import Path
 
 import pytest
 
+import taubench_gl
+
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+
+from docs_pages import LIVE, home_page, separate_lists  # noqa: E402
+from live_pages import LESSONS, METHODS_PAGES, RUN  # noqa: E402
+
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 OPTIONS = re.search(r"-m mkdocs (.*)", (ROOT / "tools" / "docs").read_text())[1].replace('"$@"', "").split()
 """Of MkDocs, as in tools/docs."""
@@ -28,12 +36,30 @@ def build(*arguments: str | Path, cwd: Path = ROOT, **environment: str) -> subpr
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built as by tools/docs, with the page and the figure of one demo in place of all."""
-    demos, folder = tmp_path_factory.mktemp("demos"), tmp_path_factory.mktemp("site")
-    (demos / "07-occlusion.html").write_text("<title>Occlusion</title>")
-    shutil.copy(ROOT / "docs" / "images" / "reject.png", demos / "07-occlusion.png")
-    done = build("--site-dir", folder, TAUBENCH_DOCS_DEMOS=str(demos))
+def live(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What tools/live_pages.py writes: the report of a small run, and a page in place of each lesson and comparison."""
+    folder = tmp_path_factory.mktemp("live")
+    taubench_gl.evaluate(ROOT / "assets" / "demo.glb", size=(64, 36), frames=(0, 4), out=folder / RUN, report=True)
+    write_page(folder / LESSONS / "07-occlusion.html", folder / LESSONS / "07-occlusion.png")
+    page = METHODS_PAGES[1]
+    write_page(folder / page.name / "report.html", folder / page.name / "side_by_side.png")
+    methods = {n: {"mean": {"flip": e}, "classes": {}, "failed": None} for n, e in (("none", 0.4), ("svgf", 0.1))}
+    measures = {"flip": {"better": "lower"}}
+    (folder / page.name / "reuse.json").write_text(json.dumps({"methods": methods, "measures": measures}))
+    return folder
+
+
+def write_page(page: Path, image: Path) -> None:
+    page.parent.mkdir(exist_ok=True)
+    page.write_text("<title>A page</title>")
+    shutil.copy(ROOT / "docs" / "images" / "reject.png", image)
+
+
+@pytest.fixture(scope="module")
+def site(live: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built as by tools/docs."""
+    folder = tmp_path_factory.mktemp("site")
+    done = build("--site-dir", folder, **{LIVE: str(live)})
     assert done.returncode == 0, done.stderr
     return folder
 
@@ -42,13 +68,22 @@ def test_every_page_is_built(site: Path):
     built = {str(path.relative_to(site).with_suffix("")) for path in site.glob("**/*.html")}
     named = {str(page.relative_to(ROOT / "docs").with_suffix("")) for page in PAGES if ROOT / "docs" in page.parents}
     assert {"commands/index" if name == "commands/README" else name for name in named} <= built
-    assert {"index", "changelog", "contributing", "demos/07-occlusion"} <= built
+    assert {"index", "start", "changelog", "contributing", "demos/07-occlusion", "run/report"} <= built
 
 
-def test_the_gallery_ends_with_the_demos(site: Path):
-    text = (site / "gallery.html").read_text(encoding="utf-8")
-    assert re.findall(r'href="(demos/[^"]*)"', text) == ["demos/07-occlusion.html"]
-    assert (site / "demos" / "07-occlusion.png").is_file()
+def test_the_home_page_shows_the_live_parts(site: Path):
+    text = (site / "index.html").read_text(encoding="utf-8")
+    cards = re.findall(r'<a href="([^"]*)"><img src="([^"]*)"', text)
+    assert [page for page, _ in cards] == ["demos/07-occlusion.html", f"{METHODS_PAGES[1].name}/report.html"]
+    assert all((site / file).is_file() for card in cards for file in card)
+    assert "0.100" in text  # the verdict
+    assert text.count("(paper)") >= 8  # rows of Tables 1 to 4
+
+
+def test_without_live_parts_the_home_page_is_the_introduction(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv(LIVE, raising=False)
+    text = home_page()
+    assert "<iframe" not in text and "](start.md)" in text and "walk.webp" in text
 
 
 def small_site(folder: Path, nav: str, **pages: str) -> subprocess.CompletedProcess[str]:
@@ -79,9 +114,6 @@ def test_pages_have_the_blocks_of_commonmark():
     import markdown
     from markdown_it import MarkdownIt
 
-    sys.path.insert(0, str(ROOT / "tools"))
-    from docs_pages import separate_lists
-
     common, site = MarkdownIt("commonmark").enable("table"), ["tables", "sane_lists", "pymdownx.superfences"]
     differences = {}
     for page in PAGES:
@@ -100,7 +132,7 @@ def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, s
     page.on("request", lambda request: requests.append(request.url))
     page.on("console", lambda message: messages.append(message.text))
     page.on("pageerror", lambda error: messages.append(str(error)))
-    for name in ("gallery", "hard-cases", "commands/evaluate"):
+    for name in ("index", "gallery", "hard-cases", "commands/evaluate"):
         page.goto((site / f"{name}.html").as_uri())
         page.wait_for_load_state("load")
         assert page.evaluate("document.documentElement.scrollWidth") <= size[0], name
