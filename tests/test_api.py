@@ -275,6 +275,7 @@ def test_examples_of_the_page_run(tmp_path, monkeypatch):
     assert "did you mean width?" in printed.getvalue() and (tmp_path / "frames.png").is_file()
 
 
+@pytest.mark.long
 def test_notebook_runs(tmp_path):
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     notebook = nbformat.read(DOCS / "notebooks" / "api.ipynb", as_version=4)

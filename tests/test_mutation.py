@@ -125,6 +125,7 @@ def test_tests_that_import_a_module_cover_it(mutate):
     assert "tests/metrics/test_streaming.py" in mutate.tests_of(mutant)[:3]
 
 
+@pytest.mark.long
 def test_a_mutant_is_noticed_and_its_file_is_as_before(mutate, tmp_path):
     """The window of a light's range, by the case of that name; a comment's change by none."""
     mutate.copy_project(tmp_path)

@@ -129,14 +129,12 @@ vec3 with_masks(vec3 color, uint word, ivec2 at) {
 
 bool in_image(ivec2 at) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
 
-VALUE channel_at(ivec2 at) {
 #if COARSE && (KIND == KIND_ENCODED || KIND == KIND_RADIANCE)
-    // Between the centers of coarse pixels, by the sampler: on llvmpipe every texelFetch is a function call.
-    return texture(channel, (vec2(at) + 0.5) / vec2(size));
+// Between the centers of coarse pixels, by the sampler: on llvmpipe every texelFetch is a function call.
+#define VALUE_AT(image, at) texture(image, (vec2(at) + 0.5) / vec2(size))
 #else
-    return texelFetch(channel, at, 0);
+#define VALUE_AT(image, at) texelFetch(image, at, 0)
 #endif
-}
 
 uint mask_at(ivec2 at) {
     uint word = texelFetch(mask, at, 0).r;
@@ -155,7 +153,7 @@ vec3 other_color(ivec2 at) {
     from = ivec2(floor(vec2(at) + texelFetch(motion, at, 0).xy + 0.5));
 #endif
     if (!in_image(from)) return NOTHING;
-    return clamp(display_color(texelFetch(other, from, 0), texelFetch(other_position, from, 0)), 0.0, 1.0);
+    return clamp(display_color(VALUE_AT(other, from), texelFetch(other_position, from, 0)), 0.0, 1.0);
 }
 #endif
 
@@ -164,7 +162,7 @@ void main() {
     out_color = vec4(vec3(0.0), 1.0);
     if (!in_image(at)) return;
     vec4 p = texelFetch(position, at, 0);
-    vec3 color = clamp(display_color(channel_at(at), p), 0.0, 1.0);
+    vec3 color = clamp(display_color(VALUE_AT(channel, at), p), 0.0, 1.0);
 #if COMPARE == COMPARE_SPLIT
     if (float(at.x) >= split_px) color = other_color(at);
     if (abs(float(at.x) + 0.5 - split_px) < 1.0) color = vec3(1.0);

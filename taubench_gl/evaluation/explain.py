@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from taubench_gl.conventions import FRUSTUM, GUARD_PX, Reason
+from taubench_gl.conventions import FRUSTUM, GUARD_PX, NOT_COMPARABLE, Reason
 from taubench_gl.features import BY_BIT, FEATURE, FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.masks import ComparedSource
 from taubench_gl.frame.targets import read_texel
@@ -111,6 +111,19 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
     if comparable and source.reprojection == "camera" and word & (Reason.POSITION | Reason.NORMAL):
         return _with_object_motion(explanation, images, now)
     return explanation
+
+
+def with_light(geometry: Explanation, light: Explanation) -> Explanation:
+    """A pixel without light and the light of the same place in a coarser image of the pair."""
+    parts = ((geometry, False), (light, True))
+    values = {n: f for part, lit in parts for n, f in part.features.items() if FEATURE[n].light == lit}
+    features = {n: values[n] for n in FEATURES if n in values}
+    if geometry.word & NOT_COMPARABLE:
+        return replace(geometry, features=features)
+    bits = sum(int(bit) for n in values if FEATURE[n].light for bit in (FEATURE_BIT[n], *FEATURE[n].details))
+    word = geometry.word | light.word & bits
+    reason = in_words(word) if geometry.reason == in_words(geometry.word) else geometry.reason
+    return replace(geometry, word=word, features=features, reason=reason)
 
 
 def _with_object_motion(explanation: Explanation, images: MaskedPair, now: Mapping[str, Array]) -> Explanation:

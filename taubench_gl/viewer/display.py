@@ -117,18 +117,20 @@ class Display(Owner):
             if name in program:
                 texture.use(unit)
                 program[name] = unit
-        smooth = content.light_mask is not None and content.kind in ("encoded", "radiance")
-        if smooth:  # coarse light between the centers of its pixels
-            content.channel.filter = (moderngl.LINEAR, moderngl.LINEAR)
-            content.channel.repeat_x = content.channel.repeat_y = False
+        smooth: tuple[moderngl.Texture, ...] = ()
+        if content.light_mask is not None and content.kind in ("encoded", "radiance"):
+            smooth = tuple(textures[name] for name in ("channel", "other") if name in textures)
+        for texture in smooth:  # coarse light between the centers of its pixels
+            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+            texture.repeat_x = texture.repeat_y = False
         for name, value in values.items():
             if name in program:  # compilers remove unused uniforms
                 program[name] = value
         self._begin()
         self._gpu.ctx.viewport = area
         self._array(program).render(moderngl.TRIANGLES, vertices=3)
-        if smooth:
-            content.channel.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        for texture in smooth:
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
     def _prepared(self, content: Content) -> tuple[moderngl.Program, dict[str, Any], dict[str, Any]]:
         """Program, textures and uniforms of ``content``."""

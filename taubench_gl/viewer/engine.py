@@ -18,7 +18,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import exact_channels
-from taubench_gl.evaluation.explain import Explanation
+from taubench_gl.evaluation.explain import Explanation, with_light
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES, LIGHT_FEATURES, TABLE
 from taubench_gl.gpu.context import Gpu
@@ -33,7 +33,7 @@ from taubench_gl.viewer.comparisons import Comparison
 from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
-from taubench_gl.viewer.light import Lights
+from taubench_gl.viewer.light import REFINED, Lights
 from taubench_gl.viewer.magnifier import Magnifier
 from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState
@@ -429,10 +429,12 @@ class ViewerEngine:
 
     def _history_of(self, channel: str, reprojected: bool) -> Other | None:
         """A channel of the previous frame; None for a channel that only pairs have."""
-        previous = self.source.previous
+        coarse = self._lights.coarse if channel in REFINED else None
+        previous = (coarse or self).source.previous
         if channel not in previous:
             return None
-        return Other(previous[channel], previous["position"], self._active.motion_texture if reprojected else None)
+        motion = self._active.motion_texture if reprojected else None
+        return Other(previous[channel], self.source.previous["position"], motion)
 
     def _no_comparison(self, state: ViewerState) -> str:
         channel = state.channel.replace("_", " ")
@@ -501,11 +503,11 @@ class ViewerEngine:
         state.low, state.high = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
 
     def explain(self, state: ViewerState) -> Explanation:
-        """The probed pixel; with coarse light, its geometry alone."""
+        """The probed pixel; with coarse light, that of the coarse pixel over it."""
         explained = self._active.explain(*state.probe, thresholds=state.thresholds)
         if self._lights.active is None:
             return explained
-        return replace(explained, features={n: f for n, f in explained.features.items() if n not in LIGHT_FEATURES})
+        return with_light(explained, self._lights.coarse.explain(*state.probe, state.thresholds))
 
     def exact_words(self, x: int, row: int) -> str | None:
         """The exact reason of a pixel; None unless the masks are exact ones."""
@@ -513,9 +515,18 @@ class ViewerEngine:
             return None
         return exact_words(int(self._exact.bits[row, x]), self._exact.lit)
 
+    @property
+    def coarse_light(self) -> bool:
+        """Whether the light of the pair shown is coarse."""
+        return self._lights.active is not None
+
     def light_samples(self, state: ViewerState) -> int:
-        """Path-traced samples per pixel of the image; 0 where its light is rasterized."""
+        """Path-traced samples per pixel of the image; 0 where its light is that of the light method."""
         return self._lights.samples(self.shots[1], VISUALIZATIONS[state.channel].channel)
+
+    def light_traced(self, state: ViewerState) -> int:
+        """Path-traced samples per pixel that there are, shown or not yet."""
+        return self._lights.traced(self.shots[1], VISUALIZATIONS[state.channel].channel)
 
     def light_text(self, state: ViewerState) -> str:
         """The quality of light in words; empty without light."""

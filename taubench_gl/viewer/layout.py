@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SIDE, BAR = 300, 84
+SIDE, BAR = 300, 132
 """Width of a side panel, height of the bar below the image."""
 MIN_SIDE_WIDTH = 480
 """Narrower windows have no side panel."""

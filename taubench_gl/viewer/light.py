@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import moderngl
+import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.sources import RasterSource
@@ -20,6 +22,8 @@ from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, PREVIEWED, Settings
 from taubench_gl.viewer.feeds import SceneFeed, Shot
 from taubench_gl.viewer.state import ViewerState
+
+Array = np.ndarray
 
 REFINED = ("color", "direct", "indirect")
 """Channels that path tracing refines."""
@@ -88,13 +92,23 @@ class CoarseLight(GpuOwner):
         pair = reprojection(shots[1].view, shots[0].view, *self._feed.size)
         self._evaluator.submit(pair, declared=declared, thresholds=thresholds)
 
+    def explain(self, x: int, row: int, thresholds: Mapping[str, float]) -> Explanation:
+        """The coarse pixel over pixel (x, row) of the image."""
+        return self._evaluator.explain(x // self.coarse.step, row // self.coarse.step, thresholds=thresholds)
+
     def read(self) -> Counts:
         """Counts of the pair compared last, of fewer pixels."""
         return self._evaluator.read()
 
 
 class Refiner(GpuOwner):
-    """Path-traced light of one frame, the mean of as many samples as were traced so far."""
+    """Path-traced light of one frame, the mean of as many samples as were traced so far.
+
+    ``better``: its noise is smaller than the error of the light method, both root mean squares of radiance times
+    exposure, clipped as a display does.  Twice as many samples move the mean by as much as its noise, because the
+    second half is as noisy as the first and independent; the squared distance to the light method is the sum of both
+    squared errors.  Compared at 2, 4, 8, ... samples until it is.
+    """
 
     def __init__(self, gpu: Gpu, feed: SceneFeed, off: frozenset[str], timer: Any):
         super().__init__(gpu)
@@ -107,18 +121,22 @@ class Refiner(GpuOwner):
         self._means = [[self.own(gpu.ctx.texture(size, 4, dtype="f4")) for _ in range(2)] for _ in range(2)]
         self._targets = [self.own(gpu.ctx.framebuffer(textures)) for textures in self._means]
         self._shot: Shot | None = None
-        self.samples = 0
+        self._half: Array | None = None  # the image at the last comparison, of half as many samples
+        self.samples, self.better = 0, False
 
     @property
     def source(self) -> RasterSource:
         return self._feed.source
 
-    def add(self, shot: Shot) -> None:
-        """Trace one more sample of ``shot``; the first if it is another one than before."""
+    def add(self, shot: Shot, preview: RasterSource) -> None:
+        """Trace one more sample of ``shot``; the first if it is another one than before.
+
+        ``preview``: the same shot in the light of the light method.
+        """
         source, key = self.source, shot.key
         if self._shot is None or self._shot.key != key:
             source.draw_pair(shot.frame, shot.frame, shot.view, shot.view, light=False)
-            self._shot, self.samples = shot, 0
+            self._shot, self.samples, self.better = shot, 0, False
         source.trace(shot.frame, self.samples, 1)
         self.samples += 1
         light = [source.current[name] for name in ("direct", "indirect")]
@@ -131,6 +149,21 @@ class Refiner(GpuOwner):
             self._average(self._means[0], self._means[0], target, 0.0)
             self.gpu.unbind_framebuffer()
         source.recolor()
+        if self.samples.bit_count() == 1 and not self.better:
+            self._compare(preview)
+
+    def _compare(self, preview: RasterSource) -> None:
+        names = [name for name in ("direct", "indirect") if name in preview.current]
+        exposure = self._feed.settings.lighting.exposure_factor
+
+        def image(source: RasterSource) -> Array:
+            return np.clip(exposure * sum(source.read(name)[..., :3] for name in names), 0.0, 1.0)
+
+        mean = image(self.source)
+        if self.samples > 1:
+            noise, distance = (float(np.square(mean - other).mean()) for other in (self._half, image(preview)))
+            self.better = noise < distance - noise
+        self._half = mean
 
     def _average(self, samples: list, means: list, target: moderngl.Framebuffer, weight: float) -> None:
         """``target`` = mean + weight (sample - mean), for direct and indirect light."""
@@ -219,11 +252,11 @@ class Lights(GpuOwner):
     def refine(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> None:
         """Trace one more sample if the image is still and time passes."""
         still = not state.moving and state.elapsed > 0.0 and state.still_seconds >= STILL_SECONDS
-        if not (still and self.refinable(state, feed, channel)) or self.samples(shot, channel) >= state.samples:
+        if not still or not self.pending(state, feed, shot, channel):
             return
         if self._refiner is None:
             self._refiner = self.own(Refiner(self.gpu, feed, state.switched_off, self._timer))
-        self._refiner.add(shot)
+        self._refiner.add(shot, feed.source)
         self._key = shot.key
 
     def refinable(self, state: ViewerState, feed: Any, channel: str) -> bool:
@@ -231,12 +264,17 @@ class Lights(GpuOwner):
 
     def pending(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> bool:
         """Whether more samples are to be traced."""
-        return self.refinable(state, feed, channel) and self.samples(shot, channel) < state.samples
+        return self.refinable(state, feed, channel) and self.traced(shot, channel) < state.samples
 
-    def samples(self, shot: Shot, channel: str) -> int:
-        """Path-traced samples that the image of a shot has; 0 where its light is not path-traced."""
+    def traced(self, shot: Shot, channel: str) -> int:
+        """Path-traced samples that there are of a shot."""
         refined = self._refiner is not None and channel in REFINED and self._key == shot.key and self.active is None
         return self._refiner.samples if refined and not self._hidden else 0
+
+    def samples(self, shot: Shot, channel: str) -> int:
+        """Path-traced samples that the image of a shot has; 0 while its light is that of the light method."""
+        traced = self.traced(shot, channel)
+        return traced if traced and self._refiner.better else 0
 
     def source(self, shot: Shot, channel: str) -> RasterSource | None:
         """The source of a channel other than the feed's; None for the feed's."""
@@ -256,7 +294,9 @@ class Lights(GpuOwner):
         if lighting.light == "path-traced":
             return f"path-traced light, {lighting.spp} sample{'' if lighting.spp == 1 else 's'} per pixel"
         of = "light of the preview, approximate," if lighting.light in PREVIEWED else "light"
-        return f"{of} at full resolution"
+        traced = self.traced(shot, channel)
+        still = f"; {traced} of {state.samples} path-traced samples have more noise" if traced else ""
+        return f"{of} at full resolution{still}"
 
     def reset(self) -> None:
         """Free everything: the feed has another source."""

@@ -23,6 +23,7 @@ from taubench_gl.viewer.feeds import OpenRequest, open_feed
 from taubench_gl.viewer.layout import Layout, Shown, arrange
 from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState, variables
+from taubench_gl.viewer.timeline import Rates, Timeline
 
 Array = np.ndarray
 LIGHT = ("direct", "color", "emission")
@@ -48,6 +49,7 @@ class ViewerModel(Owner):
         self.window_size = stored.window or (0, 0)  # screen points; (0, 0) while minimized
         self.state, engine = self._open(request)
         self.engine = self.own(engine)
+        self.timeline = self.own(Timeline(gpu, self.state.first, self.state.last))
         prefs.apply(stored, self.state)
         self.state.message = note or self.state.message
         self.screenshots = Path(".")  # folder of screenshots and clips
@@ -55,6 +57,7 @@ class ViewerModel(Owner):
         self.done = False
         self.fps = 0.0
         self._last_image: tuple[int, object] = (0, None)  # the image that was drawn last, for clips
+        self._recorded: tuple[int, object] = (0, None)  # the masks whose rates the timeline got last
         self._probed: tuple[object, Explanation] | None = None
         self._named: tuple[object, PixelNames | None] | None = None
 
@@ -109,6 +112,7 @@ class ViewerModel(Owner):
         if request.restored is None:
             prefs.apply(prefs.Prefs(values=variables(self.state)), state)
         self._request, self.state, self.engine = request, state, self.own(engine, instead_of=self.engine)
+        self.timeline = self.own(Timeline(self.gpu, state.first, state.last), instead_of=self.timeline)
         self._probed = self._named = None
         return True
 
@@ -202,6 +206,7 @@ class ViewerModel(Owner):
             self.engine.update(self.state)
         except TaubenchError as error:  # such as an EXR file that was deleted: report it, keep the last image
             self.state.message, self.state.playing = str(error), False
+        self._update_timeline()
         image = (self.engine.drawn.images, self.engine)
         if self.clip is not None and (self.clip.frames == 0 or image != self._last_image):
             try:
@@ -210,6 +215,18 @@ class ViewerModel(Owner):
                 self.clip.discard()
                 self.state.message, self.clip = str(error), None
         self._last_image = image
+
+    def _update_timeline(self) -> None:
+        """Keep the rates of the pair shown, and its image where the timeline has none."""
+        s, engine = self.state, self.engine
+        drawn = (engine.drawn.masks, engine)
+        if drawn == self._recorded or s.camera != "file" or s.freeze_current or s.freeze_previous:
+            return
+        self._recorded = drawn
+        key = (tuple(s.thresholds.items()), s.switched_off, s.live)
+        self.timeline.record(key, s.frame, Rates(engine.percentages(), engine.reusable()[1], engine.coarse_light))
+        if self.timeline.lacks_image(s.frame):
+            self.timeline.show(s.frame, engine.image())
 
     @property
     def busy(self) -> bool:

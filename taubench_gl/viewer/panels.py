@@ -33,6 +33,7 @@ from taubench_gl.viewer.state import (
     set_variable,
 )
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
+from taubench_gl.viewer.timeline_panel import draw_timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
 LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
@@ -109,6 +110,7 @@ class Panels:
 
     def _bar(self) -> None:
         viewer, s = self._viewer, self._viewer.state
+        draw_timeline(self._ui, viewer.timeline)
         for label, action in (("|<", "first"), ("<", "previous"), ("Pause" if s.playing else "Play", "play"),
                               (">", "next"), (">|", "last")):  # fmt: skip
             if imgui.button(label, ImVec2(56 if action == "play" else 0, 0)):

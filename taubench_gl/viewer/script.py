@@ -234,7 +234,8 @@ class ScriptRunner:
                   "scene": viewer.engine.feed.name,
                   "pairs.drawn": viewer.engine.drawn.pairs, "images.drawn": viewer.engine.drawn.images,
                   "light.quality": viewer.engine.light_text(viewer.state),
-                  "light.samples": viewer.engine.light_samples(viewer.state)}  # fmt: skip
+                  "light.samples": viewer.engine.light_samples(viewer.state),
+                  "light.traced": viewer.engine.light_traced(viewer.state)}  # fmt: skip
         if name not in known:
             more = ["overlay.NAME", "count.NAME"]
             raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")

@@ -21,7 +21,7 @@ VOLATILE = ("timing", "memory", "provenance")
 """Blocks of summary.json that differ with machine and engine."""
 
 
-@pytest.mark.parametrize("chunk", [1, 7])
+@pytest.mark.parametrize("chunk", few([7, 1]))
 def test_results_do_not_depend_on_chunks(reference, tmp_path, chunk):
     path, expected = reference
     run_batch(read_spec(path), tmp_path / "out", chunk=chunk)
@@ -55,7 +55,9 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
         LIGHT,
         {"light": "auto", "light_within": 6.0, **LIGHT},
-        {"light": "path-traced", "width": 10, "height": 6, "frames": (5, 8), **LIGHT},
+        pytest.param(
+            {"light": "path-traced", "width": 10, "height": 6, "frames": (5, 8), **LIGHT}, marks=pytest.mark.long
+        ),
     ],
     ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light", "decided light"],
 )

@@ -52,6 +52,7 @@ def test_killed_driver(reference, tmp_path):
     assert partitions(out) > kept
 
 
+@pytest.mark.long
 def test_killed_worker(reference, tmp_path):
     spec, expected = reference
     out = tmp_path / "out"
@@ -98,6 +99,7 @@ def test_scenes_that_fail_or_kill_their_worker_fail_alone(tmp_path):
     assert report.returncode == 0 and "Table 4" in printed and printed.count("note: not finished: ") == 2
 
 
+@pytest.mark.long
 def test_no_worker_has_opengl(tmp_path):
     """Each worker is reported once, the error is one line, and a resume with OpenGL finishes."""
     spec = write_spec(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:5"\n{SMALL}')

@@ -12,6 +12,7 @@ from taubench_gl.benchmark.unit import Entry
 from taubench_gl.settings import FIXED_LIGHTING
 
 
+@pytest.mark.long
 def test_a_recorded_cell_of_the_quick_suite_comes_out_again(lighting_defaults):
     """docs/benchmark-quick.json: one case of a deterministic input, two methods."""
     from taubench_gl.benchmark.scenes import scene_file

@@ -197,6 +197,7 @@ def test_parts_of_two_processes_merge_in_any_order(suite_file, whole, tmp_path):
         assert values_of(found) == values_of(whole[0])
 
 
+@pytest.mark.long
 def test_methods_that_fail_are_last_and_the_others_untouched(suite_file, whole, broken, tmp_path):
     texts = [*METHODS, *(str(broken / f"{name}.py") for name in BROKEN), str(broken / "missing.py")]
     found = run_benchmark(read_suite(suite_file), texts, tmp_path / "out", engine=InProcess())

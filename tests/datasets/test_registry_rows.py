@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from repeated import few
 from row_files import SECONDS, row_file
 
 from taubench_gl.apps.cli import cli
@@ -43,7 +44,7 @@ def run(*words: str):
     return CliRunner().invoke(cli, words, catch_exceptions=False)
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", few(ROWS, 3))
 def test_scene_by_name_gives_tables(name, made, gpu, tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)

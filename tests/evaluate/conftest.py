@@ -1,6 +1,6 @@
 """The shared scenes as parameters.
 
-A test with the argument ``sampled_scene`` runs once per third scene, and once per scene in the long tests.
+A test with the argument ``sampled_scene`` runs once per fifth scene, and once per scene in the long tests.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def _scenes(config: pytest.Config) -> list[Path]:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "sampled_scene" in metafunc.fixturenames:
         scenes = [
-            pytest.param(path, id=path.stem, marks=[pytest.mark.long] if number % 3 else [])
+            pytest.param(path, id=path.stem, marks=[pytest.mark.long] if number % 5 else [])
             for number, path in enumerate(_scenes(metafunc.config))
         ]
         metafunc.parametrize("sampled_scene", scenes)

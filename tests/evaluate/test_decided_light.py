@@ -50,6 +50,7 @@ def test_masks_counts_distances_and_rows_are_those_of_path_traced_light(tmp_path
     assert run.summary["settings"]["spp"] is None and "sampled_light" not in run.summary
 
 
+@pytest.mark.long
 def test_columns_are_those_of_images_of_many_samples():
     """Emitters, which the raster method leaves out: the columns are not those of the preview's images."""
     scene, settings = lamp_over_floor(emits=40.0), Settings(**TRACED | {"frames": (0, 2)})

@@ -82,6 +82,7 @@ def test_settings_that_overflow_are_refused(name, value):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_ten_thousand_copies_of_a_lit_mesh_are_counted():
     """One mesh, 10,000 nodes: instances share their vertices, so memory stays bounded."""
     count, side = 10_000, 100

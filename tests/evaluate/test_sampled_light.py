@@ -86,6 +86,7 @@ def test_only_pixels_that_light_decides_are_traced():
     assert not (pair.words[pair.traced] & NOT_COMPARABLE).any()
 
 
+@pytest.mark.long
 def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
     monkeypatch.setattr(sampled_light, "PLAN", ALL)
     scene = lamp_over_floor(emits=40.0)

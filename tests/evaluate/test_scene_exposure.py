@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from repeated import few
 
 from taubench_gl.animation import OrbitCamera, View, camera_of_run, choose_camera
 from taubench_gl.apps.cli import cli
@@ -54,7 +55,7 @@ def test_nothing_of_a_run_changes_the_exposure(change, cache, expected):
     assert exposure(scene, **change) == expected != 1.0
 
 
-@pytest.mark.parametrize("camera", [None, "orbit"])
+@pytest.mark.parametrize("camera", few(["orbit", None]))
 def test_with_and_without_the_cache(camera, cache):
     scene = load_scene(DEMO)
     first = exposure(scene, camera=camera)
@@ -113,6 +114,7 @@ def test_an_orbit_for_another_image_gives_the_same_exposure(cache, expected):
     )
 
 
+@pytest.mark.long
 def test_added_motion_does_not_change_the_exposure(cache, tmp_path):
     spec = dataclasses.replace(PRESETS["fps"], frames=60)
     stress(DEMO, tmp_path / "hard.glb", spec, Moves(lights=1))

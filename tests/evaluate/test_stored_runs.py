@@ -200,7 +200,7 @@ def test_files_that_vanish_during_a_run(tmp_path):
     assert not (tmp_path / SUMMARY_FILE).exists()
 
 
-@pytest.mark.parametrize("kind", few(KINDS, 5))
+@pytest.mark.parametrize("kind", few(KINDS, 3))
 def test_every_kind_of_run_passes_its_check(tmp_path, kind):
     run = evaluate(DEMO, out=tmp_path, **SMALL | KINDS[kind])
     again = load_run(tmp_path)

@@ -116,7 +116,7 @@ def test_closed_form_against_textbook() -> None:
     assert stays(SIZE, 1.0, rotation_about("y", -25.0)) == pytest.approx(integral, abs=2 * rim)
 
 
-@pytest.mark.parametrize("axis", ["yaw", "pitch", "roll"])
+@pytest.mark.parametrize("axis", few(["yaw", "pitch", "roll"]))
 def test_sponza_as_in_figure_1(gpu, data, axis: str) -> None:
     """Figure 1 of the paper: 25 degrees in Sponza.  The sky takes part, so whether the roof is open does not matter."""
     eye = (4.0, 2.0, 0.3)

@@ -61,7 +61,7 @@ def read_everything(folder: Path, other: Path) -> None:
     comparison_html(result, None)
 
 
-@pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.parametrize("every", [19, pytest.param(1, marks=pytest.mark.long)])
 def test_keys_of_a_summary_with_wrong_values(stored, tmp_path, every):
     """Two values for each key, in turn, so that every value meets many keys; all keys, or one in ``every``."""
     folder = tmp_path / "run"

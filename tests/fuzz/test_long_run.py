@@ -59,6 +59,7 @@ def check(report: dict, frames: int, per_pair: int) -> None:
     assert report["left"] == 0, "GL objects that were not released"
 
 
+@pytest.mark.long
 def test_memory_over_300_frames(tmp_path):
     check(long_run(300, tmp_path), 300, per_pair=8 * 1024)
 

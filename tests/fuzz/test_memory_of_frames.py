@@ -72,6 +72,7 @@ def measured(width: int, cells: int, light: str) -> tuple[dict[str, int], int]:
 
 
 @pytest.mark.parametrize("width", [640, 1920, pytest.param(3200, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_channels_take_what_is_added_up(width):
     sums, growth = measured(width, 2, "raster")
     assert sums["channels"] > 0.99 * sum(sums.values()) and sums["rays"] == 0

@@ -57,6 +57,7 @@ def expected(tmp_path_factory):
     return results(out)
 
 
+@pytest.mark.long
 def test_a_spawned_process_gives_the_bits_of_the_command_line(expected, tmp_path):
     out = tmp_path / "out"
     process = multiprocessing.get_context("spawn").Process(target=evaluate_into, args=(str(out),))

@@ -24,8 +24,10 @@ SIZE = (97, 54)
 
 
 @pytest.mark.parametrize("storage", few(["half", "float"]))
-@pytest.mark.parametrize("mode", ["camera", "motion"])
-@pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
+@pytest.mark.parametrize(
+    ("mode", "sampling"),
+    few([("motion", "bilinear"), ("camera", "nearest"), ("motion", "nearest"), ("camera", "bilinear")], 2),
+)
 def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
     settings = Settings(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)

@@ -57,7 +57,7 @@ ACTS = {
 }
 
 
-@pytest.mark.parametrize("act", few(ACTS.values(), 4), ids=ACTS.keys())
+@pytest.mark.parametrize("act", few(ACTS.values(), 3), ids=ACTS.keys())
 def test_no_object_stays(demo, tmp_path, act):
     with open_gpu() as gpu:
         earlier = alive_before(gpu)

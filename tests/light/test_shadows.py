@@ -30,7 +30,7 @@ KINDS = ("directional", "point", "spot")
 
 @pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
 @pytest.mark.parametrize("azimuth", few([30.0, 0.0]))
-@pytest.mark.parametrize("elevation", few([1.0, 20.0, 70.0, 90.0, 5.0, 45.0], 4))
+@pytest.mark.parametrize("elevation", few([1.0, 70.0, 20.0, 90.0, 5.0, 45.0], 2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
     case = Case(kind, elevation, azimuth)
@@ -92,7 +92,7 @@ def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
 
 
 @pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
-@pytest.mark.parametrize("elevation", few([0.5, 5.0, 60.0, 90.0, 2.0, 10.0, 30.0], 4))
+@pytest.mark.parametrize("elevation", few([0.5, 60.0, 5.0, 90.0, 2.0, 10.0, 30.0], 2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_acne_on_a_bare_plane(gpu, kind, elevation, shadow_filter):
     """Half a degree above the plane is 89.5 degrees from its normal."""

@@ -175,6 +175,7 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.long
 def test_an_interrupted_run_continues(tmp_path, monkeypatch):
     out = tmp_path / "out"
     arguments = ("eternal-valley-fps", "--out", out, *SMALL, "--light", "raster")

@@ -63,6 +63,7 @@ def test_a_run_without_a_needed_value_is_refused(tmp_path, summary, missing):
     assert error.value.where == str(tmp_path) and missing in error.value.what
 
 
+@pytest.mark.long
 def test_a_comparison_on_disk(renders, tmp_path):
     """Text, JSON, one HTML file with its image; recorded render times; the worst pair."""
     known = {"job": "1", "settings": {"samples": 4, "bounces": 12, "seed": 0, "crisp": False},

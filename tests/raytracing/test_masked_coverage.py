@@ -12,6 +12,7 @@ import pytest
 from light_tools import FLAT, facing, floor, lambert, look_down, picture
 from ray_query import RayQuery
 from ray_tools import traced
+from repeated import few
 from shadow_tools import on_plane, visibility
 
 from taubench_gl.frame.raytracing.attributes import HitAttributes
@@ -130,7 +131,7 @@ def test_the_parts_of_an_atlas_keep_theirs(gpu):
 
 
 @pytest.mark.parametrize("name", ["plain", "base color factor"])
-@pytest.mark.parametrize("map_size", [256, 1024])
+@pytest.mark.parametrize("map_size", few([256, 1024]))
 def test_shadow_maps_keep_it(gpu, name, map_size):
     """The mean over distances: a map's texels are not evenly spaced points of the texture."""
     shares = []

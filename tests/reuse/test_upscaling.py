@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from references.resampling import resample_bilinear
+from repeated import few
 from reuse_scenes import glowing, settings, still
 from reuse_tools import write_method
 
@@ -209,7 +210,7 @@ def fine_checks():
     return b.build()
 
 
-@pytest.mark.parametrize("factor", [1.5, 2, 3])
+@pytest.mark.parametrize("factor", few([1.5, 2, 3]))
 def test_an_accumulating_upscaler_beats_resampling(tmp_path, factor):
     """A still fine checker pattern: samples of many jittered frames contain what one small frame does not."""
     folder = str(write_method(tmp_path / "up", ACCUMULATE_TOML, a=ACCUMULATE))

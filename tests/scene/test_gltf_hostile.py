@@ -259,6 +259,7 @@ def test_shared_accessors_share_memory(tmp_path: Path) -> None:
     assert len(scene.meshes) == len(scene.channels) == 1000 and peak < 32 << 20
 
 
+@pytest.mark.long
 def test_a_million_materials_are_refused(tmp_path: Path) -> None:
     gltf = triangle_scene()
     gltf.json["materials"] = [{}] * 1_000_000

@@ -22,6 +22,7 @@ def triangles(scene) -> int:
     return sum(len(p.triangles) for mesh in scene.meshes for p in mesh.primitives)
 
 
+@pytest.mark.long
 def test_robots(tmp_path):
     """171 rotation tracks; the notes about key times are one note; a track equals the second implementation."""
     scene = load_scene(bart_like.robots(tmp_path))

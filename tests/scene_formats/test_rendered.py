@@ -9,6 +9,7 @@ import obj_files
 import pytest
 from aff_files import TRIANGLE, keys, write
 from frame_tools import draw_pair, looking_at, still_camera
+from repeated import few
 from test_rays import SIZE, Seen, check_motion, check_normals, check_positions
 
 from taubench_gl.animation import choose_camera
@@ -110,7 +111,7 @@ def test_only_the_object_with_changed_faces_has_no_history(gpu, tmp_path):
     assert other[20:30, 20 : half - 1].all() and not other[:, half + 1 :].any()
 
 
-@pytest.mark.parametrize("kind", ["aff", "obj", "sequence"])
+@pytest.mark.parametrize("kind", few(["sequence", "aff", "obj"]))
 def test_evaluate_command(tmp_path, kind):
     from click.testing import CliRunner
 
