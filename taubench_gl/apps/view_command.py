@@ -29,6 +29,7 @@ Examples:
   taubench-gl view results
   taubench-gl view exr:renders --camera-file renders/camera.json
   taubench-gl view scene.glb --reference exr:renders --scene-file scene.glb
+  taubench-gl view scene.glb --method ./my_method --lighting
   taubench-gl view scene.glb --script steps.txt
 \b
 Press ? in the window for the keys; docs/viewer.md lists them, and the script commands.""",
@@ -48,6 +49,11 @@ def view(
         metavar="exr:DIR",
     ),
     compare: str | None = setting(None, "Another run: its scene with its settings, for comparison", metavar="RUN"),
+    method: str | None = setting(
+        None,
+        "A reuse method, beside the image: as reuse evaluate takes it; its files are read again when they change",
+        metavar="METHOD",
+    ),
     script: Path | None = setting(None, "Run a script of viewer commands", metavar="FILE", short=False),
     window: tuple[int, int] | None = setting(
         None,
@@ -75,7 +81,7 @@ def view(
     if source.endswith(".session.json"):
         request = _restored(source)
     else:
-        request = _open_request(source, settings, reference, files, compare)
+        request = _open_request(source, settings, reference, files, compare, method)
     _require_source(request.source, request.reference)
     from taubench_gl.viewer.window import Session, run_session
 
@@ -95,11 +101,19 @@ def view(
 
 
 def _open_request(
-    source: str, settings: Settings, reference: str | None, files: PathTracedOptions, compare: str | None
+    source: str,
+    settings: Settings,
+    reference: str | None,
+    files: PathTracedOptions,
+    compare: str | None,
+    method: str | None,
 ) -> Any:
+    from taubench_gl.reuse.loading import load_method
     from taubench_gl.viewer.feeds import OpenRequest
 
-    return OpenRequest(source, settings, reference, files, given_options(), _resolve, run=compare)
+    if method is not None:
+        load_method(method)  # a mistake is an error before a window opens
+    return OpenRequest(source, settings, reference, files, given_options(), _resolve, run=compare, method=method)
 
 
 def _restored(source: str) -> Any:

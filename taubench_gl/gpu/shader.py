@@ -113,14 +113,15 @@ def read_source(entry: str, roots: tuple[Path, ...], by: str = "") -> str:
     """
     path = find_source(entry, roots)
     try:
-        return _read(path)
+        return _read(path, path.stat().st_mtime_ns if path.exists() else 0)
     except GraphicsError as error:
         included = f" (included by {by})" if by else ""
         raise GraphicsError(f"shader {entry} cannot be read{included}: {error.what}") from None
 
 
 @lru_cache(maxsize=256)
-def _read(path: Path) -> str:
+def _read(path: Path, modified: int) -> str:
+    """``modified``: another version of a file is another text."""
     return read_text(path, GraphicsError, max_bytes=MAX_SOURCE_BYTES)
 
 

@@ -85,8 +85,9 @@ class Viewer(ViewerModel):
         imgui.new_frame()
         self.panels.draw(layout)
         imgui.render()
-        if self.engine.magnified is not None:
-            self._renderer.show(self.engine.magnified)
+        for texture in (self.timeline.texture, self.engine.magnified):
+            if texture is not None:
+                self._renderer.show(texture)
         framebuffer.use()
         framebuffer.scissor = None
         self._clear(framebuffer, layout)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 import moderngl
@@ -88,10 +89,18 @@ class RunComparison(Owner):
         return self._feed.source.current[channel]
 
 
+def version(method: str) -> tuple[tuple[str, int], ...]:
+    """The files of a reuse method and when they were written last; empty for one that is no file or folder."""
+    path = Path(method if Path(method).exists() else method.rpartition(":")[0])
+    files = sorted(path.rglob("*")) if path.is_dir() else [path] if path.is_file() else []
+    return tuple((str(file), file.stat().st_mtime_ns) for file in files if file.suffix in (".toml", ".glsl", ".py"))
+
+
 class MethodComparison(Owner):
     """The result of a reuse method for the frames of a feed, as color.
 
-    A frame that does not follow the last starts again WARM_UP frames before it.
+    A frame that does not follow the last starts again WARM_UP frames before it, and so does every frame once a file of
+    the method has changed.
     """
 
     name = "method"
@@ -99,7 +108,7 @@ class MethodComparison(Owner):
     def __init__(self, gpu: Gpu):
         super().__init__()
         self._gpu = gpu
-        self._key: tuple[object, ...] | None = None  # feed's settings, method and input
+        self._key: tuple[object, ...] | None = None  # feed's settings, method, input, files
         self._error: TaubenchError | None = None  # of that key
         self._inputs: RasterInputs | None = None
         self._runner: MethodRunner | None = None
@@ -109,7 +118,7 @@ class MethodComparison(Owner):
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
         if channel != "color":
             return None
-        key = (feed.settings, state.method, state.method_input)
+        key = (feed.settings, state.method, state.method_input, version(state.method))
         if key != self._key:
             self._reset()
             self._key = key

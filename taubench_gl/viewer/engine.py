@@ -29,7 +29,7 @@ from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.comparisons import Comparison
+from taubench_gl.viewer.comparisons import Comparison, version
 from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
@@ -311,6 +311,7 @@ class ViewerEngine:
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
             state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
             state.freeze_previous, state.beside, state.method, state.method_input, state.exact,
+            version(state.method) if state.against == "method" else None,
         )  # fmt: skip
         if key == self._image_key:
             return

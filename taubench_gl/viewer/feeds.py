@@ -318,6 +318,7 @@ class OpenRequest:
     given: frozenset[str] = frozenset()  # settings that the user gave; they override those of a run
     resolve: Callable[[str], tuple[str, dict[str, Any]]] | None = None
     run: str | None = None  # another run to compare with
+    method: str | None = None  # a reuse method to compare with, as ``load_method`` takes it
     restored: Any = None  # ``session_file.Restored``: how to show it
 
 

@@ -47,15 +47,15 @@ class Coarse:
     def settings(self, full: Settings) -> Settings:
         """``full`` with this light."""
         width, height = (-(-n // self.step) for n in (full.sequence.width, full.sequence.height))
-        maps: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // self.step, 16)}
+        maps: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // (4 * self.step), 16)}
         maps |= {} if self.shadow_lights is None else {"shadow_lights": self.shadow_lights}
-        return full.replace(width=width, height=height, light="raster", indirect="none", **maps)
+        return full.replace(width=width, height=height, light="raster", indirect_samples=96, probes=96, **maps)
 
 
 COARSE: Mapping[str, Coarse | None] = {
     "full": None,
     "half": Coarse(2),
-    "quarter": Coarse(4, 1),
+    "quarter": Coarse(4),
     "unshadowed": Coarse(4, 0),
 }
 """Light while the image moves, by name."""

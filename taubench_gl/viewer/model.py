@@ -78,8 +78,12 @@ class ViewerModel(Owner):
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
             unit_scale=feed.settings.metrics.unit_scale, live=feed.live,
         )  # fmt: skip
+        if request.method is not None:  # beside the image from the start
+            state.methods = (request.method, *(name for name in state.methods if name != request.method))
+            state.method, state.beside = request.method, "method" in comparisons
         state.others = (*HISTORY, *comparisons)
-        state.against = next((n for n in ("reference", "run") if n in comparisons), "reprojected")
+        wanted = ("method",) * state.beside + ("reference", "run")
+        state.against = next((n for n in wanted if n in comparisons), "reprojected")
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)

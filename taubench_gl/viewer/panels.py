@@ -11,7 +11,6 @@ from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, REASONS, STATISTICS, l
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import EXACT_COLORS, color_of
-from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.actions import help_lines, key_words
 from taubench_gl.viewer.display import VISUALIZATIONS
@@ -189,7 +188,7 @@ class Panels:
         self._ui.pick("mode", "comparison", COMPARISONS)
         self._ui.check("beside the image, with the error map", s.beside, "beside", "beside")
         if s.against == "method":
-            self._ui.pick("method", "method", builtin_methods())
+            self._ui.pick("method", "method", s.methods)
             self._ui.pick("input", "method_input", METHOD_INPUTS)
             self._ui.faint("results are colors: show the channel color", wrap=True)
         if s.beside or s.comparison in ("difference", "error"):

@@ -48,6 +48,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     lesson: str = ""
     reference: str | None = None
     run: str | None = None
+    method: str | None = None
     path_traced: dict[str, str | None] = {}
 
 
@@ -95,6 +96,7 @@ def save(path: Path, request: OpenRequest, state: ViewerState, camera: UserCamer
         state.lesson,
         None if request.reference is None else _stored(request.reference, folder),
         None if request.run is None else _stored(request.run, folder),
+        None if request.method is None else _stored(request.method, folder),
         {name: None if value is None else _stored(str(value), folder) for name, value in options.items()},
     )
     write_atomically(path, json.dumps(msgspec.to_builtins(file), indent=1) + "\n")
@@ -131,6 +133,7 @@ def load(path: str | Path, resolve: Resolve | None = None) -> OpenRequest:
         frozenset(file.given),
         resolve,
         run=file.run and _found(file.run, folder),
+        method=file.method and _found(file.method, folder),
         restored=Restored(file.values, file.camera, file.lesson),
     )
 

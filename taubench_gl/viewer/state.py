@@ -118,7 +118,8 @@ class ViewerState:
     against: str = "reprojected"  # of ``others``
     others: tuple[str, ...] = HISTORY  # what the image can be compared with
     beside: bool = False  # the other image and the error map beside the image
-    method: str = "taa_clamp"  # reuse method, of METHODS
+    methods: tuple[str, ...] = field(default_factory=builtin_methods)  # reuse methods to compare with
+    method: str = "taa_clamp"  # of ``methods``
     method_input: str = "noisy"  # of METHOD_INPUTS
     flicker_hz: float = 2.0  # changes per second between the image and the other
     flicker_other: bool = False  # whether the other is shown now
@@ -249,7 +250,7 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "channel": lambda s: s.channels,
     "comparison": lambda s: COMPARISONS,
     "against": lambda s: s.others,
-    "method": lambda s: builtin_methods(),
+    "method": lambda s: s.methods,
     "method_input": lambda s: METHOD_INPUTS,
     "moving_light": lambda s: MOVING_LIGHTS,
     "feature": lambda s: tuple(s.thresholds),

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from references.display import color_scale
 from viewer_tools import DEMO, QUIET, SIZE, pixels
 
+from taubench_gl.apps.cli import cli
 from taubench_gl.errors import MethodError, SettingsError, TaubenchError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.reuse.frame import read_result
@@ -46,6 +50,31 @@ def test_history_and_the_error_map_are_beside_the_image(drive, tmp_path):
     at = layout.place(20, 30, SIZE, 2)
     driven.run(f"mouse {at[0]} {at[1]}\nexpect probe == 20,30\nkey Z\nexpect beside == 0")
     assert len(driven.viewer.layout.images) == 1
+
+
+def test_a_method_is_read_again_when_its_files_change(drive, tmp_path):
+    """A mistake in the new text is a message; the corrected text is shown without a key."""
+    folder = tmp_path / "mine"
+    assert CliRunner().invoke(cli, ["reuse", "new", str(folder)]).exit_code == 0
+    driven = drive(settings=LIT, light=True, method=str(folder))
+    driven.run("frame 3\nset overlays off\nset channel color\nset method_input full")
+    assert driven.state.against == "method" and driven.state.beside and driven.state.method == str(folder)
+    before = thirds(driven.engine.picture())[1]
+    (shader,) = folder.glob("*.glsl")
+    text = shader.read_text()
+    written(shader, text + "no GLSL\n")
+    driven.run("wait 1")
+    assert shader.name in driven.state.message
+    written(shader, text.replace("write_result(p, vec4(color,", "write_result(p, vec4(0.1 * color,"))
+    driven.run("wait 1")
+    assert (thirds(driven.engine.picture())[1].mean() < 0.8 * before.mean()) and before.mean() > 10
+
+
+def written(path, text: str) -> None:
+    """Write a file with a time of its own: the clock of a file system may be coarse."""
+    later = path.stat().st_mtime_ns + 1_000_000_000
+    path.write_text(text)
+    os.utime(path, ns=(later, later))
 
 
 def test_a_reuse_method_is_beside_the_image(drive, monkeypatch):
