@@ -300,7 +300,7 @@ class ViewerEngine:
         self.reasons["shading"] = {name: round(share * pixels) for name, pixels in reasons.items()}
         light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n in LIGHT_FEATURES}
         self.histograms |= {name: share * bins for name, bins in light.items()}
-        missing = self._lights.coarse.source.unmeasured
+        missing = self._lights.coarse.unmeasured
         self.unmeasured = {**self.feed.source.unmeasured, **{n: missing[n] for n in light if n in missing}}
 
     def _update_image(self, state: ViewerState) -> None:

@@ -21,7 +21,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, PREVIEWED, Settings
 from taubench_gl.viewer.feeds import SceneFeed, Shot
-from taubench_gl.viewer.state import ViewerState
+from taubench_gl.viewer.state import MAX_THRESHOLD, ViewerState
 
 Array = np.ndarray
 
@@ -36,27 +36,29 @@ class Coarse:
     """Light of fewer pixels."""
 
     step: int  # pixels of the image along a side of each
-    shadow_lights: int | None = None  # lights with shadows; None: as many as in exact light
+    shadows: bool = True
+    hold: int = 1  # frames for which indirect light is kept; 0: there is none
 
     @property
     def text(self) -> str:
-        count = self.shadow_lights
-        which = "" if count is None else ", no shadows" if not count else f", shadows of {count} light"
-        return f"light at 1/{self.step} resolution{which}, no indirect light"
+        """What differs from light at every pixel."""
+        kept = f"indirect light of every {self.hold}th frame" if self.hold else "no indirect light"
+        return f"light at 1/{self.step} resolution, {'' if self.shadows else 'no shadows, '}{kept}"
 
     def settings(self, full: Settings) -> Settings:
         """``full`` with this light."""
         width, height = (-(-n // self.step) for n in (full.sequence.width, full.sequence.height))
-        maps: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // (4 * self.step), 16)}
-        maps |= {} if self.shadow_lights is None else {"shadow_lights": self.shadow_lights}
-        return full.replace(width=width, height=height, light="raster", indirect_samples=96, probes=96, **maps)
+        changed: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // (2 * self.step), 16)}
+        changed |= {} if self.shadows else {"shadow_lights": 0}
+        changed |= {} if self.hold else {"indirect": "none"}
+        return full.replace(width=width, height=height, light="raster", **changed)
 
 
 COARSE: Mapping[str, Coarse | None] = {
     "full": None,
-    "half": Coarse(2),
-    "quarter": Coarse(4),
-    "unshadowed": Coarse(4, 0),
+    "half": Coarse(2, hold=6),
+    "quarter": Coarse(4, hold=6),
+    "unshadowed": Coarse(4, shadows=False, hold=0),
 }
 """Light while the image moves, by name."""
 UNLIT = frozenset(LIGHT_FEATURES)
@@ -85,12 +87,21 @@ class CoarseLight(GpuOwner):
         if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
             how = {"images": True, "instead_of": self._evaluator}
             self._evaluator = self.open_evaluator(self.source, self._feed.settings, **how)
+        light = self.source.light
+        if light is not None and light.indirect is not None:
+            light.indirect.hold = self.coarse.hold
         self._feed.show(*shots)
 
     def submit(self, shots: tuple[Shot, Shot], declared: int, thresholds: Mapping[str, float]) -> None:
-        """Compare the pair drawn."""
+        """Compare the pair drawn; indirect light, which is kept for some frames, discards nothing."""
         pair = reprojection(shots[1].view, shots[0].view, *self._feed.size)
-        self._evaluator.submit(pair, declared=declared, thresholds=thresholds)
+        self._evaluator.submit(pair, declared=declared, thresholds={**thresholds, "indirect": MAX_THRESHOLD})
+
+    @property
+    def unmeasured(self) -> Mapping[str, str]:
+        """Columns of light that are not measured, with reasons."""
+        kept = "indirect light is kept for some frames while the image moves"
+        return {"indirect": kept, **self.source.unmeasured}
 
     def explain(self, x: int, row: int, thresholds: Mapping[str, float]) -> Explanation:
         """The coarse pixel over pixel (x, row) of the image."""

@@ -34,6 +34,29 @@ def test_geometry_is_exact_and_light_coarse_while_playing(drive):
     assert {n: engine.counts[n] for n in exact} == exact
 
 
+def test_coarse_light_is_not_brighter(drive):
+    """All lights have their shadows and indirect light in motion too: the means of both images agree to 2 %."""
+    driven = drive(settings=LIT.replace(width=96, height=56, indirect="auto"), light=True)
+    driven.run("frame 8\nset channel color\nset overlays off")
+    still = driven.engine.image().mean()
+    driven.run("set playing on")
+    assert driven.engine.coarse_light and driven.engine.image().mean() == pytest.approx(still, rel=0.02)
+
+
+def test_indirect_light_is_kept_for_some_frames_while_playing(drive):
+    """Solved once for every ``hold`` frames that are drawn; a pair of the first frame shown draws two."""
+    driven = drive(settings=LIT.replace(width=32, height=18, indirect="auto"), light=True)
+    driven.run("frame 8\nset channel color\nset playing on")
+    indirect, solved = driven.engine._lights.coarse.source.light.indirect, []
+    solve = indirect._solve
+    indirect._solve = lambda *a: (solved.append(driven.state.frame), solve(*a))
+    for _ in range(12):
+        driven.state.go_to(driven.state.frame + 1)
+        driven.viewer.tick(0.0)
+    assert len(solved) == 2 and solved[1] - solved[0] == 6 == COARSE["quarter"].hold
+    assert driven.engine.percentages()["indirect"] is None
+
+
 def test_coarse_light_is_shown_between_its_pixels(drive):
     driven = drive(settings=LIT, light=True)
     driven.run("frame 8\nset channel color\nset overlays off\nset moving_light unshadowed\nset playing on")

@@ -386,7 +386,10 @@ def _voxel_variant(posed: bool) -> Variant:
 
 # ---------------------------------------------------------------------------------------------------------- execution
 class IndirectPass:
-    """Runs the passes of ``Declarations``; what it computes is kept while lights and surfaces stand still."""
+    """Runs the passes of ``Declarations``; what it computes is kept while lights and surfaces stand still.
+
+    ``hold``: frames for which it is kept at least, although they move.
+    """
 
     def __init__(self, context: GpuContext, spec: FrameSpec, draws: tuple[Draw, ...]):
         """``draws``: of the scene, in the order of their casters.
@@ -418,7 +421,9 @@ class IndirectPass:
         self._shade: list[CompiledCompute] = []
         if not spec.shading.stochastic:
             self._shade = [context.compute(p) for p in (*passes.gather(), passes.apply())]
+        self.hold = 1
         self._solved: bytes | None = None
+        self._age = 0  # frames since
 
     def run(self, frame: FrameContext) -> None:
         """Write ``indirect`` of the frame; where the stochastic pass does that, only find the VPLs."""
@@ -429,8 +434,9 @@ class IndirectPass:
         key = frame.casters.key() + lit + b"".join(face.key for face in faces)
         if self._patches is not None:
             key += self._patches.place_lights(frame)
-        if key != self._solved:
-            self._solved = key
+        self._age += 1
+        if self._solved is None or (key != self._solved and self._age >= self.hold):
+            self._solved, self._age = key, 0
             self._solve(frame, faces)
         for compiled in self._shade:
             compiled.run(frame, frame.resources)
