@@ -34,38 +34,20 @@ from taubench_gl.pathtraced.readings import (
     motion_readings,
     text_of,
     value_in,
-)
+)  # fmt: skip
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 
 Array = np.ndarray
 
-TOLERANCE_PX = 0.1
-"""A vector or position within this distance of the expected one is explained."""
-
-ENOUGH = 0.5
-"""Share of pixels that a reading must explain."""
-
-SAME = 0.02
-"""Readings whose shares of explained pixels differ by less cannot be told apart."""
-
-MAX_JITTER_PX = 1.5
-"""Largest offset that is called jitter: the difference of two sub-pixel offsets, each in [-0.5, 0.5], and a margin."""
-
-MIN_JITTER_PX = 0.02
-"""Smaller offsets are rounding of 16-bit passes."""
-
-MIN_MOTION_PX = 0.2
-"""Median length below which the motion of a pair shows no convention."""
-
-MAX_SHIFT_PX = 0.25
-"""Largest accepted offset of positions from the pixel centers, per axis."""
-
-FEW_PIXELS = 50
-"""Fewest pixels that show a convention."""
-
-DEPTH_TOLERANCE = 0.01
-"""Relative error up to which depth is explained."""
-
+TOLERANCE_PX = 0.1  # a vector or position within this distance of the expected one is explained
+ENOUGH = 0.5  # share of pixels that a reading must explain
+SAME = 0.02  # readings whose shares of explained pixels differ by less cannot be distinguished
+MAX_JITTER_PX = 1.5  # largest jitter: the difference of two offsets, each in [-0.5, 0.5], and a margin
+MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes
+MIN_MOTION_PX = 0.2  # median length below which the motion of a pair shows no convention
+MAX_SHIFT_PX = 0.25  # largest accepted offset of positions from the pixel centers, per axis
+FEW_PIXELS = 50  # fewest pixels that show a convention
+DEPTH_TOLERANCE = 0.01  # relative error up to which depth is explained
 _OTHERS = ("jitter", "cuts", "sky")
 _BASES = ("previous positions", "still surfaces")
 _SEARCHED = 500  # pixels of each frame in the search; shares are then counted over all
@@ -133,7 +115,8 @@ def check_sequence(
     chosen = sequence.frames if frames is None else frames
     starts = [n for n in chosen if n + 1 in chosen][:pairs]
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
-    files = _Files(sequence, camera, {n: sequence.read(n, geometry=False) for n in numbers})
+    geometry = "motion" not in sequence.index  # with motion, images may do
+    files = _Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
     if isinstance(camera, cams.SceneCamera):
         camera.find_offset(numbers[0], files.some)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
@@ -291,8 +274,8 @@ class _Files:
 
 def flipped(frame: PathTracedFrame) -> PathTracedFrame:
     """The frame's geometry with its rows in reverse order."""
-    depth = None if frame.depth is None else frame.depth[::-1]
-    return replace(frame, position=frame.position[::-1], sky=frame.sky[::-1], depth=depth)
+    names = [name for name in ("position", "depth", "sky") if getattr(frame, name) is not None]
+    return replace(frame, **{name: getattr(frame, name)[::-1] for name in names})
 
 
 def _explained(difference: Array, tolerance: float, shifted: bool = False) -> Array:
@@ -493,7 +476,9 @@ class _Checked:
         errors[:, samples.at] = np.linalg.norm(off - np.stack([0 * jitter, jitter])[:, None], axis=-1)
         shares = ((errors[:, samples.at] <= TOLERANCE_PX).mean(axis=1)).tolist()
         length = float(np.nanmedian(np.linalg.norm(expected, axis=-1)))
-        return PairVerdict(current, *shares, tuple(jitter.tolist()), length, tuple(errors.reshape(2, *size[::-1])))
+        return PairVerdict(
+            current, *shares, tuple((jitter + 0.0).tolist()), length, tuple(errors.reshape(2, *size[::-1]))
+        )
 
     def motion(self, pairs: list[PairVerdict]) -> list[Verdict]:
         """Verdicts on MOTION, jitter, cuts and the sky."""
