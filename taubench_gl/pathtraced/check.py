@@ -34,7 +34,7 @@ from taubench_gl.pathtraced.readings import (
     motion_readings,
     text_of,
     value_in,
-)  # fmt: skip
+)
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 
 Array = np.ndarray
@@ -43,7 +43,7 @@ TOLERANCE_PX = 0.1  # a vector or position within this distance of the expected 
 ENOUGH = 0.5  # share of pixels that a reading must explain
 SAME = 0.02  # readings whose shares of explained pixels differ by less cannot be distinguished
 MAX_JITTER_PX = 1.5  # largest jitter: the difference of two offsets, each in [-0.5, 0.5], and a margin
-MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes
+MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes; largest spread of jitter
 MIN_MOTION_PX = 0.2  # median length below which the motion of a pair shows no convention
 MAX_SHIFT_PX = 0.25  # largest accepted offset of positions from the pixel centers, per axis
 FEW_PIXELS = 50  # fewest pixels that show a convention
@@ -348,12 +348,15 @@ def _search(
         for first in starts:
             stored = {n: files.motion(files.few[n], motion) for n in (first, first + 1)}
             moved = [files.moved(first, reading, basis, few=True) for reading in left]
-            for shifted in (False, True):  # an offset may explain what no reading does
+            # An offset may explain what no reading does.  Jitter is the same everywhere, animation is not.
+            for shifted, tolerance in ((False, TOLERANCE_PX), (True, MIN_JITTER_PX)):
                 share = np.zeros((len(left), len(motion)))
                 for row, expected in enumerate(moved):
                     if expected is not None and len(expected) >= FEW_PIXELS:
                         off = stored[files.pair(first, left[row])[0]] - expected
-                        share[row] = _explained(off, TOLERANCE_PX, shifted)
+                        share[row] = _explained(off, tolerance, shifted)
+                        if shifted and _explained(expected, tolerance, shifted) >= ENOUGH:
+                            share[row, 1:] = 0.0  # where no motion and an offset explain as much, no reading is shown
                 if share.max() >= ENOUGH:
                     found[first] = share, shifted
                     break
@@ -470,7 +473,7 @@ class _Checked:
         if expected is None or not len(expected):
             return None
         off = self.files.motion(samples, [self.best.without(*MOTION), self.best]) - expected
-        jitter = _offset(off[1])[0] * (_explained(off[1], TOLERANCE_PX, shifted=True) >= ENOUGH)
+        jitter = _offset(off[1])[0] * (_explained(off[1], MIN_JITTER_PX, shifted=True) >= ENOUGH)
         jitter = jitter * (np.abs(jitter).max() > MIN_JITTER_PX)
         errors = np.full((2, size[0] * size[1]), np.nan)
         errors[:, samples.at] = np.linalg.norm(off - np.stack([0 * jitter, jitter])[:, None], axis=-1)

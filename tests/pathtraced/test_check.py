@@ -358,6 +358,16 @@ def test_real_cycles_files_have_no_fault(data):
         assert check[name].status == "ok" and (check[name].explained or 1) > 0.9
 
 
+@pytest.mark.parametrize("camera", [False, True])
+@pytest.mark.parametrize("name", ["morphed", "skinned_enormous", "open_sky", "textured"])
+def test_animated_surfaces_are_no_mistake(name, camera):
+    """Frames of Cycles in which one object moves and deforms: its motion is neither jitter nor of another unit."""
+    folder = Path(__file__).parent / "references" / name
+    given = SidecarCamera(folder / "camera.json") if camera else FittedCamera()
+    check = check_sequence(PathTracedSequence.open(folder), given)
+    assert not check.wrong and check["camera"].status == check["rows"].status == "ok"
+
+
 def test_missing_passes_and_a_mistake_beside_them(tmp_path):
     """Blender's reference of two frames: no light, a camera that hardly moves, sky without motion."""
     references = Path(__file__).parent / "references" / "rigid"
