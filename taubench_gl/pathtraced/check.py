@@ -50,7 +50,7 @@ FEW_PIXELS = 50  # fewest pixels that show a convention
 DEPTH_TOLERANCE = 0.01  # relative error up to which depth is explained
 _OTHERS = ("jitter", "cuts", "sky")
 _BASES = ("previous positions", "still surfaces")
-_SEARCHED = 500  # pixels of each frame in the search; shares are then counted over all
+_SEARCHED = 300  # pixels of each frame in the search; shares are then counted over all
 
 
 @dataclass(frozen=True, slots=True)
