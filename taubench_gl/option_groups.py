@@ -67,7 +67,7 @@ class PathTracedOptions(Checked):
     scene_file: str | Path | None = setting(None, "glTF file with the camera of the frames", metavar="SCENE")
     mapping: str | Path | None = setting(
         None,
-        "Names of the passes: blender, falcor, mitsuba, taubench, unity, unreal or a TOML file",
+        "Names of the passes: blender, falcor, godot, mitsuba, taubench, unity, unreal or a TOML file",
         metavar="NAME|FILE",
         shown="taubench for an export, else blender",
     )
@@ -197,7 +197,7 @@ class ReuseOptions(Checked):
     reference_samples: int = setting(16, "max: samples per pixel", at_least(1))
     mapping: str | None = setting(
         None,
-        "exr: names of the passes: blender, falcor, mitsuba, taubench, unity, unreal or a TOML file",
+        "exr: names of the passes: blender, falcor, godot, mitsuba, taubench, unity, unreal or a TOML file",
         metavar="NAME|FILE",
         shown="taubench for an export, else blender",
     )

@@ -1,4 +1,4 @@
-"""``taubench-gl reference``: render path-traced reference images, check their conventions, compare a run with them."""
+"""``taubench-gl reference``: render path-traced reference images, compare a run with them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, part
 from taubench_gl.apps.screen import StatusLine, show_json, show_notes
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, setting
-from taubench_gl.option_groups import PathTracedOptions, RenderOptions
+from taubench_gl.option_groups import RenderOptions
 from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 
 
 @click.group(cls=Commands)
 def reference() -> None:
-    """Path-traced reference images: render them, check their conventions, compare runs with them.
+    """Path-traced reference images: render them, compare runs with them; 'taubench-gl check' checks their conventions.
 
     'reuse evaluate --reference path-traced@M' and 'export --reference-spp M' trace references themselves and store them
     in the cache folder (TAUBENCH_CACHE); 'list' and 'clear' are for those.
@@ -106,38 +106,6 @@ class _ProgressLines:
             return
         left = sum(self._seconds) / len(self._seconds) * (progress.total - progress.done)
         self._line(f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left")
-
-
-@command(
-    settings=part(only=("camera", "fps")),
-    files=part(PathTracedOptions, without=("lobes", "second_seed")),
-    epilog="""\b
-Examples:
-  taubench-gl reference check exr:renders --camera-file renders/camera.json
-  taubench-gl reference check exr:renders --scene-file scene.glb --mapping falcor""",
-)
-@click.argument("spec", metavar="exr:DIR")
-def check(spec: str, settings: Settings, files: PathTracedOptions) -> int:
-    """Find wrong axes, units, row order, motion direction, and a camera that did not render these images.
-
-    Checks the first two frames.  The exit code is 2 if a fault is found; missing passes are listed and are no fault.
-    """
-    from taubench_gl.pathtraced.cameras import FittedCamera
-    from taubench_gl.pathtraced.check import check_sequence
-    from taubench_gl.pathtraced.evaluation import open_input
-
-    images = open_input(spec, settings, files)
-    camera = None if isinstance(images.camera, FittedCamera) else images.camera
-    first = images.sequence.frames[0]
-    frames = range(first, first + (2 if first + 1 in images.sequence.files else 1))
-    faults = 0
-    for finding in check_sequence(images.sequence, camera, frames):
-        faults += bool(finding.fault)
-        verdict = f"WRONG: {finding.fault}" if finding.fault else "ok"
-        if finding.absent:
-            verdict = f"missing: {finding.absent}"
-        click.echo(f"{finding.subject}: {verdict} ({finding.detail})")
-    return 2 if faults else 0
 
 
 @command(
@@ -229,5 +197,5 @@ def clear(
     click.echo(f"{len(deleted)} references deleted")
 
 
-for member in (render, check, compare, list_references, clear):
+for member in (render, compare, list_references, clear):
     reference.add_command(member)

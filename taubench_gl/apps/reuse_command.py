@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from dataclasses import asdict
 from pathlib import Path
@@ -14,8 +13,7 @@ from taubench_gl.apps.options import AS_JSON, GPU, Commands, command, part
 from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
 from taubench_gl.apps.screen import show_json, show_list
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import at_least, setting
-from taubench_gl.option_groups import PathTracedOptions
+from taubench_gl.fields import setting
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -199,56 +197,5 @@ def check(
     click.echo(f"weight of history, mean over pixels: {reused}")
 
 
-@command(
-    "check-motion",
-    files=part(PathTracedOptions, without=("lobes", "second_seed")),
-    settings=part(only=("camera", "fps")),
-    epilog="""\b
-Examples:
-  taubench-gl reuse check-motion exr:engine --mapping unreal --scene-file scene.glb
-  taubench-gl reuse check-motion exr:frames --pairs 8
-  taubench-gl reuse check-motion exr:frames --json""",
-)
-@click.argument("spec", metavar="exr:DIR")
-def check_motion(
-    spec: str,
-    settings: Settings,
-    files: PathTracedOptions,
-    *,
-    pairs: int = setting(4, "Most pairs to check", at_least(1)),
-    as_json: bool = AS_JSON,
-) -> int:
-    """Find a flipped axis, a wrong sign or unit, and a jitter left in the motion vectors of frames made elsewhere.
-
-    Compares the motion pass with the motion of still surfaces (of all surfaces, if there are previous positions), or,
-    without a camera or geometry, with the images.  The exit code is 2 if a fault is found.
-    """
-    from taubench_gl.pathtraced.check import motion_finding
-    from taubench_gl.pathtraced.evaluation import open_input
-    from taubench_gl.pathtraced.motion_check import check_pairs
-
-    frames = open_input(spec, settings, files)
-    verdicts = check_pairs(frames.sequence, frames.camera, pairs)
-    findings = {frame: motion_finding(verdict) for frame, verdict in verdicts.items()}
-    if as_json:
-        show_json([_verdict(f, verdict, findings[f].fault) for f, verdict in verdicts.items()])
-    else:
-        for frame, finding in findings.items():
-            verdict = f"WRONG: {finding.fault.removeprefix('motion: ')}" if finding.fault else "ok"
-            verdict = "not checked" if finding.detail.startswith("not checked") else verdict
-            click.echo(f"frame {frame}: {verdict} ({finding.detail.removeprefix('not checked: ')})")
-    return 2 if any(finding.fault for finding in findings.values()) else 0
-
-
-def _verdict(frame: int, verdict: Any, fault: str) -> dict[str, Any]:
-    """One pair of ``check-motion --json``."""
-    if isinstance(verdict, str):
-        return {"frame": frame, "reason": verdict}
-    names = ("error_px", "jitter_px", "jitter_margin_px", "as_is_px", "next_px", "pixels", "basis", "known")
-    values = {name: getattr(verdict, name) for name in names}
-    values["next_px"] = values["next_px"] if math.isfinite(values["next_px"]) else None
-    return {"frame": frame, "fault": fault or None, **values}
-
-
-for member in (list_methods, show, new, check, check_motion, evaluate, fit):
+for member in (list_methods, show, new, check, evaluate, fit):
     reuse.add_command(member)

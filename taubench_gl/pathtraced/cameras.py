@@ -49,6 +49,7 @@ class CameraFile:
     """Contents of a sidecar."""
 
     views: dict[int, View]  # by frame number
+    matrices: dict[int, Array]  # world_from_view as the file has it, (4, 4) float64, by frame number
     fps: float | None = None
     size: tuple[int, int] | None = None  # width, height in pixels
 
@@ -63,15 +64,18 @@ def read_camera_file(path: str | Path) -> CameraFile:
     frames, shared = values.get("frames"), values.get("camera", {})
     if not isinstance(frames, dict) or not frames or not isinstance(shared, dict):
         raise PathTracedError("has no frames", where=f"{path}#/frames", hint="one entry per frame number")
-    views = {}
+    views, matrices = {}, {}
     for key, entry in frames.items():
         where = f"{path}#/frames/{key}"
         if not key.lstrip("-").isdecimal() or not isinstance(entry, dict):
             raise PathTracedError("is no frame", where=where, hint='write "12": {"world_from_view": ...}')
-        views[int(key)] = _read_view(shared | entry, where)
+        whole = shared | entry
+        view = views[int(key)] = _read_view(whole, where)
+        whole = whole.get("world_from_view", math3d.affine(view.world_from_view, view.position))
+        matrices[int(key)] = np.asarray(whole, dtype=np.float64)
     fps = _number(values, "fps", str(path))
     width, height = (_number(values, name, str(path)) for name in ("width", "height"))
-    return CameraFile(views, fps, None if width is None or height is None else (int(width), int(height)))
+    return CameraFile(views, matrices, fps, None if width is None or height is None else (int(width), int(height)))
 
 
 def camera_file_text(views: Mapping[int, View], fps: float, size: tuple[int, int]) -> str:
@@ -237,21 +241,27 @@ def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]
     if frame.position is not None:
         relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)
         return relative, relative @ forward
-    width, height = frame.size
-    view_from_clip = np.linalg.inv(view.clip_from_view(width, height))
-    x = (2.0 * np.arange(width) + 1.0) / width - 1.0
-    y = 1.0 - (2.0 * np.arange(height) + 1.0) / height
-    ndc = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 0.5, 1.0), axis=-1)
-    points = ndc @ view_from_clip.T
+    height, width = frame.depth.shape
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    relative = points_at(view, pixels, frame.depth.astype(np.float64), frame.depth_kind, frame.size)
+    return relative, relative @ forward
+
+
+def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[int, int]) -> Array:
+    """Points (..., 3) that ``pixels`` (..., 2; column, row) show at ``depth`` (...), which is planar or a distance.
+
+    Relative to the camera of ``view``, world axes, float64, meters.
+    """
+    view_from_clip = np.linalg.inv(view.clip_from_view(*size))
+    x, y = (2.0 * pixels[..., 0] + 1.0) / size[0] - 1.0, 1.0 - (2.0 * pixels[..., 1] + 1.0) / size[1]
+    points = np.stack(np.broadcast_arrays(x, y, 0.5, 1.0), axis=-1) @ view_from_clip.T
     points = points[..., :3] / points[..., 3:]
-    depth = frame.depth.astype(np.float64)
     if view.camera.kind == "perspective":
-        scale = np.linalg.norm(points, axis=-1) if frame.depth_kind == "distance" else -points[..., 2]
+        scale = np.linalg.norm(points, axis=-1) if kind == "distance" else -points[..., 2]
         points = points * (depth / scale)[..., None]
     else:
         points = np.concatenate([points[..., :2], -depth[..., None]], axis=-1)
-    relative = points @ view.world_from_view.T
-    return relative, relative @ forward
+    return points @ view.world_from_view.T
 
 
 def project(view: View, points: Array, size: tuple[int, int], *, relative: bool = False) -> Array:

@@ -37,10 +37,11 @@ UNIT_ROUNDING = 5e-7
 _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
 _NUMBERS = {"background_depth": 1e9, "meters": 1.0}
 """Numbers of a mapping above 0, and their defaults."""
-_PRESETS = Path(__file__).parent / "presets"
+PRESETS = Path(__file__).parent / "presets"
+"""Folder of the built-in mappings."""
 EXPORT_PRESET, EXPORT_ATTRIBUTE = "taubench", "taubench.positions"
 """The mapping of files that ``export`` wrote, and an attribute that only they have."""
-_CHOICES = {
+CHOICES = {
     "up": ("z", "y", "z-left", "y-left"),
     "depth": ("planar", "distance"),
     "color": ("linear", "encoded"),
@@ -50,6 +51,7 @@ _CHOICES = {
     "motion.y": ("up", "down"),
     "motion.zero": ("0", "0.5"),
 }
+"""Keys of a mapping that take a word, and the words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +81,13 @@ class PassMap:
 
 def presets() -> tuple[str, ...]:
     """Names of the built-in mappings."""
-    return tuple(sorted(p.stem for p in _PRESETS.glob("*.toml")))
+    return tuple(sorted(p.stem for p in PRESETS.glob("*.toml")))
 
 
 def load_mapping(source: str | Path | None) -> PassMap:
     """Load a preset by name, or a TOML or JSON file; None: blender.  Raises PathTracedError naming the faulty key."""
     source = "blender" if source is None else source
-    path = _PRESETS / f"{source}.toml" if str(source) in presets() else Path(source)
+    path = PRESETS / f"{source}.toml" if str(source) in presets() else Path(source)
     hint = f"give a TOML or JSON file or one of {', '.join(presets())}"
     if not path.exists():
         raise PathTracedError("is no pass mapping", where=str(source), hint=hint)
@@ -102,10 +104,10 @@ def parse_mapping(values: Any, where: str) -> PassMap:
     flat = {k: v for k, v in values.items() if k not in ("passes", "motion", "name", *_NUMBERS)}
     flat |= {f"motion.{k}": v for k, v in (motion.items() if isinstance(motion, dict) else ())}
     for key, value in flat.items():
-        if key not in _CHOICES:
-            raise PathTracedError(f"unknown key {key!r}", where=where, hint=f"known: {', '.join(_CHOICES)}")
-        if not isinstance(value, str) or value not in _CHOICES[key]:
-            raise PathTracedError(f"{key} is {value!r}", where=where, hint=f"choose from {', '.join(_CHOICES[key])}")
+        if key not in CHOICES:
+            raise PathTracedError(f"unknown key {key!r}", where=where, hint=f"known: {', '.join(CHOICES)}")
+        if not isinstance(value, str) or value not in CHOICES[key]:
+            raise PathTracedError(f"{key} is {value!r}", where=where, hint=f"choose from {', '.join(CHOICES[key])}")
     numbers = {name: values.get(name, default) for name, default in _NUMBERS.items()}
     for name, number in numbers.items():
         if isinstance(number, bool) or not isinstance(number, int | float) or not 0 < number < np.inf:
@@ -239,10 +241,13 @@ def read_pass(image: ExrImage, index: ChannelIndex, name: str) -> Array | None:
     return np.stack([image.plane(channel) for channel in index.channels(name)], axis=-1)
 
 
-def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()) -> PathTracedFrame:
+def read_frame(
+    image: ExrImage, index: ChannelIndex, lobes: Collection[str] = (), *, geometry: bool = True
+) -> PathTracedFrame:
     """Convert the channels of one frame.  ``lobes``: lobes to return separately too.
 
-    Raises PathTracedError if the file has neither a position nor a depth pass.
+    Raises PathTracedError if the file has neither a position nor a depth pass, unless ``geometry`` is False: then no
+    pixel of such a file is sky.
     """
     mapping = index.mapping
 
@@ -250,7 +255,7 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         return read_pass(image, index, name)
 
     position, normal, depth = take("position"), take("normal"), take("depth")
-    if position is None and depth is None:
+    if geometry and position is None and depth is None:
         names = f"{mapping.file_name('position')} and {mapping.file_name('depth')}"
         raise PathTracedError(
             f"has neither of the passes {names}",
@@ -258,7 +263,10 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
             hint=f"switch them on in the renderer, or give --mapping; it has {_listed(image.names)}",
         )
     depth = None if depth is None else depth[..., 0]
-    sky = find_sky(position, normal, depth, mapping.background_depth)
+    if position is None and depth is None:
+        sky = np.zeros(image.size[::-1], dtype=bool)
+    else:
+        sky = find_sky(position, normal, depth, mapping.background_depth)
     meters = np.float32(mapping.meters)
     radiance, separate = _light(index, take, lobes)
     prev = take("prev_position")

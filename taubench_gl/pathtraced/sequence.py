@@ -137,9 +137,12 @@ class PathTracedSequence:
         """Columns (and ``lobe_bounce``) without their passes in the first frame -> reason."""
         return missing_columns(self.index, lobes)
 
-    def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
-        """Decode one frame.  Raises PathTracedError if its size or its passes differ from the first frame's."""
-        return read_frame(self._decode(frame), self.index, lobes)
+    def read(self, frame: int, lobes: Collection[str] = (), *, geometry: bool = True) -> PathTracedFrame:
+        """Decode one frame.  Raises PathTracedError if its size or its passes differ from the first frame's.
+
+        ``geometry``: as in ``read_frame``.
+        """
+        return read_frame(self._decode(frame), self.index, lobes, geometry=geometry)
 
     def radiance(self, frame: int, exposure: float = 1.0) -> Array:
         """Combined pass of one frame times ``exposure``, linear, (h, w, 3) float32; no other pass is needed.

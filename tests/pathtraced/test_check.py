@@ -1,138 +1,439 @@
-"""The convention check reports each planted mistake, and nothing for correct files."""
+"""Wrong conventions made from our own export, alone and in pairs: each is named, or those that are equivalent to it."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
-from exr_files import HEIGHT, WIDTH, blender_frame, view_at, write
 
-from taubench_gl.pathtraced.cameras import SidecarCamera, camera_file_text
-from taubench_gl.pathtraced.check import camera_finding, check_sequence, flipped
+from taubench_gl.apps.cli import main
+from taubench_gl.export.run import ExportOptions, export_scene
+from taubench_gl.option_groups import PathTracedOptions
+from taubench_gl.paths import ASSETS
+from taubench_gl.pathtraced.cameras import FittedCamera, SidecarCamera
+from taubench_gl.pathtraced.check import SAME, check_sequence
+from taubench_gl.pathtraced.evaluation import open_input
+from taubench_gl.pathtraced.exr import read_exr, write_exr
+from taubench_gl.pathtraced.passes import PRESETS, to_y_up
+from taubench_gl.pathtraced.readings import GEOMETRY, MOTION
 from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.settings import Settings
 
-YFOV = np.radians(60.0)
-STEP = 0.7
-
-
-def sequence(tmp_path, spoil=lambda channels: None, cameras=(0, 1, 2)):
-    """Frames 0 to 2 of a sideways camera over a floor, with its true motion; ``spoil`` changes what is written."""
-    for frame in range(3):
-        position = (STEP * frame, 1.0, 5.0)
-        channels, expected = blender_frame(position, seed=frame)
-        # A point at depth z moves by f STEP / z pixels to the right between these cameras.
-        depth = np.where(expected["sky"], np.inf, expected["depth"])
-        channels["ViewLayer.Vector.X"] = (0.5 * HEIGHT / np.tan(0.5 * YFOV) * STEP / depth).astype(np.float32)
-        channels["ViewLayer.Vector.Y"] = np.zeros_like(channels["ViewLayer.Vector.X"])
-        spoil(channels)
-        write(tmp_path / f"f_{frame}.exr", {k: np.ascontiguousarray(v, np.float32) for k, v in channels.items()})
-    views = {f: view_at(STEP * c) for f, c in enumerate(cameras)}
-    (tmp_path / "camera.json").write_text(camera_file_text(views, 24.0, (WIDTH, HEIGHT)))
-    return PathTracedSequence.open(tmp_path), SidecarCamera(tmp_path / "camera.json")
+SIZE = np.array([96, 54])
+FIRST, LAST = 40, 45
+JITTER = {40: (0.31, -0.17), 41: (-0.19, 0.33), 42: (0.07, 0.11), 43: (-0.4, -0.3), 44: (0.2, 0.4), 45: (0.1, -0.4)}
 
 
-def faults(tmp_path, spoil=lambda channels: None, *, camera=True, **options):
-    files, sidecar = sequence(tmp_path, spoil, **options)
-    return {f.subject: f.fault for f in check_sequence(files, sidecar if camera else None, range(2)) if f.fault}
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Six frames of the demo: motion, positions relative to the camera, planar depth, and the camera."""
+    out = tmp_path_factory.mktemp("frames")
+    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
+    export_scene(ASSETS / "demo.glb", out, settings, ExportOptions("exr", ("gbuffer", "prev_position", "flow")))
+    opened = open_input(f"exr:{out}", Settings(), PathTracedOptions())
+    frames = {n: opened.sequence.read(n) for n in opened.sequence.frames}
+    return opened.sequence, frames, json.loads((out / "camera.json").read_text())
 
 
-def scaled(factor):
-    def spoil(channels):
-        for c in "XYZ":
-            channels[f"ViewLayer.Position.{c}"] = channels[f"ViewLayer.Position.{c}"] * factor
+class Corrupted:
+    """The exported sequence with other frames."""
+
+    def __init__(self, sequence, frames, mapping=None):
+        self._sequence, self._frames, self.mapping = sequence, frames, mapping or sequence.mapping
+
+    def __getattr__(self, name):
+        return getattr(self._sequence, name)
+
+    @property
+    def frames(self):
+        return tuple(self._frames)
+
+    def read(self, number, *, geometry=True):
+        return self._frames[number]
+
+
+# Frames as the mapping reads them, camera entries by number, and the changes of each mistake.
+def motion(change):
+    return lambda frames, camera: (
+        {n: replace(f, motion=change(f.motion.astype(float), n).astype(np.float32)) for n, f in frames.items()},
+        camera,
+    )
+
+
+def points(change):
+    """``change``: of (h, w, 3) and the number of the frame whose camera they belong to."""
+
+    def spoil(frames, camera):
+        out = {}
+        for n, f in frames.items():
+            prev = change(f.prev_position, camera[max(n - 1, FIRST)])
+            out[n] = replace(f, position=change(f.position, camera[n]), prev_position=prev)
+        return out, camera
 
     return spoil
 
 
-def flip(channels):
-    for name in channels:
-        channels[name] = channels[name][::-1]
+def cameras(change):
+    return lambda frames, camera: (frames, {n: change(matrix) for n, matrix in camera.items()})
 
 
-def y_up(channels):
-    y, z = channels["ViewLayer.Position.Y"], channels["ViewLayer.Position.Z"]
-    channels["ViewLayer.Position.Y"], channels["ViewLayer.Position.Z"] = z, -y
+def depths(change):
+    return lambda frames, camera: ({n: replace(f, depth=change(f)) for n, f in frames.items()}, camera)
 
 
-def backwards(channels):
-    channels["ViewLayer.Vector.X"] = -channels["ViewLayer.Vector.X"]
+def scaled(factor):
+    def spoil(frames, camera):
+        frames, camera = points(lambda p, _: p * np.float32(factor))(frames, camera)
+        return {n: replace(f, depth=f.depth * np.float32(factor)) for n, f in frames.items()}, camera
+
+    return spoil
 
 
-def fractions(channels):
-    channels["ViewLayer.Vector.X"] = channels["ViewLayer.Vector.X"] / WIDTH
+def flipped(frames, camera):
+    names = [k for k in ("position", "prev_position", "depth", "sky", "motion") if getattr(frames[41], k) is not None]
+    return {n: replace(f, **{k: getattr(f, k)[::-1] for k in names}) for n, f in frames.items()}, camera
 
 
-def unrelated(channels):
-    channels["ViewLayer.Vector.X"] = channels["ViewLayer.Vector.X"][:, ::-1] * 3 + 5
+def renumbered(of_frame, of_camera):
+    """Which file or camera stands under each number."""
+
+    def spoil(frames, camera):
+        return {n: frames[of_frame(n)] for n in frames}, {
+            n: camera[of_camera(n)] for n in camera if of_camera(n) in camera
+        }
+
+    return spoil
 
 
-def test_correct_files_have_no_fault(tmp_path):
-    assert faults(tmp_path) == {}
+def backwards(n):
+    return FIRST + LAST - n
 
 
-@pytest.mark.parametrize(
-    ("spoil", "what", "complaint"),
-    [
-        (flip, "camera", "bottom first"),
-        (y_up, "camera", r"\+Y up already"),
-        (scaled(100.0), "camera", "positions are in centimeters"),
-        (scaled(1000.0), "camera", "positions are in millimeters"),
-        (scaled(0.01), "camera", "camera is in centimeters"),
-        (backwards, "motion", "current - previous"),
-        (fractions, "motion", "fractions of the image"),
-    ],
-)
-def test_a_planted_mistake_is_reported(tmp_path, spoil, what, complaint):
-    import re
-
-    found = faults(tmp_path, spoil)
-    assert set(found) == {what} and re.search(complaint, found[what])
+def same(n):
+    return n
 
 
-def test_unexplained_motion_is_no_fault(tmp_path):
+def turned(up):
+    """Positions whose axes are those of ``up``, read as glTF's."""
+    return points(lambda p, _: p @ to_y_up(np.eye(3, dtype=np.float32), up).T)
+
+
+def rotation(matrix):
+    out = matrix.copy()
+    out[:3, :3] = out[:3, :3].T
+    return out
+
+
+def horizontal(yfov):
+    return 2 * np.arctan(np.tan(yfov / 2) * SIZE[0] / SIZE[1])
+
+
+MISTAKES = {
+    # name: (spoil, convention -> value), in the order in which they are applied to right files
+    "distance": (depths(lambda f: np.linalg.norm(f.position, axis=-1)), {"depth": "distance"}),
+    "depth unit": (depths(lambda f: f.depth * 1000), {"depth": "planar x 1000"}),
+    "reversed z": (
+        depths(lambda f: np.where(f.sky, 0, 0.1 / np.where(f.sky, 1, f.depth))), {"depth": "buffer, reversed"},
+    ),
+    "z buffer": (
+        depths(lambda f: np.where(f.sky, 0, 1.001 - 0.1001 / np.where(f.sky, 1, f.depth))),
+        {"depth": "buffer, not reversed"},
+    ),
+    "jitter": (motion(lambda m, n: m + np.subtract(JITTER[max(n - 1, FIRST)], JITTER[n])), {"jitter": "left in"}),
+    "sign": (motion(lambda m, n: -m), {"direction": "current-previous"}),
+    "y up": (motion(lambda m, n: m * [1, -1]), {"y": "up"}),
+    "x": (motion(lambda m, n: m * [-1, 1]), {"direction": "current-previous", "y": "up"}),
+    "uv": (motion(lambda m, n: m / SIZE), {"unit": "uv"}),
+    "clip space": (motion(lambda m, n: 2 * m / SIZE), {"unit": "ndc"}),
+    "half": (motion(lambda m, n: m / 2), {"unit": "half"}),
+    "double": (motion(lambda m, n: m * 2), {"unit": "double"}),
+    "from 0.5": (motion(lambda m, n: m / SIZE + 0.5), {"unit": "uv", "zero": "0.5"}),
+    "exchanged": (motion(lambda m, n: m[..., ::-1]), {"components": "yx"}),
+    "world": (points(lambda p, m: p + m[:3, 3].astype(np.float32)), {"positions": "world"}),
+    "view": (points(lambda p, m: p @ m[:3, :3].astype(np.float32)), {"positions": "view"}),
+    "z": (turned("z"), {"up": "z"}),
+    "z-left": (turned("z-left"), {"up": "z-left"}),
+    "y-left": (turned("y-left"), {"up": "y-left"}),
+    "centimeters": (scaled(100), {"meters": "0.01"}),
+    "camera in feet": (scaled(0.3048), {"meters": "1/0.3048"}),
+    "rows": (flipped, {"rows": "bottom first"}),
+    "columns": (cameras(lambda m: m.T), {"matrix": "transposed"}),
+    "rotation": (cameras(rotation), {"matrix": "rotation transposed"}),
+    "inverse": (cameras(np.linalg.inv), {"matrix": "inverse"}),
+    "inverse columns": (cameras(lambda m: np.linalg.inv(m).T), {"matrix": "inverse transposed"}),
+    "OpenCV": (cameras(lambda m: m @ np.diag([1, -1, -1, 1])), {"matrix": "y down, z forward"}),
+    "fov": (None, {"lens": "horizontal"}),
+    "files backwards": (renumbered(backwards, same), {"order": "files backwards"}),
+    "camera backwards": (renumbered(same, backwards), {"order": "camera backwards"}),
+    "all backwards": (renumbered(backwards, backwards), {"order": "next"}),
+    "camera ahead": (renumbered(same, lambda n: n + 1), {"order": "ahead"}),
+    "camera behind": (renumbered(same, lambda n: n - 1), {"order": "behind"}),
+}  # fmt: skip
+
+
+def checked(exported, tmp_path, *names, keep=None, pairs=1, first=41, drop=()):
+    """The check of the export with mistakes; ``keep``: the files that are left."""
+    sequence, frames, camera = exported
+    matrices = {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
+    yfov = camera["frames"]["40"]["yfov"]
+    for name in sorted(names, key=list(MISTAKES).index):
+        if name == "fov":
+            yfov = horizontal(yfov)
+        else:
+            frames, matrices = MISTAKES[name][0](frames, matrices)
+    frames = {n: replace(f, **dict.fromkeys(drop)) for n, f in frames.items() if keep is None or n in keep}
+    lens = {"kind": "perspective", "yfov": yfov, "znear": 0.1, "zfar": 100.0}
+    entries = {str(n): lens | {"world_from_view": m.tolist()} for n, m in matrices.items()}
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps({"schema": camera["schema"], "frames": entries}))
+    return check_sequence(Corrupted(sequence, frames), SidecarCamera(file), [n for n in frames if n >= first], pairs)
+
+
+def wrong(check):
+    return {v.convention: v.value for v in check.wrong}
+
+
+def test_the_export_is_as_its_mapping_says(exported, tmp_path):
+    check = checked(exported, tmp_path, pairs=4)
+    assert not check.wrong and not check.reading.values and check.basis == "previous positions"
+    for name in (*GEOMETRY, *MOTION, "camera", "centers", "jitter", "cuts", "sky"):
+        assert check[name].status == "ok", check[name]
+    assert all(pair.as_read == pair.explained > 0.99 and pair.expected_px > 0.5 for pair in check.pairs)
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named(exported, tmp_path, name):
+    check = checked(exported, tmp_path, name)
+    expected = MISTAKES[name][1]
+    assert wrong(check) == expected
+    for convention in expected:
+        verdict = check[convention]
+        assert verdict.explained > 0.8 and verdict.explained - verdict.as_read > SAME and not verdict.equivalent
+
+
+PAIRS = (
+    ("sign", "uv"), ("y up", "clip space"), ("exchanged", "half"), ("jitter", "sign"), ("rows", "y up"), ("z", "sign"),
+    ("y-left", "double"), ("centimeters", "sign"), ("world", "uv"), ("columns", "y up"), ("inverse", "files backwards"),
+    ("OpenCV", "exchanged"), ("fov", "rows"), ("camera ahead", "x"), ("files backwards", "clip space"),
+    ("camera backwards", "z-left"), ("distance", "columns"), ("reversed z", "all backwards"), ("view", "z"),
+    ("depth unit", "from 0.5"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=" and ".join)
+def test_two_mistakes_are_named(exported, tmp_path, pair):
+    check = checked(exported, tmp_path, *pair)
+    assert wrong(check) == MISTAKES[pair[0]][1] | MISTAKES[pair[1]][1]
+    assert all(verdict.explained > 0.8 for verdict in check.wrong)
+
+
+def test_equivalent_mistakes_are_named_together(exported, tmp_path):
+    """In view space the camera of the file does not place the points: motion alone shows its number, hardly."""
+    check = checked(exported, tmp_path, "view", "files backwards")
+    order = check["order"]
+    assert order.status == "wrong" and check["positions"].value == "view"
+    assert order.value == "files backwards" or any("files are numbered backwards" in text for text in order.equivalent)
+
+
+def test_what_one_camera_position_cannot_show_is_not_checked(exported, tmp_path):
+    """Positions relative to the camera have no unit without motion, and a matrix shows no translation."""
+    check = checked(exported, tmp_path, keep=(41,), drop=("motion", "prev_position"))
+    assert not check.wrong and not check.pairs
+    assert check["meters"].status == check["matrix"].status == "not checked"
+    assert len(check["meters"].equivalent) == 8 and check["up"].status == check["lens"].status == "ok"
+
+
+def test_depth_replaces_positions(exported, tmp_path):
+    drop = ("position", "prev_position")
+    assert not checked(exported, tmp_path, drop=drop).wrong
+    check = checked(exported, tmp_path, "distance", "sign", drop=drop)
+    assert wrong(check) == {"depth": "distance", "direction": "current-previous"}
+
+
+def test_jitter_left_in_the_motion_is_measured(exported, tmp_path):
+    check = checked(exported, tmp_path, "jitter", "sign", pairs=2)
+    for pair in check.pairs:
+        expected = np.subtract(JITTER[pair.frame - 1], JITTER[pair.frame])
+        np.testing.assert_allclose(pair.jitter_px, expected, atol=0.02)
+
+
+def test_a_cut_is_named_with_its_frame(exported, tmp_path):
+    """Frames 42 and 43 are left out: motion into 44 is that of 43."""
+    sequence, frames, camera = exported
+    numbers = {40: 40, 41: 41, 42: 44, 43: 45}
+    entries = {str(n): camera["frames"][str(at)] for n, at in numbers.items()}
+    short = sequence, {n: frames[at] for n, at in numbers.items()}, camera | {"frames": entries}
+    check = checked(short, tmp_path, pairs=4, first=40, drop=("prev_position",))
+    assert wrong(check) == {"cuts": "42"}
+    assert [pair.explained > 0.5 for pair in check.pairs] == [True, False, True]
+
+
+def test_motion_of_the_sky(exported, tmp_path):
+    sequence, frames, camera = exported
+    still = {n: replace(f, motion=np.where(f.sky[..., None], 0, f.motion)) for n, f in frames.items()}
+    verdict = checked((sequence, still, camera), tmp_path)["sky"]
+    assert (verdict.status, verdict.value) == ("note", "zero") and verdict.as_read < 0.1 and verdict.explained == 1
+    other = {n: replace(f, motion=np.where(f.sky[..., None], 9, f.motion)) for n, f in frames.items()}
+    assert (verdict := checked((sequence, other, camera), tmp_path)["sky"]).status == "note" and verdict.value == ""
+
+
+def test_positions_of_other_pixel_centers(exported, tmp_path):
+    sequence, frames, camera = exported
+    moved = {}
+    for n, f in frames.items():  # planar depth, half a pixel to the right
+        per_pixel = 2 * np.tan(camera["frames"]["40"]["yfov"] / 2) / SIZE[1]
+        right = np.array(camera["frames"][str(n)]["world_from_view"])[:3, 0]
+        moved[n] = replace(f, position=(f.position + 0.5 * per_pixel * f.depth[..., None] * right).astype(np.float32))
+    verdict = checked((sequence, moved, camera), tmp_path, drop=("prev_position",))["centers"]
+    assert verdict.status == "wrong"
+    np.testing.assert_allclose([float(v) for v in verdict.value.split(",")], [0.5, 0], atol=0.01)
+
+
+def test_random_motion_has_no_verdict(exported, tmp_path):
     """A scene in which every surface is animated looks the same."""
-    files, sidecar = sequence(tmp_path, unrelated)
-    finding = check_sequence(files, sidecar, range(2))[2]
-    assert finding.fault == "" and "not checked" in finding.detail
+    sequence, frames, camera = exported
+    rng = np.random.default_rng(1)
+    noise = {n: replace(f, motion=rng.normal(0, 20, f.motion.shape)) for n, f in frames.items()}
+    check = checked((sequence, noise, camera), tmp_path)
+    assert not check.wrong and {check[name].status for name in (*MOTION, "jitter", "cuts", "sky")} == {"not checked"}
 
 
-def test_a_camera_one_frame_off(tmp_path):
-    files, sidecar = sequence(tmp_path, cameras=(1, 2, 3))
-    assert "ahead by one frame" in check_sequence(files, sidecar, range(1, 3))[1].fault
-    assert "behind by one frame" in faults(tmp_path, cameras=(-1, 0, 1))["camera"]
+def test_an_unrelated_camera_is_wrong(exported, tmp_path):
+    sequence, frames, camera = exported
+    turn = np.array([[0, 0.6, 0.8], [1, 0, 0], [0, 0.8, -0.6]])
+    entries = {n: e | {"world_from_view": np.block([[turn, np.ones((3, 1))], [0, 0, 0, 1]]).tolist()}
+               for n, e in camera["frames"].items()}  # fmt: skip
+    check = checked((sequence, frames, camera | {"frames": entries}), tmp_path)
+    assert wrong(check) == {"camera": ""} and check["direction"].status == "not checked"
 
 
-def test_an_unrelated_camera_is_a_fault(tmp_path):
-    assert "did not render" in faults(tmp_path, cameras=(30, 40, 50))["camera"]
+# Without a camera
 
 
-def test_missing_passes_are_absent_but_no_fault(tmp_path):
-    def lose(channels):
-        for name in [n for n in channels if "Gloss" in n]:
-            del channels[name]
-
-    files, sidecar = sequence(tmp_path, lose)
-    passes, *others = check_sequence(files, sidecar, range(2))
-    assert passes.subject == "passes" and "direct: the files lack the passes" in passes.absent
-    assert not any(f.absent for f in others) and not any(f.fault for f in (passes, *others))
-
-
-def test_a_mistake_is_reported_with_passes_missing(tmp_path):
-    def lose_and_flip(channels):
-        del channels["ViewLayer.Combined.R"]
-        flip(channels)
-
-    assert set(faults(tmp_path, lose_and_flip)) == {"camera"}
+def test_a_fitted_camera_shows_rows_but_no_axes(exported, tmp_path):
+    sequence, frames, camera = exported
+    mapping = replace(sequence.mapping, positions="world")
+    matrices = {int(n): np.array(e["world_from_view"]) for n, e in camera["frames"].items()}
+    frames, _ = MISTAKES["world"][0](frames, matrices)
+    frames = {n: replace(f, relative=False, prev_position=None) for n, f in frames.items() if n in (40, 41)}
+    for name, expected in (("", {}), ("rows", {"rows": "bottom first"})):
+        given = MISTAKES[name][0](frames, matrices)[0] if name else frames
+        check = check_sequence(Corrupted(sequence, given, mapping=mapping), FittedCamera())
+        assert wrong(check) == expected and check["up"].status == check["meters"].status == "not checked"
+        assert check["direction"].status == "ok"
+        assert bool(check["rows"].equivalent) == bool(name)  # a mirrored world looks the same
 
 
-def test_without_a_camera_rows_are_still_checked(tmp_path, data):
-    assert faults(tmp_path, camera=False) == {}
-    # A flipped plane is a plane seen from below, so this needs a scene with depth.
-    frame = PathTracedSequence.open(data / "cycles" / "sponza_man").read(12)
-    assert camera_finding(frame, 12, None)[0].fault == ""
-    assert "bottom first" in camera_finding(flipped(frame), 12, None)[0].fault
+def test_images_decide_without_geometry(exported):
+    sequence, frames, camera = exported
+    matrices = {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
+    world, _ = MISTAKES["world"][0](frames, matrices)
+    images = {n: 1 + np.sin(4 * f.position) for n, f in world.items()}  # colors that stay on still surfaces
+    for name, expected in (("", {}), ("sign", {"direction": "current-previous"})):
+        given = MISTAKES[name][0](frames, None)[0] if name else frames
+        given = {
+            n: replace(f, position=None, depth=None, prev_position=None, combined=images[n]) for n, f in given.items()
+        }
+        check = check_sequence(Corrupted(sequence, given), FittedCamera(), range(40, 43))
+        assert check.basis == "images" and wrong(check) == expected and check["y"].status == "ok"
+        assert check["jitter"].status == check["rows"].status == "not checked"
+
+
+def test_still_images_show_nothing(exported):
+    sequence, frames, _ = exported
+    still = {
+        n: replace(f, position=None, depth=None, motion=0 * f.motion, combined=f.normal) for n, f in frames.items()
+    }
+    check = check_sequence(Corrupted(sequence, still), FittedCamera(), range(40, 42))
+    assert not check.wrong and check["direction"].status == "not checked"
 
 
 def test_real_cycles_files_have_no_fault(data):
-    files = PathTracedSequence.open(data / "cycles" / "sponza_man")
-    findings = check_sequence(files, None, range(12, 14))
-    assert [f.fault for f in findings] == ["", "", ""] and "not checked" not in findings[2].detail
+    check = check_sequence(PathTracedSequence.open(data / "cycles" / "sponza_man"), FittedCamera())
+    assert not check.wrong and check["passes"].status == "ok" and check["up"].status == "not checked"
+    for name in ("camera", "rows", "order", "depth", *MOTION, "jitter"):
+        assert check[name].status == "ok" and (check[name].explained or 1) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("name", "camera"), [("morphed", True), ("skinned_enormous", True), ("open_sky", True), ("morphed", False)]
+)
+def test_animated_surfaces_are_no_mistake(name, camera):
+    """Frames of Cycles in which one object moves and deforms: its motion is neither jitter nor of another unit."""
+    folder = Path(__file__).parent / "references" / name
+    given = SidecarCamera(folder / "camera.json") if camera else FittedCamera()
+    check = check_sequence(PathTracedSequence.open(folder), given)
+    assert not check.wrong and check["camera"].status == check["rows"].status == "ok"
+
+
+def test_missing_passes_and_a_mistake_beside_them(tmp_path):
+    """Blender's reference of two frames: no light, a camera that hardly moves, sky without motion."""
+    references = Path(__file__).parent / "references" / "rigid"
+    sequence = PathTracedSequence.open(references)
+    check = check_sequence(sequence, SidecarCamera(references / "camera.json"))
+    assert not check.wrong and check["passes"].status == "note" and check["direction"].status == "not checked"
+    frames = {n: replace(f, position=100 * f.position) for n in sequence.frames for f in [sequence.read(n)]}
+    check = check_sequence(Corrupted(sequence, frames), SidecarCamera(references / "camera.json"))
+    assert wrong(check) == {"meters": "0.01"}
+
+
+# Files and the command line
+@pytest.fixture
+def run(capsys):
+    """Runs ``check`` with arguments -> exit code, output, errors."""
+
+    def call(*arguments):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main(["check", *map(str, arguments)])
+        return ended.value.code, *capsys.readouterr()
+
+    return call
+
+
+def test_command_line(exported, tmp_path, run):
+    sequence, *_ = exported
+    out = tmp_path / "out"
+    code, text, _ = run(f"exr:{sequence.path}", "--pairs", 1, "--json", "--out", out)
+    values = json.loads((out / "check.json").read_text())
+    assert code == 0 and values == json.loads(text)
+    assert values["schema"] == "taubench-gl/check/1" and values["wrong"] == [] and len(values["pairs"]) == 1
+    assert {f.name for f in out.iterdir()} == {"check.json", "report.html", "motion_error.png", "motion_error.svg"}
+    mapping = tmp_path / "wrong.toml"
+    preset = (PRESETS / "taubench.toml").read_text()
+    mapping.write_text(preset.replace('"previous-current"', '"current-previous"'))
+    code, text, _ = run(f"exr:{sequence.path}", "--mapping", mapping, "--pairs", 1)
+    assert code == 1 and "motion.direction = 'previous-current'" in text
+
+
+@pytest.mark.parametrize("case", ["no folder", "no frame", "no mapping", "one frame", "no camera", "no motion"])
+def test_wrong_input(exported, tmp_path, run, case):
+    """Exit code 2 and one line; what is missing in readable files is not checked."""
+    sequence, *_ = exported
+    spec, options, code = f"exr:{sequence.path}", [], 0
+    if case == "no folder":
+        spec, code = f"exr:{tmp_path / 'none'}", 2
+    elif case == "no frame":
+        options, code = ["--frames", "90:95"], 2
+    elif case == "no mapping":
+        options, code = ["--mapping", "godott"], 2
+    elif case == "one frame":
+        options = ["--frames", "40:41"]
+    else:
+        for n in (40, 41):
+            image = read_exr(sequence.path / f"frame_000{n}.exr")
+            planes = {name: image.plane(name) for name in image.names if case != "no motion" or "Motion" not in name}
+            write_exr(tmp_path / f"f_{n}.exr", planes)
+        spec, options = f"exr:{tmp_path}", ["--mapping", "taubench"]
+        if case == "no motion":
+            options += ["--camera-file", str(sequence.path / "camera.json")]
+    ended, text, errors = run(spec, *options, "--json")
+    assert ended == code and errors.count("\n") == (code == 2), errors
+    if code == 0:
+        status = {v["convention"]: v["status"] for v in json.loads(text)["verdicts"]}
+        assert status["direction"] == "not checked" and status["camera"] == (
+            "not checked" if case == "no camera" else "ok"
+        )

@@ -144,7 +144,7 @@ def test_mapping_files(tmp_path):
 
 
 def test_presets_load():
-    assert presets() == ("blender", "falcor", "mitsuba", "taubench", "unity", "unreal")
+    assert presets() == ("blender", "falcor", "godot", "mitsuba", "taubench", "unity", "unreal")
     for name in presets():
         assert "position" in load_mapping(name).passes
     names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]
@@ -179,6 +179,17 @@ def test_unity_files(tmp_path, multipart):
     frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping("unity"))
     np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-5)
     np.testing.assert_allclose(frame.normal, expected["normal"], rtol=1e-5)
+    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
+    np.testing.assert_array_equal(frame.combined, expected["direct"])
+
+
+def test_godot_files(tmp_path):
+    """One layer per texture; velocity is previous - current in fractions of the image, +y down."""
+    _, expected = blender_frame()
+    shaped = planes(expected["position"], "Position", "RGB") | planes(expected["direct"], "Color", "RGB")
+    shaped |= planes(expected["motion"] / [WIDTH, HEIGHT], "Motion", "RG")
+    frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping("godot"))
+    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-5)
     np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
     np.testing.assert_array_equal(frame.combined, expected["direct"])
 
