@@ -1,0 +1,205 @@
+"""Eight scenes that no setting was tuned on, for the light columns of the default against Cycles (tools/light_columns).
+
+Materials and intensities as in ``light_transport_scenes``: where both renderers agree by definition.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from light_transport_scenes import (
+    LightScene,
+    Tracks,
+    block,
+    brick_colors,
+    camera,
+    down,
+    emitter,
+    leaves,
+    light,
+    move,
+    place,
+    surface,
+    tiled,
+)
+from make_assets import LICENSE, turn
+
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.datasets.shapes import box, join, quad, sphere
+
+
+def punctual(w: Writer) -> Tracks:
+    """A corner with steps; a point light rises, a spot turns, a third one stands."""
+    stone, ochre, teal = (surface(w, n, c) for n, c in (("stone", (0.66, 0.64, 0.6)), ("ochre", (0.7, 0.5, 0.22)),
+                                                        ("teal", (0.2, 0.5, 0.5))))  # fmt: skip
+    place(w, "floor", quad((-5, 0, 5), (10, 0, 0), (0, 0, -10)), stone)
+    place(w, "back", quad((-5, 0, -3), (10, 0, 0), (0, 4, 0)), ochre)
+    place(w, "side", quad((-3, 0, 5), (0, 0, -10), (0, 4, 0)), teal)
+    for i in range(4):
+        block(w, f"step {i}", (2.0, 0.3 * (i + 1), 0.6), stone, (1.2, 0, 0.4 - 0.6 * i))
+    ball = place(w, "ball", sphere(0.4, 12, 18), ochre)
+    rising = light(w, "rising", "point", 6.0, (1.0, 0.8, 0.6))
+    turning = light(w, "turning", "spot", 25.0, (0.7, 0.85, 1.0), spot=(0.3, 0.5), translation=[-1.5, 3.5, 2.0])
+    light(w, "standing", "point", 4.0, translation=[2.5, 2.8, 1.0])
+    return [
+        move(rising, "translation", [[-0.6, 0.8, 0.8], [-0.2, 1.9, 0.3]]),
+        move(turning, "rotation", [down(-20, -50), down(10, -62)]),
+        move(ball, "translation", [[-1.4, 0.4, 0.2], [-0.6, 0.4, -0.6]]),
+        *camera(w, [[0.2, 1.5, 4.2], [0.8, 1.6, 4.0]], [2.0, 9.0], -8.0),
+    ]
+
+
+def sun_court(w: Writer) -> Tracks:
+    """A court of white walls below a uniform sky; the sun moves, a gate opens."""
+    white, clay = surface(w, "white", (0.8, 0.78, 0.74)), surface(w, "clay", (0.62, 0.36, 0.24))
+    place(w, "ground", quad((-9, 0, 9), (18, 0, 0), (0, 0, -18)), clay)
+    place(w, "back", box((-4, 0, -4.3), (4, 2.6, -4)), white)
+    place(w, "left", box((-4.3, 0, -4), (-4, 2.6, 2)), white)
+    place(w, "arcade", box((-4, 1.9, -4), (4, 2.1, -2.6)), white)
+    for i in range(5):
+        block(w, f"pillar {i}", (0.3, 1.9, 0.3), white, (1.8 * i - 3.6, 0, -2.7))
+    gate = place(w, "gate", box((0, 0, -0.04), (1.5, 2.0, 0.04)), clay, translation=[-3.9, 0, 1.0])
+    cart = block(w, "cart", (0.9, 0.7, 0.6), clay, (0, 0, 0))
+    sun = light(w, "sun", "directional", 5.0, (1.0, 0.93, 0.82))
+    return [
+        move(sun, "rotation", [down(-25, -48), down(-45, -40)]),
+        move(gate, "rotation", turn("y", [10.0, -35.0])),
+        move(cart, "translation", [[0.4, 0.0, -0.6], [-0.8, 0.0, -1.2]]),
+        *camera(w, [[0.8, 1.6, 4.4], [0.2, 1.6, 4.3]], [6.0, 14.0], -7.0),
+    ]
+
+
+def panels(w: Writer) -> Tracks:
+    """A corridor that four panels light; one slides, a cart passes."""
+    wall, floor = surface(w, "wall", (0.72, 0.72, 0.7)), surface(w, "floor", (0.4, 0.38, 0.36))
+    place(w, "shell", box((-1.5, 0, -6), (1.5, 2.6, 4), inside=True, faces="xXYzZ"), wall)
+    place(w, "floor", quad((-1.5, 0.001, 4), (3, 0, 0), (0, 0, -10)), floor)
+    colors = ((1.0, 0.9, 0.75), (0.8, 0.9, 1.0), (1.0, 0.7, 0.5))
+    for i, color in enumerate(colors):
+        panel = quad((-0.4, 2.58, -4.8 + 2.6 * i), (0.8, 0, 0), (0, 0, 0.5))
+        place(w, f"panel {i}", panel, emitter(w, f"panel {i}", color, 11.0))
+    slide = place(w, "slide", quad((-1.49, 0, 0), (0, 0, -0.7), (0, 0.5, 0)), emitter(w, "slide", (0.6, 1.0, 0.8), 9.0))
+    cart = block(w, "cart", (0.6, 0.8, 0.9), wall, (0, 0, 0), 12)
+    block(w, "cabinet", (0.5, 1.7, 0.9), floor, (1.2, 0, -2.5))
+    return [
+        move(slide, "translation", [[0.0, 0.8, 0.6], [0.0, 1.1, -0.9]]),
+        move(cart, "translation", [[-0.5, 0.0, -1.2], [0.2, 0.0, -0.4]]),
+        *camera(w, [[0.2, 1.5, 3.6], [0.0, 1.5, 3.2]], [2.0, -5.0], -6.0),
+    ]
+
+
+def lanterns(w: Writer) -> Tracks:
+    """A street with 40 lanterns, a third of which swing."""
+    road, brick = surface(w, "road", (0.35, 0.35, 0.37)), surface(w, "house", (0.6, 0.45, 0.35))
+    place(w, "road", quad((-8, 0, 8), (16, 0, 0), (0, 0, -16)), road)
+    for i in range(8):
+        side = -1 if i % 2 else 1
+        block(w, f"house {i}", (2.2, 2.4 + 0.4 * (i % 3), 2.6), brick, (side * 3.4, 0, 3.0 - 3.0 * (i // 2)))
+    rng, tracks = np.random.default_rng(17), []
+    for i in range(40):
+        at = np.array([rng.uniform(-2.1, 2.1), rng.uniform(1.2, 2.4), rng.uniform(-7.0, 3.0)])
+        color = [(1.0, 0.7, 0.4), (1.0, 0.5, 0.45), (0.6, 0.8, 1.0)][i % 3]
+        lamp = light(w, f"lantern {i}", "point", rng.uniform(0.6, 1.8), color, translation=at.tolist())
+        if i % 3 == 0:
+            tracks.append(move(lamp, "translation", [at, at + rng.uniform(-0.6, 0.6, 3) * [1, 0.2, 1]]))
+    return [*tracks, *camera(w, [[0.0, 1.6, 5.0], [0.3, 1.6, 4.6]], [0.0, 6.0], -5.0)]
+
+
+def dark(w: Writer) -> Tracks:
+    """A white room that the lamp of the next room lights through a door that moves: nearly all light is indirect."""
+    white, dull = surface(w, "white", (0.82, 0.82, 0.8)), surface(w, "dull", (0.5, 0.42, 0.35))
+    place(w, "rooms", box((-2.5, 0, -5.5), (2.5, 2.6, 3), inside=True, faces="xXyYzZ"), white)
+    parts = [box((-2.5, 0, -1.6), (-0.3, 2.6, -1.5)), box((0.9, 0, -1.6), (2.5, 2.6, -1.5)),
+             box((-0.3, 2.0, -1.6), (0.9, 2.6, -1.5))]  # fmt: skip
+    place(w, "wall", join(parts), white)
+    door = place(w, "door", box((0, 0, -0.03), (1.2, 2.0, 0.03)), dull, translation=[-0.3, 0, -1.5])
+    chair = block(w, "chair", (0.5, 0.8, 0.5), dull, (0, 0, 0))
+    light(w, "lamp", "point", 40.0, (1.0, 0.88, 0.7), translation=[-1.2, 2.0, -3.5])
+    return [
+        move(door, "rotation", turn("y", [55.0, 25.0])),
+        move(chair, "translation", [[1.2, 0.0, 0.2], [0.5, 0.0, 0.5]]),
+        *camera(w, [[-0.2, 1.5, 2.7], [0.2, 1.5, 2.6]], [0.0, 6.0], -5.0),
+    ]
+
+
+def textured_metals(w: Writer) -> Tracks:
+    """Metals between tiled walls; a lamp and a box of polished metal move."""
+    tiles, wall = tiled(w, brick_colors()), surface(w, "wall", (0.7, 0.7, 0.72))
+    place(w, "floor", box((-3, -0.1, -3), (3, 0, 3), uv_scale=0.5), tiles)
+    place(w, "walls", box((-3, 0, -3), (3, 3, 3), inside=True, faces="xXYzZ"), wall)
+    brass, steel, zinc = (surface(w, n, c, 1.0, r) for n, c, r in (("brass", (0.9, 0.75, 0.45), 0.35),
+                          ("steel", (0.7, 0.7, 0.72), 0.25), ("zinc", (0.6, 0.62, 0.65), 0.55)))  # fmt: skip
+    place(w, "ball", sphere(0.45, 16, 24), brass, translation=[-0.9, 0.45, -0.6])
+    mover = block(w, "mover", (0.7, 0.9, 0.7), steel, (0, 0, 0), 25)
+    block(w, "tank", (0.9, 1.5, 0.6), zinc, (1.6, 0, -1.6), -15)
+    lamp = light(w, "lamp", "point", 6.0, (1.0, 0.9, 0.75))
+    light(w, "fill", "point", 3.0, (0.75, 0.85, 1.0), translation=[-2.2, 2.2, 1.8])
+    return [
+        move(lamp, "translation", [[1.2, 2.3, 0.8], [0.2, 2.5, 0.2]]),
+        move(mover, "translation", [[0.6, 0.0, 0.4], [0.1, 0.0, -0.2]]),
+        *camera(w, [[0.0, 1.5, 2.8], [0.4, 1.5, 2.6]], [0.0, 8.0], -10.0),
+    ]
+
+
+def thicket(w: Writer) -> Tracks:
+    """Alpha-masked leaves before two walls, below a sky without a sun and a lamp that moves through them."""
+    earth, wall = surface(w, "earth", (0.45, 0.4, 0.32)), surface(w, "wall", (0.68, 0.66, 0.7))
+    leaf = surface(w, "leaf", (1.0, 1.0, 1.0), texture=w.texture(leaves()), alphaMode="MASK")
+    w.gltf.materials[leaf].alphaCutoff = 0.5
+    place(w, "ground", quad((-7, 0, 7), (14, 0, 0), (0, 0, -14)), earth)
+    place(w, "walls", join([box((-4, 0, -2.4), (4, 2.6, -2.2)), box((-3.2, 0, -2.2), (-3, 2.6, 2))]), wall)
+    rng, tracks = np.random.default_rng(23), []
+    for i in range(16):
+        angle = rng.uniform(0, np.pi)
+        u = np.array([np.cos(angle), 0.0, np.sin(angle)])
+        cards = []
+        for v in (u, np.array([-u[2], 0.0, u[0]])):
+            card = quad(-0.4 * v, 0.8 * v, (0, 0.8, 0))
+            card["TEXCOORD_0"] = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=float)
+            cards.append(card)
+        at = [rng.uniform(-2.2, 2.2), rng.uniform(0.0, 1.3), rng.uniform(-1.6, 1.0)]
+        bush = place(w, f"bush {i}", join(cards), leaf, translation=at)
+        if i % 2:
+            tracks.append(move(bush, "translation", [at, (np.array(at) + rng.uniform(-0.25, 0.25, 3)).tolist()]))
+    lamp = light(w, "lamp", "point", 3.0, (1.0, 0.8, 0.55))
+    tracks.append(move(lamp, "translation", [[-1.2, 1.0, 0.4], [0.2, 1.3, 0.1]]))
+    return [*tracks, *camera(w, [[0.3, 1.3, 3.6], [-0.2, 1.3, 3.4]], [2.0, -5.0], -5.0)]
+
+
+def closed_box(w: Writer) -> Tracks:
+    """The box of Cornell with a lamp below its ceiling that moves, and a block that turns."""
+    white, red, green = (surface(w, n, c) for n, c in (("white", (0.74,) * 3), ("red", (0.62, 0.07, 0.06)),
+                                                       ("green", (0.13, 0.46, 0.1))))  # fmt: skip
+    place(w, "shell", box((-1.4, 0, -1.4), (1.4, 2.8, 1.4), inside=True, faces="yYzZ"), white)
+    place(w, "left", box((-1.4, 0, -1.4), (1.4, 2.8, 1.4), inside=True, faces="x"), red)
+    place(w, "right", box((-1.4, 0, -1.4), (1.4, 2.8, 1.4), inside=True, faces="X"), green)
+    tall = block(w, "tall", (0.8, 1.5, 0.8), white, (-0.5, 0, -0.5))
+    block(w, "low", (0.7, 0.7, 0.7), white, (0.5, 0, 0.3), -18)
+    lamp = light(w, "lamp", "point", 2.5, (1.0, 0.95, 0.85))
+    return [
+        move(lamp, "translation", [[-0.3, 2.5, 0.1], [0.5, 2.4, -0.2]]),
+        move(tall, "rotation", turn("y", [15.0, 35.0])),
+        *camera(w, [[0.0, 1.4, 1.35], [0.15, 1.4, 1.3]], [0.0, 4.0], -3.0),
+    ]
+
+
+SCENES = {
+    "punctual": LightScene(punctual),
+    "sun_court": LightScene(sun_court, (0.6, 0.8, 1.2)),
+    "panels": LightScene(panels),
+    "lanterns": LightScene(lanterns),
+    "dark": LightScene(dark),
+    "textured_metals": LightScene(textured_metals),
+    "thicket": LightScene(thicket, (0.7, 0.85, 1.1)),
+    "closed_box": LightScene(closed_box),
+}
+
+
+def make(name: str, folder: Path) -> Path:
+    """Write ``folder/NAME.glb``."""
+    writer = Writer(LICENSE, "taubench-gl tools/column_scenes.py", share=True)
+    writer.animation("all", *SCENES[name].build(writer))
+    path = folder / f"{name}.glb"
+    writer.save(path)
+    return path
