@@ -8,6 +8,7 @@ import importlib.util
 import inspect
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -20,6 +21,7 @@ __all__ = ["BUILTIN", "ENTRY_POINTS", "builtin_methods", "installed_methods", "l
 ENTRY_POINTS = "taubench_gl.methods"
 
 
+@cache
 def builtin_methods() -> tuple[str, ...]:
     """Names of the built-in methods, in alphabetical order: folders with method.toml, or with ``NAME/NAME.py``."""
     return tuple(sorted(p.name for p in BUILTIN.iterdir() if (p / FILE).is_file() or (p / f"{p.name}.py").is_file()))

@@ -18,7 +18,7 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.quality import display
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.run import load_run
@@ -90,8 +90,10 @@ class RunComparison(Owner):
 
 
 def version(method: str) -> tuple[tuple[str, int], ...]:
-    """The files of a reuse method and when they were written last; empty for one that is no file or folder."""
-    path = Path(method if Path(method).exists() else method.rpartition(":")[0])
+    """The files of a reuse method and when they were written last; empty for a built-in method or a module."""
+    if method in builtin_methods():
+        return ()
+    path = Path(method if Path(method).exists() else method.rpartition(":")[0] or method)
     files = sorted(path.rglob("*")) if path.is_dir() else [path] if path.is_file() else []
     return tuple((str(file), file.stat().st_mtime_ns) for file in files if file.suffix in (".toml", ".glsl", ".py"))
 

@@ -224,8 +224,8 @@ def test_positions_of_pixels_are_undone():
 
 @pytest.mark.parametrize(
     ("size", "times", "window"),
-    [((480, 270), 2, (1560, 720)), ((640, 360), 2, (1880, 804)), ((64, 36), 20, (1880, 804)),
-     ((1920, 1080), 1, (2520, 1164)), ((16, 1000), 1, (1280, 1084))],
+    [((480, 270), 2, (1560, 720)), ((640, 360), 2, (1880, 852)), ((64, 36), 20, (1880, 852)),
+     ((1920, 1080), 1, (2520, 1212)), ((16, 1000), 1, (1280, 1132))],
 )  # fmt: skip
 def test_a_new_window_enlarges_small_images(size, times, window):
     assert start_size(size) == window
@@ -234,7 +234,7 @@ def test_a_new_window_enlarges_small_images(size, times, window):
 
 
 @pytest.mark.parametrize(
-    ("size", "window"), [((64, 36), (1280, 720)), ((640, 1000), (1280, 1084)), ((1280, 720), (1580, 804))]
+    ("size", "window"), [((64, 36), (1280, 720)), ((640, 1000), (1280, 1132)), ((1280, 720), (1580, 852))]
 )
 def test_a_window_of_a_script_has_room_for_all_panels(size, window):
     assert script_size(size) == window
