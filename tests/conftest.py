@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import io
 import os
 import shutil
 import signal
@@ -167,3 +168,37 @@ def _fix_lighting_defaults() -> None:
 
 
 _fix_lighting_defaults()
+
+
+def _no_picture() -> dict[str, bytes]:
+    """Files of one pixel and of nothing, by suffix."""
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.new("RGB", (1, 1)).save(data, "png")
+    return {".png": data.getvalue(), ".svg": b'<svg xmlns="http://www.w3.org/2000/svg"/>\n'}
+
+
+NO_PICTURE = _no_picture()
+
+
+@pytest.fixture
+def plots() -> None:
+    """Plots are drawn in this test; in all others they are composed, and their files hold no picture."""
+
+
+@pytest.fixture(autouse=True)
+def _undrawn_plots(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing the text of plots would take a twentieth of all tests."""
+    if "plots" in request.fixturenames:
+        return
+    from taubench_gl.outputs import write_atomically
+    from taubench_gl.report.plot import Plot
+
+    def save(self: Plot, path: Path) -> list[Path]:
+        files = [path.with_suffix(suffix) for suffix in NO_PICTURE]
+        for file in files:
+            write_atomically(file, NO_PICTURE[file.suffix])
+        return files
+
+    monkeypatch.setattr(Plot, "save", save)

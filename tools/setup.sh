@@ -1,6 +1,6 @@
 # Sourced by tools/demo and tools/test: installs what a bare Debian or Ubuntu with Python and git lacks.
 #
-# Leaves $root (the checkout) and $py (the environment's Python).  Installs system packages only as root or with
+# Leaves $root (the checkout) and $py (the environment's Python); $meanwhile: what else to install, a function of this file.  Installs system packages only as root or with
 # password-free sudo; otherwise prints the exact command and exits 2.  A stamp makes the second run skip pip altogether.
 # shellcheck shell=bash
 
@@ -159,6 +159,9 @@ done_setting_up() { exec 9<&-; }
 
 one_at_a_time
 ensure_venv
+# The system's packages come while Python's do.
+if [ -n "${meanwhile:-}" ]; then "$meanwhile" & fi
 ensure_packages
+wait
 ensure_gl
 done_setting_up

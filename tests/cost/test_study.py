@@ -101,6 +101,7 @@ def test_preset_of_a_scene_whose_name_is_not_utf8(tmp_path):
     assert "caf\\\\udce9" in (tmp_path / "p.toml").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_interrupted_study_resumes_to_the_same_front(demo, tmp_path):
     class Stop(BaseException):
         """As if the process were killed."""

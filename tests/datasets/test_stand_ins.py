@@ -70,6 +70,7 @@ def test_the_camera_stays_in_the_valley_at_eye_height(recipe):
 
 
 @each
+@pytest.mark.long
 def test_file_has_the_papers_rows(recipe, made):
     found = describe(load_scene(made[recipe.name]), 60.0)
     paper = PAPER[recipe.stands_for]["census"]

@@ -203,6 +203,7 @@ def test_a_step_larger_than_the_scene_is_refused():
         generate(CameraSpec(MotionStats(60.0), frames=30), VoxelSpace(load_scene(DEMO)))
 
 
+@pytest.mark.usefixtures("plots")
 def test_sweep_writes_a_table_and_plots(tmp_path, gpu):
     out = tmp_path / "sweep"
     arguments = [str(DEMO), "--sweep", "yaw=0:9:4", "--size", "32x18", "--columns", "frustum", "--seconds", "0.1"]

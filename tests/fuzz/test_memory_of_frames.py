@@ -80,6 +80,7 @@ def test_channels_take_what_is_added_up(width):
 
 
 @pytest.mark.parametrize("cells", [300, pytest.param(700, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_structures_of_rays_take_at_most_what_is_added_up(cells):
     """Beside what the same scene takes without them."""
     _, without = measured(64, cells, "raster")

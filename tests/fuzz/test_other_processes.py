@@ -84,6 +84,7 @@ def cell(out: Path, **changes: Any) -> str:
     return f"from taubench_gl.api import evaluate\nevaluate({str(DEMO)!r}, out={str(out)!r}, **{settings!r})"
 
 
+@pytest.mark.long
 def test_a_notebook_gives_the_bits_of_the_command_line(kernel, expected, tmp_path):
     _, client = kernel
     reply = client.execute_interactive(cell(tmp_path / "out"), timeout=300, output_hook=lambda _: None)

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from repeated import few
 
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.passes.indirect import BRICKS, GRID, VPL_LIFT, fixed_draws, indirect_layout
@@ -167,7 +168,7 @@ def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
     assert min(seen_counts.values()) > 200 and hidden > 20, (seen_counts, hidden)
 
 
-@pytest.mark.parametrize("make", [crowded, partial(busy_room, lamps=2)], ids=["crowded", "busy"])
+@pytest.mark.parametrize("make", few([crowded, partial(busy_room, lamps=2)]), ids=["crowded", "busy"])
 def test_what_is_kept_is_what_would_be_drawn_again(gpu, make):
     """Frames one after the other, and each by a source that has seen no other: the same bits, whatever moved."""
     scene = make()

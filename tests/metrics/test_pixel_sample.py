@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from repeated import few
 
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
 from taubench_gl.metrics.pixel_sample import (
@@ -47,7 +48,7 @@ def estimated(strata, x, y, rng, *, visits: int, pixels: int, scheme=("all", 1))
 
 
 @pytest.mark.parametrize(
-    ("visits", "pixels", "scheme"), [(4, 96, ("all", 1)), (12, 96, ("all", 1)), (6, 96, ("strata", 4))]
+    ("visits", "pixels", "scheme"), few([(6, 96, ("strata", 4)), (4, 96, ("all", 1)), (12, 96, ("all", 1))])
 )
 def test_intervals_hold_at_least_as_often_as_they_say(visits, pixels, scheme):
     rng = np.random.default_rng(visits + pixels)

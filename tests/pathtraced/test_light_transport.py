@@ -148,9 +148,8 @@ def test_a_bias_of_two_percent_and_a_wrong_block_are_found():
     assert len(rejected) or len(edges) > EDGE_PIXELS
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name == SAMPLED else pytest.mark.long) for name in NAMES]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", NAMES)
 def test_columns_are_those_of_converged_cycles(name):
     reference = references()[name]
     samples = COLUMN_SAMPLES if name in QUICK else LONG_SAMPLES

@@ -353,6 +353,7 @@ def test_variance_is_that_of_one_sample_over_their_number(gpu):
         assert not single[0]["path_info"][..., component].any()
 
 
+@pytest.mark.long
 def test_more_samples_come_nearer(gpu):
     scene = room(emitter=8.0)
     truth = render(gpu, scene, spp=1024, bounces=3, pattern="independent", seed=5)

@@ -16,7 +16,7 @@ from taubench_gl.report import plot_frames, plot_thresholds, run_plots, write_re
 from taubench_gl.report.plot import spread
 from taubench_gl.report.run_plots import discard_curve
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_light", "plots")
 
 
 def test_curve_is_the_share_of_distances_at_or_above_each_edge():

@@ -108,6 +108,7 @@ def test_failure_before_the_first_row_leaves_nothing(frames, tmp_path):
     assert os.listdir(out) == [FRAMES_FILE]
 
 
+@pytest.mark.usefixtures("plots")
 def test_names_that_are_not_utf8_survive(run, tmp_path):
     """A path with a byte that is not UTF-8 in summary, tables, plots and page."""
     from taubench_gl.report import write_report

@@ -260,7 +260,8 @@ def test_include_cycles(tmp_path):
     assert caught.value.where == "b.aff:1"
 
 
-def test_limit_on_includes(tmp_path):
+def test_limit_on_includes(tmp_path, monkeypatch):
+    monkeypatch.setattr(parser, "MAX_INCLUDES", 500)
     for k in range(30):
         write(tmp_path, f"i 0 f{k + 1}.aff\n" * 4, f"f{k}.aff")
     write(tmp_path, TRIANGLE, "f30.aff")

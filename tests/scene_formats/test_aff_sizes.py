@@ -42,6 +42,7 @@ def test_robots(tmp_path):
         assert (expected.inv() * Rotation.from_quat(sample_channel(curve, t))).magnitude() <= 2 * ROTATION_ERROR
 
 
+@pytest.mark.long
 def test_kitchen(tmp_path):
     """Forty included files; moving lights and an object."""
     scene = load_scene(bart_like.kitchen(tmp_path))
