@@ -1,7 +1,8 @@
 # Sourced by tools/demo and tools/test: installs what a bare Debian or Ubuntu with Python and git lacks.
 #
-# Leaves $root (the checkout) and $py (the environment's Python); $meanwhile: what else to install, a function of this file.  Installs system packages only as root or with
-# password-free sudo; otherwise prints the exact command and exits 2.  A stamp makes the second run skip pip altogether.
+# Leaves $root (the checkout) and $py (the environment's Python); $meanwhile names what else to install, a function of
+# this file.  Installs system packages only as root or with password-free sudo; otherwise prints the exact command and
+# exits 2.  A stamp makes the second run skip pip altogether.
 # shellcheck shell=bash
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
