@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
@@ -177,7 +177,10 @@ def run(stage: Stage) -> Result:
         tuple(0.03 * theory[name].sigma for name in weights), f"{source}; ± 3 %", start=ALPHAS.index(ALPHA),
         images=tuple(details[name] for name in weights), note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
     )  # fmt: skip
-    return Result(findings, sheet, caption, parameter, colors)
+    pair = stage.pair(scene(), columns=("frustum", "color"), environment="none")
+    sharp = tuple(as_bytes(enlarged(frame["color"][..., :3], *part)) for frame in (pair.before, pair.now))
+    screens = Screens(details[left_in], f"After {FRAMES} frames with jitter in the motion vectors, enlarged.", sharp)
+    return Result(findings, sheet, caption, parameter, colors, screens)
 
 
 def _near(value: float, source: str) -> Expected:

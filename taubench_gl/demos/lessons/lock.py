@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, note
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
@@ -136,7 +136,17 @@ def run(stage: Stage) -> Result:
     )  # fmt: skip
     caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
     colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
-    return Result(findings, sheet, caption, parameter, colors)
+    # What the upscaler gets: half of the pixels along each side, at the exposure of the figure.
+    width, height = OUTPUT[0] // 2, OUTPUT[1] // 2
+    pair = stage.pair(
+        scene(), columns=("frustum", "color"), environment="none", exposure=2.0, width=width, height=height
+    )
+    frames = tuple(
+        as_bytes(enlarged(frame["color"][..., :3], width // 2 - 16, height // 2 - 9, 32, 18))
+        for frame in (pair.before, pair.now)
+    )
+    screens = Screens(parameter.picture(at), "The upscaled image without locks, after 96 frames, enlarged.", frames)
+    return Result(findings, sheet, caption, parameter, colors, screens)
 
 
 def detail(image: Array) -> Array:
