@@ -132,8 +132,8 @@ def demo_page(
     )  # fmt: skip
 
     def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
-        note = getattr(parts[-1], name, "") if parts else ""
-        notes = [macro("notes", DEMO)(note, len(parts), count, minutes_text(parts))] if note else []
+        said = [getattr(part, name) for part in parts[-1:]]
+        notes = [macro("notes", DEMO)(text, len(parts), count, minutes_text(parts)) for text in said]
         page.add(name, title, macro(part, DEMO)(*values), *notes, link=link, step=True)
 
     step("idea", "", "idea", demo, screens)

@@ -24,6 +24,7 @@ class Part:
     question: str
     figure: str
     parameter: str
+    numbers: str = "Skip this step, unless somebody asks where a number comes from."
 
 
 LECTURE = (

@@ -95,8 +95,8 @@ def raw_flicker(width: float) -> float:
         "The plot: thin lines depend on locks. A line that every frame samples needs none.",
     ),
     question=Question(
-        "A still line is half a pixel wide and brighter than its surroundings. Which share of its light does "
-        "the upscaled image show without locks?",
+        "A still line is half a pixel wide and brighter than its surroundings; the images show a frame that the "
+        "upscaler gets. Which share of the light of the line does the upscaled image show without locks?",
         0.0,
         120.0,
     ),
