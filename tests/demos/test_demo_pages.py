@@ -76,6 +76,8 @@ def check_slide(page: Any, where: str) -> None:
     """One step with the title above it, which fill the window without being wider."""
     assert page.locator(".step.now").count() == 1 and page.locator("h1").is_visible(), where
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), f"{where} is too wide"
+    if page.viewport_size["width"] > page.viewport_size["height"]:  # a tall window is of a telephone, which scrolls
+        assert page.evaluate("document.documentElement.scrollHeight <= 1.1 * innerHeight"), f"{where} is too high"
     title = page.locator("h1").bounding_box()
     left, right, top, bottom = page.evaluate(
         """() => {
