@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from taubench_gl.demos.lecture import Part
 
 EXIT_NOT_AS_EXPECTED = 1
+Size = tuple[int, int] | None
 
 
 class DemoType(click.ParamType):
@@ -64,9 +65,7 @@ def demo(
     settings: Settings,
     *,
     every: bool = setting(False, "Run all demos and write an index page", flag="--all"),
-    lecture: bool = setting(
-        False, "Run seven demos in order, a lecture of 20 minutes, with notes for the speaker (key N)"
-    ),
+    lecture: bool = setting(False, "Run seven demos in order, twenty minutes, with notes for the speaker (key N)"),
     out: Path = setting(Path("demos"), "Folder of the figures and pages", group=OUTPUT, metavar="DIR"),
     listing: bool = setting(False, "List the demos, as without a name", flag="--list"),
     notebook: bool = setting(False, "Write Jupyter notebooks instead of running the demos"),
@@ -74,7 +73,7 @@ def demo(
         None, "Only write the demo's scene, as a file for other commands", flag="--scene", metavar="OUT.glb"
     ),
     viewing: bool = setting(False, "Only open the demo's scene in the viewer", flag="--view"),
-    size: tuple[int, int] | None = setting(
+    size: Size = setting(
         None,
         "Size of a panel in pixels",
         SIZE.check,
@@ -116,7 +115,7 @@ def _list(selected: list[Demo]) -> None:
         click.echo(f"{lesson.number:>2}  {lesson.name:<12} {lesson.title}")
 
 
-def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
+def _scene(selected: list[Demo], path: Path | None, size: Size) -> None:
     """Write the scene of a demo as glTF, or open it in the viewer."""
     from taubench_gl.datasets.gltf_from_scene import write_scene
 
@@ -135,7 +134,7 @@ def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None
         view.main(args=[str(write_session(lesson, file, size))], standalone_mode=False)
 
 
-def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
+def write_session(lesson: Demo, scene: Path, size: Size) -> Path:
     """A session file beside ``scene`` that opens the lesson: its pair, its masks and its text."""
     from taubench_gl.demos.opening import opening_settings
     from taubench_gl.demos.stage import SIZE
@@ -166,7 +165,7 @@ def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Pa
     return path
 
 
-def _notebooks(selected: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
+def _notebooks(selected: list[Demo], out: Path, size: Size) -> None:
     from taubench_gl.demos.gallery import NOTEBOOK_SIZE, write_notebook
     from taubench_gl.outputs import output_folder
 
@@ -176,12 +175,7 @@ def _notebooks(selected: list[Demo], out: Path, size: tuple[int, int] | None) ->
 
 
 def _run(
-    selected: list[Demo],
-    out: Path,
-    index: bool,
-    parts: Sequence[Part],
-    size: tuple[int, int] | None,
-    machine: DeviceSettings,
+    selected: list[Demo], out: Path, index: bool, parts: Sequence[Part], size: Size, machine: DeviceSettings
 ) -> int:
     from taubench_gl.demos.gallery import open_stage, run_demos
     from taubench_gl.demos.stage import SIZE

@@ -19,7 +19,7 @@ from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Re
 from taubench_gl.demos.lecture import Part, minutes_text
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.opening import opening_settings, pair_text
-from taubench_gl.demos.sheet import as_bytes
+from taubench_gl.demos.sheet import WIDTH, as_bytes
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
@@ -35,6 +35,8 @@ NOTEBOOK_SIZE = (320, 180)
 FEW_COLORS = 64
 DEMO = "demo.html"
 """Template of the parts of the pages."""
+Around = tuple[Demo | None, Demo | None] | None
+"""The demos before and after one; None: it is alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +92,7 @@ def run_demos(
         result, pair = demo.run(stage).saved(folder / f"{demo.stem}.png"), open_pair(stage, demo)
         around = (demos[i - 1] if i else None, demos[i + 1] if i + 1 < len(demos) else None)
         page = folder / f"{demo.stem}.html"
-        parts = lecture[: i + 1]
-        write_atomically(page, demo_page(demo, result, pair, around if index else None, parts, len(lecture)))
+        write_atomically(page, demo_page(demo, result, pair, around if index else None, lecture))
         shown.append(Shown(demo, result, page, _screens(demo, result, pair)[1][1]))
         if on_demo is not None:
             on_demo(shown[-1])
@@ -100,18 +101,11 @@ def run_demos(
     return shown
 
 
-def demo_page(
-    demo: Demo,
-    result: Result,
-    pair: LitPair,
-    around: tuple[Demo | None, Demo | None] | None = None,
-    parts: Sequence[Part] = (),
-    count: int = 0,
-) -> str:
+def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[Part] = ()) -> str:
     """The page of one demo.
 
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
-    folder; ``parts``: those of the lecture up to this demo, of ``count``.
+    folder; ``lecture``: minutes and notes of its demos, one of which is this one.
     """
     before, after = around or (None, None)
     parameter, findings, screens = result.parameter, result.findings, _screens(demo, result, pair)
@@ -126,14 +120,14 @@ def demo_page(
             "parameter": _parameter(parameter),
             "previous": before and f"{before.stem}.html",
             "next": after and f"{after.stem}.html",
-            "lecture": bool(parts),
+            "lecture": bool(lecture),
         },
         footer=(macro("footer", DEMO)(_links(around), __version__),),
     )  # fmt: skip
 
     def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
-        said = [getattr(part, name) for part in parts[-1:]]
-        notes = [macro("notes", DEMO)(text, len(parts), count, minutes_text(parts)) for text in said]
+        said = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
+        notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in said]
         page.add(name, title, macro(part, DEMO)(*values), *notes, link=link, step=True)
 
     step("idea", "", "idea", demo, screens)
@@ -141,8 +135,8 @@ def demo_page(
     key = [] if own else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
     about = ("", own.note) if own else (pair_text(demo), "")
     step("question", "Guess first", "question", demo.question.text, screens, key, *about, link="Question")
-    figure = read_bytes(result.path)
-    step("figure", "Figure", "figure", data_uri(figure), _ratio(figure), result.caption, demo.look_for)
+    uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
+    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.look_for)
     size = parameter.picture(0).shape[1::-1]
     step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]
@@ -239,7 +233,7 @@ def _strip(finding: Finding) -> dict[str, float] | None:
     return {"start": start, "width": max(end - start, 2.0), "value": min(max(x(value), 5.0), 115.0)}
 
 
-def _links(around: tuple[Demo | None, Demo | None] | None) -> list[dict[str, str]]:
+def _links(around: Around) -> list[dict[str, str]]:
     """Links to the previous demo, the index and the next demo."""
     if around is None:
         return []
@@ -250,14 +244,6 @@ def _links(around: tuple[Demo | None, Demo | None] | None) -> list[dict[str, str
     if after is not None:
         links.append({"rel": "next", "file": f"{after.stem}.html", "text": f"{after.number}. {after.title} →"})
     return links
-
-
-def _ratio(png: bytes) -> float:
-    """Width / height of an image file."""
-    from PIL import Image
-
-    with Image.open(io.BytesIO(png)) as image:
-        return image.width / image.height
 
 
 def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SIZE) -> Path:

@@ -19,7 +19,7 @@ from taubench_gl.demos.lessons import demos, find_demo
 WINDOWS = ((1280, 720), (1920, 1080), (390, 844))
 QUICK = ("thresholds",)
 """A parameter that repaints a mask."""
-FILLED = 0.5
+FILLED = 0.45
 """Least part of a window's width and height below the title that the content of a step spans."""
 
 
@@ -256,7 +256,7 @@ def lecture_page(runs, gpu, folder, place: int):
     """The page of lesson ``place`` of the lecture, with the thresholds demo between those of the lecture."""
     demo, around = find_demo("thresholds"), [find_demo(LECTURE[i].demo) for i in (place - 1, place + 1)]
     assert LECTURE[place].demo == demo.name
-    text = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), tuple(around), LECTURE[: place + 1], len(LECTURE))
+    text = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), tuple(around), LECTURE)
     (folder / f"{demo.stem}.html").write_text(text, encoding="utf-8")
     for other in around:
         (folder / f"{other.stem}.html").write_text(text, encoding="utf-8")

@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, note
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, enlarged_frames, note
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
@@ -137,14 +137,9 @@ def run(stage: Stage) -> Result:
     caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
     colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
     # What the upscaler gets: half of the pixels along each side, at the exposure of the figure.
-    width, height = OUTPUT[0] // 2, OUTPUT[1] // 2
-    pair = stage.pair(
-        scene(), columns=("frustum", "color"), environment="none", exposure=2.0, width=width, height=height
-    )
-    frames = tuple(
-        as_bytes(enlarged(frame["color"][..., :3], width // 2 - 16, height // 2 - 9, 32, 18))
-        for frame in (pair.before, pair.now)
-    )
+    size = {"width": OUTPUT[0] // 2, "height": OUTPUT[1] // 2}
+    pair = stage.pair(scene(), columns=("frustum", "color"), environment="none", exposure=2.0, **size)
+    frames = enlarged_frames(pair, OUTPUT[0] // 4 - 16, OUTPUT[1] // 4 - 9, 32, 18)
     screens = Screens(parameter.picture(at), "The upscaled image without locks, after 96 frames, enlarged.", frames)
     return Result(findings, sheet, caption, parameter, colors, screens)
 

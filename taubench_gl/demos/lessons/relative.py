@@ -135,11 +135,8 @@ def run(stage: Stage) -> Result:
         "The hall at 1000 km: float32 world positions on a column and along a row of pixels, and the error of motion."
     )
     most = np.sqrt(0.75) * step  # half a spacing along each axis
-    screens = Screens(
-        as_bytes(heat(np.linalg.norm(shift, axis=-1), most)),
-        f"Error of the stored positions, from 0 (dark) to {1000.0 * most:.0f} mm (bright): half a spacing along "
-        "each axis.",
-    )
+    text = f"Error of the stored positions, from 0 (dark) to {1000.0 * most:.0f} mm (bright)."
+    screens = Screens(as_bytes(heat(np.linalg.norm(shift, axis=-1), most)), text)
     return Result(findings, sheet, caption, parameter, {"stored": rgb(ORANGE), "exact": rgb(BLUE)}, screens)
 
 

@@ -10,7 +10,17 @@ from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, painted, reason_entries, rgb
+from taubench_gl.demos.sheet import (
+    BLUE,
+    ORANGE,
+    Sheet,
+    as_bytes,
+    enlarged,
+    enlarged_frames,
+    painted,
+    reason_entries,
+    rgb,
+)
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera, Scene
@@ -93,7 +103,7 @@ def distance(pair: PairImages, sampling: str) -> Array:
 def run(stage: Stage) -> Result:
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
     frames = stage.pair(scene(), columns=("frustum", "color"))
-    before, color = (channels["color"][..., :3] for channels in (frames.before, frames.now))
+    color = frames.now["color"][..., :3]
     width, height = stage.size
     part = (int(0.27 * width), int(0.35 * height), width // 7, height // 7)
     sheet = Sheet(2, 1, width / height, below=330)
@@ -119,10 +129,8 @@ def run(stage: Stage) -> Result:
                 Expected.near(predicted, 0.02 * predicted, f"two rays {JITTER} pixels apart against the wall; ± 2 %")),
     )  # fmt: skip
     caption = f"A static scene with samples {JITTER} pixels apart in the two frames. Every discard is a sampling error."
-    parts = as_bytes(enlarged(before, *part)), as_bytes(enlarged(color, *part))
-    screens = Screens(
-        details["bilinear"], "An edge of the board, enlarged. Blue: discarded with bilinear sampling.", parts
-    )
+    text = "An edge of the board, enlarged. Blue: discarded with bilinear sampling."
+    screens = Screens(details["bilinear"], text, enlarged_frames(frames, *part))
     return Result(findings, sheet, caption, _jitter(stage, color, part), screens=screens)
 
 
