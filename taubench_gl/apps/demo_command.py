@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,10 @@ from taubench_gl.settings import OUTPUT, SIZE, DeviceSettings, Settings, parse_s
 if TYPE_CHECKING:
     from taubench_gl.demos.demo import Demo
     from taubench_gl.demos.gallery import Shown
+    from taubench_gl.demos.lecture import Part
 
 EXIT_NOT_AS_EXPECTED = 1
+Size = tuple[int, int] | None
 
 
 class DemoType(click.ParamType):
@@ -48,12 +51,13 @@ Examples:
   taubench-gl demo
   taubench-gl demo rotations
   taubench-gl demo 3 7 --out lecture --size 640x360
+  taubench-gl demo --lecture --out lecture
   taubench-gl demo --all --out lecture --notebook
   taubench-gl demo occlusion --view
   taubench-gl demo occlusion --scene board.glb
 \b
-DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all, and Jupyter notebooks
-with --notebook.  docs/demos.md lists the demos.""",
+DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all or --lecture, and Jupyter
+notebooks with --notebook.  docs/demos.md lists the demos.""",
 )
 @click.argument("named", nargs=-1, metavar="[NAME|NUMBER]...", type=DemoType())
 def demo(
@@ -61,6 +65,7 @@ def demo(
     settings: Settings,
     *,
     every: bool = setting(False, "Run all demos and write an index page", flag="--all"),
+    lecture: bool = setting(False, "Run seven demos in order, twenty minutes, with notes for the speaker (key N)"),
     out: Path = setting(Path("demos"), "Folder of the figures and pages", group=OUTPUT, metavar="DIR"),
     listing: bool = setting(False, "List the demos, as without a name", flag="--list"),
     notebook: bool = setting(False, "Write Jupyter notebooks instead of running the demos"),
@@ -68,7 +73,7 @@ def demo(
         None, "Only write the demo's scene, as a file for other commands", flag="--scene", metavar="OUT.glb"
     ),
     viewing: bool = setting(False, "Only open the demo's scene in the viewer", flag="--view"),
-    size: tuple[int, int] | None = setting(
+    size: Size = setting(
         None,
         "Size of a panel in pixels",
         SIZE.check,
@@ -82,15 +87,17 @@ def demo(
     Each number is compared with its theoretical value; the exit code is 1 if one differs.  Without a name, lists the
     demos.
     """
-    from taubench_gl.demos.lessons import demos
+    from taubench_gl.demos.lecture import LECTURE
+    from taubench_gl.demos.lessons import demos, find_demo
 
-    only_one("--all and names were given", "give one of the two", every, named)
+    only_one("--all, --lecture and names exclude each other", "give one of them", every, lecture, named)
     only_one("--notebook, --scene and --view exclude each other", "give one of them", notebook, scene_file, viewing)
-    if (scene_file is not None or viewing) and not (named or every or listing):
+    if (scene_file is not None or viewing) and not (named or every or lecture or listing):
         raise SettingsError("no demo was named", hint="--scene and --view need one, see 'taubench-gl demo'")
     if scene_file is not None and scene_file.suffix.lower() != ".glb":
         raise SettingsError(f"{scene_file.name} does not end in .glb", hint="scenes are written as one binary file")
-    selected = demos() if every else list(dict.fromkeys(named))
+    parts = LECTURE if lecture else ()
+    selected = demos() if every else [find_demo(part.demo) for part in parts] or list(dict.fromkeys(named))
     if listing or not selected:
         _list(selected or demos())
         return 0
@@ -100,7 +107,7 @@ def demo(
     if notebook:
         _notebooks(selected, out, size)
         return 0
-    return _run(selected, out, every, size, settings.device)
+    return _run(selected, out, every or lecture, parts, size, settings.device)
 
 
 def _list(selected: list[Demo]) -> None:
@@ -108,7 +115,7 @@ def _list(selected: list[Demo]) -> None:
         click.echo(f"{lesson.number:>2}  {lesson.name:<12} {lesson.title}")
 
 
-def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
+def _scene(selected: list[Demo], path: Path | None, size: Size) -> None:
     """Write the scene of a demo as glTF, or open it in the viewer."""
     from taubench_gl.datasets.gltf_from_scene import write_scene
 
@@ -127,7 +134,7 @@ def _scene(selected: list[Demo], path: Path | None, size: tuple[int, int] | None
         view.main(args=[str(write_session(lesson, file, size))], standalone_mode=False)
 
 
-def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
+def write_session(lesson: Demo, scene: Path, size: Size) -> Path:
     """A session file beside ``scene`` that opens the lesson: its pair, its masks and its text."""
     from taubench_gl.demos.opening import opening_settings
     from taubench_gl.demos.stage import SIZE
@@ -158,7 +165,7 @@ def write_session(lesson: Demo, scene: Path, size: tuple[int, int] | None) -> Pa
     return path
 
 
-def _notebooks(selected: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
+def _notebooks(selected: list[Demo], out: Path, size: Size) -> None:
     from taubench_gl.demos.gallery import NOTEBOOK_SIZE, write_notebook
     from taubench_gl.outputs import output_folder
 
@@ -167,13 +174,15 @@ def _notebooks(selected: list[Demo], out: Path, size: tuple[int, int] | None) ->
         click.echo(f"written to {write_notebook(lesson, folder, size or NOTEBOOK_SIZE)}")
 
 
-def _run(selected: list[Demo], out: Path, every: bool, size: tuple[int, int] | None, machine: DeviceSettings) -> int:
+def _run(
+    selected: list[Demo], out: Path, index: bool, parts: Sequence[Part], size: Size, machine: DeviceSettings
+) -> int:
     from taubench_gl.demos.gallery import open_stage, run_demos
     from taubench_gl.demos.stage import SIZE
 
     with open_stage(size or SIZE, machine.backend, machine.device) as stage:
-        shown = run_demos(stage, selected, out, index=every, on_demo=_show)
-    pages = f"{out / 'index.html'}" if every else ", ".join(str(s.page) for s in shown)
+        shown = run_demos(stage, selected, out, index=index, lecture=parts, on_demo=_show)
+    pages = f"{out / 'index.html'}" if index else ", ".join(str(s.page) for s in shown)
     click.echo(f"written to {out}{os.sep}; open {pages}")
     failed = [s.demo for s in shown if not s.result.as_expected]
     if failed:

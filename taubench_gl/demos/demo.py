@@ -187,11 +187,27 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What the reader guesses before seeing the first finding: a number from ``low`` to ``high`` in its unit."""
+    """What the reader guesses before seeing the first finding: a number from ``low`` to ``high`` in its unit.
+
+    Neither the idea nor a frame states the answer, and the page shows nothing else before the guess.
+    """
 
     text: str
     low: float
     high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Screens:
+    """Images beside the question, where the opening's pair and masks do not show what is asked.  (h, w, 3) uint8 each.
+
+    ``answer``: shown after the guess, in place of the mask; ``note``: what it shows; ``frames``: previous and current
+    frame, None for those of the pair.
+    """
+
+    answer: Array
+    note: str
+    frames: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +222,7 @@ class Result:
     caption: str
     parameter: Parameter
     colors: Mapping[str, RGB] = field(default_factory=dict)
+    screens: Screens | None = None
     path: Path | None = None
 
     def saved(self, path: Path) -> Result:

@@ -16,9 +16,10 @@ import numpy as np
 from taubench_gl import __version__
 from taubench_gl.data_files import read_bytes
 from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
+from taubench_gl.demos.lecture import Part, minutes_text
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.opening import opening_settings, pair_text
-from taubench_gl.demos.sheet import as_bytes
+from taubench_gl.demos.sheet import WIDTH, as_bytes
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
@@ -31,19 +32,21 @@ from taubench_gl.report.palette import color_of, hex_of
 
 INDEX_FILE = "index.html"
 NOTEBOOK_SIZE = (320, 180)
-_CARD_WIDTH = 640  # pixels
 FEW_COLORS = 64
 DEMO = "demo.html"
 """Template of the parts of the pages."""
+Around = tuple[Demo | None, Demo | None] | None
+"""The demos before and after one; None: it is alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A demo with its result and its page."""
+    """A demo with its result, its page, and the current frame as a data URI."""
 
     demo: Demo
     result: Result
     page: Path
+    frame: str
 
 
 def open_pair(stage: Stage, demo: Demo) -> LitPair:
@@ -75,11 +78,13 @@ def run_demos(
     out: str | Path,
     *,
     index: bool = False,
+    lecture: Sequence[Part] = (),
     on_demo: Callable[[Shown], None] | None = None,
 ) -> list[Shown]:
     """Run demos in order and write the figures and the page of each to the folder ``out``.
 
-    ``index``: write an index of all as well.  ``on_demo``: called after each demo.  Raises TaubenchError.
+    ``index``: write an index of all as well.  ``lecture``: minutes and notes of the demos, in the same order.
+    ``on_demo``: called after each demo.  Raises TaubenchError.
     """
     folder = output_folder(out)
     shown: list[Shown] = []
@@ -87,46 +92,51 @@ def run_demos(
         result, pair = demo.run(stage).saved(folder / f"{demo.stem}.png"), open_pair(stage, demo)
         around = (demos[i - 1] if i else None, demos[i + 1] if i + 1 < len(demos) else None)
         page = folder / f"{demo.stem}.html"
-        write_atomically(page, demo_page(demo, result, pair, around if index else None))
-        shown.append(Shown(demo, result, page))
+        write_atomically(page, demo_page(demo, result, pair, around if index else None, lecture))
+        shown.append(Shown(demo, result, page, _screens(demo, result, pair)[1][1]))
         if on_demo is not None:
             on_demo(shown[-1])
     if index:
-        write_atomically(folder / INDEX_FILE, index_page([(s.demo, s.result) for s in shown]))
+        write_atomically(folder / INDEX_FILE, index_page(shown, lecture))
     return shown
 
 
-def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | None, Demo | None] | None = None) -> str:
+def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[Part] = ()) -> str:
     """The page of one demo.
 
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
-    folder.
+    folder; ``lecture``: minutes and notes of its demos, one of which is this one.
     """
     before, after = around or (None, None)
-    parameter, findings = result.parameter, result.findings
+    parameter, findings, screens = result.parameter, result.findings, _screens(demo, result, pair)
     bar = parameter.bar and _gradient(parameter.bar)
     page = Page(
         f"{demo.number}. {demo.title}", f"demo {demo.number}, {demo.name}", heading="",
         tools=tag("button", "Lecture", id="lecture", type="button",
                   title="One step per screen; arrow keys change it, Escape ends it"),
-        styles=("demo.css",), scripts=("demo.js",),
+        intro=(macro("head", DEMO)(demo),), styles=("demo.css",), scripts=("demo.js",),
         data={
             "question": _question(demo, findings[0]),
             "parameter": _parameter(parameter),
             "previous": before and f"{before.stem}.html",
             "next": after and f"{after.stem}.html",
+            "lecture": bool(lecture),
         },
         footer=(macro("footer", DEMO)(_links(around), __version__),),
     )  # fmt: skip
 
     def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
-        page.add(name, title, macro(part, DEMO)(*values), link=link, step=True)
+        said = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
+        notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in said]
+        page.add(name, title, macro(part, DEMO)(*values), *notes, link=link, step=True)
 
-    step("idea", "", "idea", demo)
-    key = [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
-    step("frames", "The two frames", "frames", _screens(demo, pair), pair_text(demo), key, link="Frames")
-    step("question", "Guess first", "question", demo.question.text, link="Question")
-    step("figure-1", "Figure", "figure", data_uri(read_bytes(result.path)), result.caption, demo.look_for)
+    step("idea", "", "idea", demo, screens)
+    own = result.screens
+    key = [] if own else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
+    about = ("", own.note) if own else (pair_text(demo), "")
+    step("question", "Guess first", "question", demo.question.text, screens, key, *about, link="Question")
+    uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
+    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.look_for)
     size = parameter.picture(0).shape[1::-1]
     step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]
@@ -134,14 +144,13 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | No
     return page.html()
 
 
-def _screens(demo: Demo, pair: LitPair) -> list[tuple[str, str]]:
-    """Name and image of the previous frame, the current frame, and its mask."""
-    current, masks = pair.now["color"][..., :3], demo.opening.masks
-    return [
-        ("previous", data_uri(_webp(as_bytes(pair.before["color"][..., :3])), "webp")),
-        ("current", data_uri(_webp(as_bytes(current)), "webp")),
-        ("mask", data_uri(_webp(mask_overlay(pair.mask, current, masks)), "webp")),
-    ]
+def _screens(demo: Demo, result: Result, pair: LitPair) -> list[tuple[str, str, float]]:
+    """Name, image and width / height of the previous frame, the current frame, and the answer."""
+    own = result.screens
+    frames = (own and own.frames) or tuple(as_bytes(frame["color"][..., :3]) for frame in (pair.before, pair.now))
+    answer = own.answer if own else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
+    images = zip(("previous", "current", "answer"), (*frames, answer))
+    return [(name, data_uri(_webp(image), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
 
 
 def _gradient(bar: ColorBar) -> str:
@@ -194,21 +203,17 @@ def png_bytes(image: Array) -> bytes:
     return buffer.getvalue()
 
 
-def index_page(shown: Sequence[tuple[Demo, Result]]) -> str:
-    """One card per demo with a link to its page in the same folder."""
-    good = sum(result.as_expected for _, result in shown)
+def index_page(shown: Sequence[Shown], lecture: Sequence[Part] = ()) -> str:
+    """One card per demo with a link to its page in the same folder, in a ``lecture`` with its minutes."""
+    good = sum(s.result.as_expected for s in shown)
     lead = (
         f"Every demo was rendered and measured on this machine. In {good} of {len(shown)}, every value is as theory "
         "predicts."
     )
-    cards = [
-        {"demo": demo, "uri": data_uri(_thumbnail(result.path)), "finding": result.findings[0],
-         "as_expected": result.as_expected}
-        for demo, result in shown
-    ]  # fmt: skip
+    times = [minutes_text(lecture[: i + 1]) for i in range(len(lecture))] or [""] * len(shown)
     return Page(
         "Demos of temporal reuse", heading=f"Temporal reuse in {len(shown)} demos", styles=("demo.css",),
-        intro=(tag("p", lead, class_="lead"), macro("cards", DEMO)(cards)),
+        intro=(tag("p", lead, class_="lead"), macro("cards", DEMO)(shown, times)),
         footer=(tag("p", f"taubench-gl {__version__}", class_="muted"),),
     ).html()  # fmt: skip
 
@@ -228,7 +233,7 @@ def _strip(finding: Finding) -> dict[str, float] | None:
     return {"start": start, "width": max(end - start, 2.0), "value": min(max(x(value), 5.0), 115.0)}
 
 
-def _links(around: tuple[Demo | None, Demo | None] | None) -> list[dict[str, str]]:
+def _links(around: Around) -> list[dict[str, str]]:
     """Links to the previous demo, the index and the next demo."""
     if around is None:
         return []
@@ -239,18 +244,6 @@ def _links(around: tuple[Demo | None, Demo | None] | None) -> list[dict[str, str
     if after is not None:
         links.append({"rel": "next", "file": f"{after.stem}.html", "text": f"{after.number}. {after.title} →"})
     return links
-
-
-def _thumbnail(path: Path) -> bytes:
-    """A PNG of the width of a card."""
-    from PIL import Image
-
-    with Image.open(io.BytesIO(read_bytes(path))) as image:
-        image = image.convert("RGB")
-        image.thumbnail((_CARD_WIDTH, 2000))
-        buffer = io.BytesIO()
-        image.save(buffer, format="PNG", optimize=True)
-    return buffer.getvalue()
 
 
 def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SIZE) -> Path:

@@ -240,6 +240,12 @@ def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Arra
     return image[top : top + height, left : left + width]
 
 
+def enlarged_frames(pair: LitPair, *part: int) -> tuple[Array, Array]:
+    """A part of the previous and of the current image.  (h, w, 3) uint8 each."""
+    before, now = (as_bytes(enlarged(frame["color"][..., :3], *part)) for frame in (pair.before, pair.now))
+    return before, now
+
+
 def frame_of(left: int, top: int, width: int, height: int) -> Any:
     """The outline of a part of an image, for the panel of the whole image."""
     from matplotlib.patches import Rectangle

@@ -146,9 +146,11 @@ class Stage:
         self.bench.release()
 
 
-SAND, BRICK, SEA, LEAF, CHALK = (
+SAND, BRICK, SEA, LEAF, CHALK, GOLD = (
     (0.70, 0.58, 0.40), (0.62, 0.20, 0.12), (0.10, 0.30, 0.55), (0.16, 0.42, 0.20), (0.80, 0.79, 0.75),
+    (0.75, 0.55, 0.12),
 )  # fmt: skip
+"""Colors of materials.  A lesson uses none that is close to a color of its masks (test_colors.py)."""
 
 
 class Props(SceneBuilder):
@@ -211,7 +213,7 @@ def hall(b: Props) -> None:
     for i in range(6):
         for side in (-1, 1):
             b.node(translation=(2.25 * side, 0.5, -6.5 + 2.5 * i), mesh=column)
-    b.ball(0.45, (0.75, 0.55, 0.12), translation=(0.0, -1.05, -5.0))
+    b.ball(0.45, GOLD, translation=(0.0, -1.05, -5.0))
     b.block((0.4, 0.4, 0.4), LEAF, translation=(-1.2, -1.1, -6.4), rotation=turn_y(30))
     b.ball(0.5, BRICK, translation=(0.6, -1.0, 5.0))
     for z in (-6.0, -2.5, 2.5, 6.0):

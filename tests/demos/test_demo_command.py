@@ -8,6 +8,7 @@ import pytest
 
 from taubench_gl.apps import cli
 from taubench_gl.demos import demo as record
+from taubench_gl.demos import lecture
 from taubench_gl.demos.demo import Expected
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.scene import load_scene
@@ -47,6 +48,17 @@ def test_runs_by_number_and_name(run, tmp_path):
     assert "all demos" not in (tmp_path / "lecture" / "09-thresholds.html").read_text(encoding="utf-8")
 
 
+def test_a_lecture_is_pages_in_order_with_an_index(run, monkeypatch, tmp_path):
+    monkeypatch.setattr(lecture, "LECTURE", [p for p in lecture.LECTURE if p.demo in ("occlusion", "ground")])
+    code, out, _ = run("--lecture", "--size", "160x90", "--out", "talk")
+    assert code == 0 and "index.html" in out.splitlines()[-1]
+    first, second = (
+        (tmp_path / "talk" / name).read_text(encoding="utf-8") for name in ("07-occlusion.html", "13-ground.html")
+    )
+    assert '"next":"13-ground.html"' in first and '"previous":"07-occlusion.html"' in second
+    assert lecture.LECTURE[1].figure in second and "Lesson 2 of 2, minutes 3 to 6" in second
+
+
 def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
     one = find_demo("thresholds")
 
@@ -71,6 +83,8 @@ def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
         (("18",), "17"),
         (("r",), "rotations"),
         (("--all", "half"), "--all"),
+        (("--all", "--lecture"), "--lecture"),
+        (("--lecture", "--scene", "x.glb"), "7"),
         (("half", "--size", "16x9"), "160x90"),
         (("half", "--size", "big"), "big"),
         (("half", "noise", "--scene", "x.glb"), "--scene"),

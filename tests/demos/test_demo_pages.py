@@ -1,4 +1,4 @@
-"""The pages of the demos in headless Chromium: steps, flicker, guess, parameter; no console output, no overflow."""
+"""The pages of the demos in headless Chromium: steps, flicker, guess, parameter, lecture; no console output."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ import pytest
 from PIL import Image
 
 from taubench_gl.demos.demo import Demo
-from taubench_gl.demos.gallery import demo_page
+from taubench_gl.demos.gallery import demo_page, index_page
+from taubench_gl.demos.lecture import LECTURE
 from taubench_gl.demos.lessons import demos, find_demo
 
 WINDOWS = ((1280, 720), (1920, 1080), (390, 844))
 QUICK = ("thresholds",)
 """A parameter that repaints a mask."""
+FILLED = 0.45
+"""Least part of a window's width and height below the title that the content of a step spans."""
 
 
 @pytest.fixture
@@ -49,45 +52,78 @@ def canvas(page: Any) -> np.ndarray:
 
 
 def drive(demo: Demo, runs: Any, gpu: Any, opened: Any) -> None:
-    """One lesson: every step in three windows, the guess, the images of the pair, and every way to drag."""
+    """One lesson: the guess, the images of the pair, every way to drag, and every step in three windows."""
     shown = runs.shown(demo, gpu)
-    page = opened(shown.page, "#lecture")
+    page = opened(shown.page)
+    drive_question(demo, shown.result, page)
+    drive_frames(page)
+    drive_parameter(shown.result.parameter, page)
+    page.click("#lecture")
     count = page.locator(".step").count()
     for width, height in WINDOWS:
         page.set_viewport_size({"width": width, "height": height})
         page.keyboard.press("Home")
         for i in range(count):
             assert page.locator("#place").inner_text() == f"{i + 1} / {count}"
-            assert page.locator(".step.now").count() == 1 and page.locator(".step.now").is_visible()
-            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), f"step {i + 1} is too wide"
+            check_slide(page, f"{demo.name}, step {i + 1}, {width}x{height}")
             page.keyboard.press("ArrowRight")
     page.set_viewport_size({"width": 1280, "height": 720})
     page.keyboard.press("Escape")
     assert page.locator("html.lecture").count() == 0 and page.locator("#numbers").is_visible()
-    drive_question(demo, shown.result, page)
-    drive_frames(page)
-    drive_parameter(shown.result.parameter, page)
+
+
+def check_slide(page: Any, where: str) -> None:
+    """One step with the title above it, which fill the window without being wider."""
+    assert page.locator(".step.now").count() == 1 and page.locator("h1").is_visible(), where
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), f"{where} is too wide"
+    if page.viewport_size["width"] > page.viewport_size["height"]:  # a tall window is of a telephone, which scrolls
+        assert page.evaluate("document.documentElement.scrollHeight <= 1.1 * innerHeight"), f"{where} is too high"
+    title = page.locator("h1").bounding_box()
+    left, right, top, bottom = page.evaluate(
+        """() => {
+            const parts = [...document.querySelectorAll(".step.now > :not(h2)")];
+            const boxes = parts.map((part) => part.getBoundingClientRect()).filter((box) => box.width);
+            const of = (name, pick) => pick(...boxes.map((box) => box[name]));
+            return [of("left", Math.min), of("right", Math.max), of("top", Math.min), of("bottom", Math.max)];
+        }"""
+    )
+    window, below = page.viewport_size, title["y"] + title["height"]
+    assert title["y"] >= 0 and top >= below - 1, f"{where}: the title is hidden"
+    assert right - left >= 0.9 * window["width"], f"{where}: {right - left} of {window['width']} px wide"
+    assert bottom - top >= FILLED * (window["height"] - below), f"{where}: {bottom - top} px high"
 
 
 def drive_question(demo: Demo, result: Any, page: Any) -> None:
-    asked = demo.question
-    assert asked.low < asked.high and page.locator("#answer").inner_text() == ""
+    """Before the guess neither text, name of an image nor key shows the number, its theory or the answer's image."""
+    asked, first = demo.question, result.findings[0]
+    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.look_for]
+    before, tree = page.locator("body").inner_text(), page.locator("body").aria_snapshot()
+    assert [s for s in secrets if s in before or s in tree] == []
+    assert asked.low < asked.high and asked.low <= first.number <= asked.high
+    assert [s.get_attribute("id") for s in page.locator(".step").all() if s.is_visible()] == ["idea", "question"]
+    page.keyboard.press("3")
     page.locator("#guess").focus()
     page.keyboard.press("End")
+    assert seen_images(page) == ["current"] and first.text not in page.locator("body").inner_text()
     assert float(page.locator("#guessed").inner_text().split()[0]) == pytest.approx(asked.high)
     page.click("#reveal")
     words = page.locator("#answer").inner_text()
-    assert result.findings[0].text in words and result.findings[0].expected_text in words
-    assert asked.low <= result.findings[0].number <= asked.high
+    assert first.text in words and first.expected_text in words and page.locator(".guessmark").count() == 1
+    after = page.locator("body").inner_text()
+    assert [s for s in secrets if s not in after] == [] and seen_images(page) == ["answer"]
+
+
+def seen_images(page: Any) -> list[str]:
+    """Which images of the pair are visible."""
+    return page.locator(".screen img").evaluate_all(
+        "all => all.filter(i => getComputedStyle(i).visibility === 'visible').map(i => i.className)"
+    )
 
 
 def drive_frames(page: Any) -> None:
-    for key, name in (("1", "previous"), ("3", "mask"), ("2", "current")):
+    for key, name in (("1", "previous"), ("3", "answer"), ("2", "current")):
         page.keyboard.press(key)
-        seen = page.locator(".screen img").evaluate_all(
-            "all => all.filter(i => getComputedStyle(i).visibility === 'visible').map(i => i.className)"
-        )
-        assert seen == [name]
+        assert seen_images(page) == [name]
     page.keyboard.press("f")
     for name in ("previous", "current", "previous"):
         page.wait_for_selector(f".screen[data-shown={name}]")
@@ -140,16 +176,16 @@ def test_keyboard_and_screen_reader(runs, gpu, opened):
     page.keyboard.press("Enter")
     page.wait_for_selector("html.lecture")
     page.keyboard.press("PageDown")
-    assert page.evaluate("document.activeElement.id") == "frames"  # a screen reader reads the name of the step
-    page.keyboard.press("3")
-    assert page.get_by_role("img", name="Mask over the current frame").count() == 1
-    page.keyboard.press("PageDown")
+    assert page.evaluate("document.activeElement.id") == "question"  # a screen reader reads the name of the step
     tab_to("#guess")
     page.keyboard.press("End")
     assert page.get_attribute("#guess", "aria-valuetext") == page.locator("#guessed").inner_text()
     tab_to("#reveal")
     page.keyboard.press("Enter")
     assert shown.result.findings[0].text in page.locator("#answer").inner_text()
+    page.keyboard.press("1")
+    page.keyboard.press("3")
+    assert page.get_by_role("img", name="Answer in the current frame").count() == 1
     page.keyboard.press("PageDown")
     page.keyboard.press("PageDown")
     tab_to("#value")
@@ -183,8 +219,14 @@ def test_the_lecture_goes_on_with_the_next_demo(runs, gpu, opened, tmp_path):
     for demo, around in ((first, (None, second)), (second, (first, None))):
         page = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), around)
         (tmp_path / f"{demo.stem}.html").write_text(page, encoding="utf-8")
-    page = opened(tmp_path / f"{first.stem}.html", "#lecture-2")
-    assert page.locator(".step.now").get_attribute("id") == "frames"
+    page = opened(tmp_path / f"{first.stem}.html", "#lecture-4")
+    for key in ("", "Home", "End"):  # no key and no address leads past the question
+        page.keyboard.press(key) if key else None
+        assert page.locator(".step.now").get_attribute("id") == ("idea" if key == "Home" else "question")
+    assert page.locator("#answer").inner_text() == ""
+    page.keyboard.press("PageDown")  # the next step of the question is its answer
+    assert page.locator(".step.now").get_attribute("id") == "question" and page.locator(".guessmark").count() == 0
+    assert runs.of(first, gpu).findings[0].text in page.locator("#answer").inner_text()
     page.keyboard.press("End")
     page.keyboard.press("PageDown")
     page.wait_for_url(re.compile(second.stem))
@@ -199,5 +241,64 @@ def test_without_scripts_everything_is_shown(runs, gpu, browser):
     page = context.new_page()
     page.goto(runs.shown(find_demo("thresholds"), gpu).page.as_uri())
     assert all(page.locator(".step").nth(i).is_visible() for i in range(page.locator(".step").count()))
-    assert page.locator(".findings").is_visible() and page.locator(".screen .current").is_visible()
+    assert page.locator(".findings").is_visible() and seen_images(page) == ["answer"]
     context.close()
+
+
+def test_paper_has_everything_and_the_notes(runs, gpu, opened, tmp_path):
+    page = opened(lecture_page(runs, gpu, tmp_path, 3))
+    page.emulate_media(media="print")
+    assert all(step.is_visible() for step in page.locator(".step").all())
+    assert all(note.is_visible() for note in page.locator(".notes").all()) and seen_images(page) == ["answer"]
+
+
+def lecture_page(runs, gpu, folder, place: int):
+    """The page of lesson ``place`` of the lecture, with the thresholds demo between those of the lecture."""
+    demo, around = find_demo("thresholds"), [find_demo(LECTURE[i].demo) for i in (place - 1, place + 1)]
+    assert LECTURE[place].demo == demo.name
+    text = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), tuple(around), LECTURE)
+    (folder / f"{demo.stem}.html").write_text(text, encoding="utf-8")
+    for other in around:
+        (folder / f"{other.stem}.html").write_text(text, encoding="utf-8")
+    return folder / f"{demo.stem}.html"
+
+
+def test_notes_and_lessons_of_the_lecture(runs, gpu, opened, tmp_path):
+    """N shows the notes of the step with the minutes; they, and the time, go on to the next lesson."""
+    page = opened(lecture_page(runs, gpu, tmp_path, 3), "#lecture")
+    part, note = LECTURE[3], page.locator(".step.now .notes")
+    assert not note.is_visible()
+    page.keyboard.press("n")
+    start = sum(p.minutes for p in LECTURE[:3])
+    assert (
+        part.idea in note.inner_text()
+        and f"Lesson 4 of 7, minutes {start} to {start + part.minutes}" in note.inner_text()
+    )
+    page.wait_for_selector(".step.now .clock:text('now 0:')")
+    for size in WINDOWS:
+        page.set_viewport_size(dict(zip(("width", "height"), size)))
+        box, screen = note.bounding_box(), page.locator(".step.now .two").bounding_box()
+        assert box["y"] + box["height"] == pytest.approx(size[1], abs=1)
+        if size[0] > size[1]:
+            assert screen["y"] + screen["height"] <= box["y"], "the notes cover the images"
+    page.keyboard.press("PageDown")
+    assert part.question in note.inner_text()
+    before = re.search(r"@\d+n$", page.url)
+    assert before
+    page.keyboard.press("Shift+ArrowRight")
+    page.wait_for_url(re.compile(f"{find_demo(LECTURE[4].demo).stem}.html#lecture{before.group()}"))
+    page.wait_for_selector("html.noted.lecture")
+    page.keyboard.press("n")
+    assert not note.is_visible() and not page.url.endswith("n")
+
+
+def test_the_lecture_is_seven_demos_in_twenty_minutes(runs, gpu):
+    assert len({part.demo for part in LECTURE}) == 7 and sum(part.minutes for part in LECTURE) == 20
+    shown = [runs.shown(find_demo(part.demo), gpu) for part in LECTURE]
+    page = index_page(shown, LECTURE)
+    assert re.findall(r'<a href="([^"]+)"', page) == [f"{s.demo.stem}.html#lecture" for s in shown]
+    assert re.findall(r"Minutes (\d+) to", page)[-1] == str(20 - LECTURE[-1].minutes)
+    assert [s.demo.name for s in shown if s.result.findings[0].text in page] == []
+    for part in LECTURE:
+        texts = (part.idea, part.question, part.figure, part.parameter)
+        assert all(texts) and not any(s.result.findings[0].text in text for s in shown for text in texts)

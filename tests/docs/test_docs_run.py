@@ -32,7 +32,7 @@ LEFT_OUT = {
     r"exr:(engine|one-sample)|--mapping falcor|^cost .*exr:": "reads renderings of other programs: tests/pathtraced, "
     "tests/reuse, tests/cost",
     r"^paper|^scenes make|^benchmark (?!compare)": "takes minutes: tests/paper, tests/datasets, tests/benchmark",
-    r"^demo --all|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
+    r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
     r"osmesa": "a driver that may be missing: tools/test --driver",
 }
 """Examples that do not run here (regular expressions of command lines), and what tests them."""

@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
@@ -87,7 +87,8 @@ def run(stage: Stage) -> Result:
     sheet.panel(1, 0, lit.now["color"][..., :3], "current frame: the camera turned by 180°")
     false = reprojected(last, naive.motion_px, reused_naive)
     text = f"{100 * reused_naive.mean():.1f} % reused, all wrong"
-    sheet.panel(0, 1, checkerboard(np.nan_to_num(false), ~reused_naive, cell), "history without the test of w", text)
+    untested = checkerboard(np.nan_to_num(false), ~reused_naive, cell)
+    sheet.panel(0, 1, untested, "history without the test of w", text)
     real = reprojected(last, lit.motion, reused)
     text = f"{100 * reused.mean():.1f} % reused, {lit.percent(Reason.BEHIND):.1f} % behind camera"
     sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, cell), "history with the test of w: none", text)
@@ -104,7 +105,8 @@ def run(stage: Stage) -> Result:
                 Expected.between(0.0, 0.01, "(x, -y) again, in float32 at coordinates of some hundreds", 3), 4),
     )  # fmt: skip
     caption = "Top: two frames, rotated by 180°. Bottom: reprojected history without and with the test of w."
-    return Result(findings, sheet, caption, _angle(stage, last, cell))
+    screens = Screens(as_bytes(untested), "History without the test of w.")
+    return Result(findings, sheet, caption, _angle(stage, last, cell), screens=screens)
 
 
 def _angle(stage: Stage, before: Array, cell: int) -> Parameter:

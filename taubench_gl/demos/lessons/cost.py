@@ -12,7 +12,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.cost.analysis import Point
 from taubench_gl.cost.study import cost
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries
 from taubench_gl.demos.stage import Stage
@@ -92,11 +92,12 @@ def run(stage: Stage) -> Result:
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
     sheet = Sheet(3, 1, size[0] / size[1], below=360)
-    details = []
+    details, masks = [], []
     for place, scale in enumerate(SCALES):
         w, h = (max(1, round(side * scale)) for side in size)
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
+        masks.append(drawn)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
         details.append(scaled_to(part, (size[1] // 3, size[0] // 3)))
         text = f"error {error_at(points, scale, exact):.3f} pp"
@@ -124,7 +125,8 @@ def run(stage: Stage) -> Result:
         "each of the samples on an edge is wrong by up to half a sample at random; 6 deviations", images=tuple(details),
         note="The same detail of the mask. Blue: discarded by position.", digits=3,
     )  # fmt: skip
-    return Result(tuple(findings), sheet, caption, parameter)
+    screens = Screens(masks[0], "The mask with a sixteenth of the pixels. Blue: discarded by position.")
+    return Result(tuple(findings), sheet, caption, parameter, screens=screens)
 
 
 def scaled_to(image: Array, shape: tuple[int, int]) -> Array:

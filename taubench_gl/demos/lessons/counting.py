@@ -90,7 +90,7 @@ def scene() -> Scene:
         "Bottom right: at the dashed threshold the curve with 1 bin per octave is too high: no key moved that far.",
     ),
     question=Question(
-        "A float32 counter adds one pixel at a time. At how many million pixels does it stop growing?", 0.0, 40.0
+        "A float32 number counts the discarded pixels one by one. At how many million does it stop growing?", 0.0, 40.0
     ),
     opening=Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0}),
     scene=scene,

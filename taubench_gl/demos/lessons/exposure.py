@@ -6,8 +6,8 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import Sheet, as_bytes, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.sheet import Sheet, as_bytes, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import METERED_FRAMES, RASTER_SIZE
@@ -116,7 +116,9 @@ def run(stage: Stage) -> Result:
     caption = (
         "A lamp moves in front of a wall: the mask of direct light with two exposures, and the discard rate of all."
     )
-    return Result(findings, sheet, caption, parameter)
+    most = float(luminance.max())
+    screens = Screens(as_bytes(heat(luminance, most)), f"Luminance, from 0 (dark) to {most:.1f} cd/m2 (bright).")
+    return Result(findings, sheet, caption, parameter, screens=screens)
 
 
 def _share(region: Array) -> Expected:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
@@ -104,7 +104,7 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
         0.0,
         100.0,
     ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), settings={"environment": "none"}),
+    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"}),
     scene=scene,
     see_also=(("reuse methods", "reuse.md"), ("how they are evaluated", "reuse-evaluation.md")),
 )
@@ -133,7 +133,8 @@ def run(stage: Stage) -> Result:
     caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."
     parameter = _weight({alpha: images[name] for alpha, name in zip(ALPHAS, blended)})
     colors = {name: rgb(color) for name, (_, color, _) in METHODS.items()}
-    return Result(findings, sheet, caption, parameter, colors)
+    screens = Screens(parameter.picture(parameter.start), f"A weight of {ALPHA:g}, after {FRAMES - 1} frames.")
+    return Result(findings, sheet, caption, parameter, colors, screens)
 
 
 def _weight(trails: Mapping[float, Trail]) -> Parameter:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
@@ -126,7 +126,9 @@ def run(stage: Stage) -> Result:
         "Motion vectors of a rolling camera in 16-bit floats: the largest errors, and all of them against the motion."
     )
     colors = {"measured": (0, 114, 178), "half a spacing": WRONG}
-    return Result(findings, sheet, caption, _precision(pair.motion, reusable), colors)
+    parameter = _precision(pair.motion, reusable)
+    screens = Screens(parameter.picture(parameter.start), parameter.note)
+    return Result(findings, sheet, caption, parameter, colors, screens)
 
 
 def _chance(percent: float, reusable: Array) -> float:

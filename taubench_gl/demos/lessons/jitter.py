@@ -9,8 +9,8 @@ import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, enlarged_frames, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.color import display_color
@@ -177,7 +177,10 @@ def run(stage: Stage) -> Result:
         tuple(0.03 * theory[name].sigma for name in weights), f"{source}; ± 3 %", start=ALPHAS.index(ALPHA),
         images=tuple(details[name] for name in weights), note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
     )  # fmt: skip
-    return Result(findings, sheet, caption, parameter, colors)
+    pair = stage.pair(scene(), columns=("frustum", "color"), environment="none")
+    text = f"After {FRAMES} frames with jitter in the motion vectors, enlarged."
+    screens = Screens(details[left_in], text, enlarged_frames(pair, *part))
+    return Result(findings, sheet, caption, parameter, colors, screens)
 
 
 def _near(value: float, source: str) -> Expected:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, note
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, enlarged_frames, note
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
@@ -95,8 +95,8 @@ def raw_flicker(width: float) -> float:
         "The plot: thin lines depend on locks. A line that every frame samples needs none.",
     ),
     question=Question(
-        "A still line is half a pixel wide and brighter than its surroundings. Which share of its light does "
-        "the upscaled image show without locks?",
+        "A still line is half a pixel wide and brighter than its surroundings; the images show a frame that the "
+        "upscaler gets. Which share of the light of the line does the upscaled image show without locks?",
         0.0,
         120.0,
     ),
@@ -136,7 +136,12 @@ def run(stage: Stage) -> Result:
     )  # fmt: skip
     caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
     colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
-    return Result(findings, sheet, caption, parameter, colors)
+    # What the upscaler gets: half of the pixels along each side, at the exposure of the figure.
+    size = {"width": OUTPUT[0] // 2, "height": OUTPUT[1] // 2}
+    pair = stage.pair(scene(), columns=("frustum", "color"), environment="none", exposure=2.0, **size)
+    frames = enlarged_frames(pair, OUTPUT[0] // 4 - 16, OUTPUT[1] // 4 - 9, 32, 18)
+    screens = Screens(parameter.picture(at), "The upscaled image without locks, after 96 frames, enlarged.", frames)
+    return Result(findings, sheet, caption, parameter, colors, screens)
 
 
 def detail(image: Array) -> Array:

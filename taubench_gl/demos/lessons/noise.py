@@ -9,7 +9,17 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.demo import (
+    Expected,
+    Finding,
+    Opening,
+    Parameter,
+    Question,
+    Result,
+    Screens,
+    demo,
+    threshold_parameter,
+)
 from taubench_gl.demos.sheet import BLUE, Sheet, as_bytes, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.frame.shading import Shading
@@ -91,7 +101,7 @@ def run(stage: Stage) -> Result:
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
     sheet = Sheet(4, 2, stage.size[0] / stage.size[1], below=330)
-    shares, first = {}, None
+    shares, first, screens = {}, None, None
     for place, samples in enumerate(SAMPLES):
         before, now = direct_light(stage, still, (0, 1), samples)
         pair = stage.bench.compare({"direct": now}, {"direct": before})
@@ -99,7 +109,12 @@ def run(stage: Stage) -> Result:
         shares[samples] = 100.0 * float(pair.has(Reason.DIRECT).mean())
         shown = display_color(now, 1.0, "linear")
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
-        sheet.panel(place, 1, overlay(pair.mask, shown, Reason.DIRECT), "mask", f"{shares[samples]:.1f} % discarded")
+        marked = overlay(pair.mask, shown, Reason.DIRECT)
+        sheet.panel(place, 1, marked, "mask", f"{shares[samples]:.1f} % discarded")
+        screens = screens or Screens(
+            marked, "One lamp at random per pixel and frame. Yellow: direct light counted as change.",
+            (as_bytes(display_color(before, 1.0, "linear")), as_bytes(shown)),
+        )  # fmt: skip
     exact = direct_light(stage, still, (0, 1), 0)
     none = 100.0 * float(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT).mean())
     gaussian = _gaussian(stage)
@@ -116,7 +131,7 @@ def run(stage: Stage) -> Result:
                 Expected.near(0.0, 0.0, "nothing moves and nothing is random")),
     )  # fmt: skip
     caption = "A static room with random light samples: images, masks, and discard rate."
-    return Result(findings, sheet, caption, _threshold(stage, *first, per_lamp))
+    return Result(findings, sheet, caption, _threshold(stage, *first, per_lamp), screens=screens)
 
 
 def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:

@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
-from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, LitPair, Props, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, LitPair, Props, Stage
 from taubench_gl.scene.model import Scene
 
 YFOV = np.radians(50.0)
@@ -17,11 +17,11 @@ SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
 STEPS = (0.0, 0.08, 0.16, 0.24, 0.32, 0.4, 0.48)  # meters
 
 
-def scene(moves: str = "board", step: float = STEP) -> Scene:
-    """A board in front of a wall.  In one second the ``board`` or the ``camera`` moves right by ``step`` meters."""
+def scene(moves: str = "camera", step: float = STEP) -> Scene:
+    """A board in front of a wall.  In one second the ``camera`` or the ``board`` moves right by ``step`` meters."""
     b = Props()
     b.checkered(12.0, 8.0, (48, 32), (CHALK, SAND), translation=(0, 0, -FAR))
-    board = b.checkered(*BOARD, (6, 6), (BRICK, SEA), translation=(0, 0, -NEAR))
+    board = b.checkered(*BOARD, (6, 6), (BRICK, GOLD), translation=(0, 0, -NEAR))
     b.light(translation=(0.6, 1.4, 0.0), intensity=35.0)
     camera = b.camera(yfov=YFOV, znear=0.05)
     start = np.array([(0.0, 0.0, -NEAR)] if moves == "board" else [(0.0, 0.0, 0.0)])
@@ -44,18 +44,18 @@ def width_of(pair: LitPair, reason: Reason) -> float:
     7,
     "occlusion",
     "Disocclusion and occlusion",
-    idea="When an object moves in front of another, two strips change. On one side a surface becomes visible that the "
-    "previous frame did not show: it is disoccluded and has no history. On the other side the object covers the "
-    "background: it is newly occluding, and its history is at its previous position, which motion vectors give.",
+    idea="When the camera or an object moves, the edges of the object change. On one side a surface becomes visible "
+    "that the previous frame did not show: it is disoccluded and has no history. On the other side a moving object "
+    "covers the background: it is newly occluding, and its history is at its previous position, which motion vectors "
+    "give.",
     look_for=(
         "Left: a camera that moves to the right disoccludes a strip of the wall; what is covered has left the image.",
         "Middle: for a moving board, reprojection by the camera alone discards both sides.",
         "Right: motion vectors recover the history of the board. The disoccluded strip never has history.",
     ),
     question=Question(
-        "A board 2.5 m away moves to the right by 32 cm between two frames, in front of a wall 6 m away. "
-        "The image is 50 degrees high. If the camera moves as far instead of the board, how many pixels "
-        "wide is the strip of the wall that appears?",
+        "The camera moves to the right by 32 cm between two frames. A board is 2.5 m away, a wall behind it 6 m. "
+        "The image is 50 degrees high. How many pixels wide is the strip of the wall that appears beside the board?",
         0.0,
         60.0,
     ),
@@ -108,15 +108,15 @@ def run(stage: Stage) -> Result:
 
 
 def _distance(stage: Stage) -> Parameter:
-    """How far the board moves: its masks with motion reprojection."""
+    """How far the camera moves."""
     images, widths = [], []
     for step in STEPS:
-        pair = stage.pair(scene("board", step), columns=("frustum", "position", "color"), reprojection="motion")
+        pair = stage.pair(scene("camera", step), columns=("frustum", "position", "color"))
         images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
         widths.append(width_of(pair, Reason.DISOCCLUDED))
     return Parameter(
-        "motion of the board", "m", STEPS, "is the strip without history", "px", tuple(widths),
-        tuple(focal(stage.size[1]) * step / NEAR for step in STEPS), (1.0,) * len(STEPS),
-        "motion f t / z_near; counted at pixel centers", start=STEPS.index(STEP), images=tuple(images), digits=0,
-        note="Light blue: disoccluded.",
+        "motion of the camera", "m", STEPS, "is the strip that appears", "px", tuple(widths),
+        tuple(focal(stage.size[1]) * step * (1 / NEAR - 1 / FAR) for step in STEPS), (1.0,) * len(STEPS),
+        "parallax f t (1 / z_near - 1 / z_far); counted at pixel centers", start=STEPS.index(STEP),
+        images=tuple(images), digits=0, note="Light blue: disoccluded.",
     )  # fmt: skip

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
@@ -134,7 +134,10 @@ def run(stage: Stage) -> Result:
     caption = (
         "The hall at 1000 km: float32 world positions on a column and along a row of pixels, and the error of motion."
     )
-    return Result(findings, sheet, caption, parameter, {"stored": rgb(ORANGE), "exact": rgb(BLUE)})
+    most = np.sqrt(0.75) * step  # half a spacing along each axis
+    text = f"Error of the stored positions, from 0 (dark) to {1000.0 * most:.0f} mm (bright)."
+    screens = Screens(as_bytes(heat(np.linalg.norm(shift, axis=-1), most)), text)
+    return Result(findings, sheet, caption, parameter, {"stored": rgb(ORANGE), "exact": rgb(BLUE)}, screens)
 
 
 def motion_error(pair: PairImages, position: Array) -> Array:

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.lessons.cost import scaled_to
 from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries
 from taubench_gl.demos.stage import Props, Stage, corner
@@ -65,8 +65,8 @@ def expected_rejections(sigma: Array, count: int) -> float:
     15,
     "samples",
     "Path-traced noise and what a threshold rejects",
-    idea="A path-traced pixel is the mean of random samples. The noise of a mean of N independent frames falls as "
-    "N^(-1/2): four times the frames for half the noise. A rejection test that compares two noisy buffers with a "
+    idea="A path-traced pixel is the mean of random samples. The noise of a mean of independent frames falls with "
+    "their number, but more slowly than their cost grows. A rejection test that compares two noisy buffers with a "
     "threshold discards history wherever the noise is larger, although nothing moves.",
     look_for=(
         "Top: the mean of one and of 64 frames, with the pixels that the threshold of direct light discards.",
@@ -75,8 +75,8 @@ def expected_rejections(sigma: Array, count: int) -> float:
         "Right plot: what the threshold discards. It ends when the noise is well below the threshold everywhere.",
     ),
     question=Question(
-        "The mean of 4 path-traced frames with one sample per pixel is replaced by that of 64. Which "
-        "share of its noise is left?",
+        "Each of the two images is the mean of 4 path-traced frames with one sample per pixel. Which share of the "
+        "noise is left in the mean of 64?",
         0.0,
         1.0,
     ),
@@ -110,13 +110,18 @@ def run(stage: Stage) -> Result:
                 Expected.near(share, 0.1 * share + 0.5, "normal distribution of the noise; ± 10 % and 0.5 pp")),
     )  # fmt: skip
     caption = "A static room in path-traced light: masks of the mean of 1 and of 64 frames, noise, and discard rate."
-    return Result(findings, sheet, caption, _count(pairs, noises))
+    screens = Screens(mean_image(pairs[64][1]), "The mean of 64 frames.", tuple(map(mean_image, pairs[4])))
+    return Result(findings, sheet, caption, _count(pairs, noises), screens=screens)
+
+
+def mean_image(light: Array) -> Array:
+    """Direct light (h, w, 3) as an enlarged image, uint8."""
+    return as_bytes(scaled_to(display_color(light), (SIZE[1] * 4, SIZE[0] * 4)))
 
 
 def _count(pairs: dict[int, Array], noises: dict[int, float]) -> Parameter:
     """The number of frames: their mean and its noise."""
-    shape = (SIZE[1] * 4, SIZE[0] * 4)
-    images = tuple(as_bytes(scaled_to(display_color(pair[1]), shape)) for pair in pairs.values())
+    images = tuple(mean_image(pair[1]) for pair in pairs.values())
     law = tuple(noises[1] / math.sqrt(count) for count in COUNTS)
     return Parameter(
         "frames in the mean", "", tuple(map(float, COUNTS)), "is the noise of direct light (RMS)", "",

@@ -9,9 +9,19 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, painted, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.sheet import (
+    BLUE,
+    ORANGE,
+    Sheet,
+    as_bytes,
+    enlarged,
+    enlarged_frames,
+    painted,
+    reason_entries,
+    rgb,
+)
+from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera, Scene
 from taubench_gl.selftest.bench import MovingCamera, PairImages, limits
@@ -31,7 +41,7 @@ def scene() -> Scene:
     The camera of the file turns by what is JITTER pixels in an image of PAGE_HEIGHT rows, for page and viewer.
     """
     b = Props()
-    b.wall(14.0, 9.0, SEA, translation=(0, 0, -14))
+    b.wall(14.0, 9.0, LEAF, translation=(0, 0, -14))
     b.checkered(0.55, 6.0, (3, 30), (BRICK, SAND), translation=(-0.7, 0, -4), rotation=turn((0, 0, 1), SLANT))
     b.checkered(12.0, 9.0, (24, 18), (CHALK, SAND), translation=(2.2, 0, -12), rotation=turn_y(-90))
     b.light(translation=(-1.0, 1.5, 0.0), intensity=90.0)
@@ -86,20 +96,23 @@ def distance(pair: PairImages, sampling: str) -> Array:
         0.0,
         4.0,
     ),
-    opening=Opening((Reason.POSITION,)),
+    opening=Opening((Reason.POSITION,), settings={"sampling": "bilinear"}),
     scene=scene,
     see_also=(("how history is sampled", "conventions.md"),),
 )
 def run(stage: Stage) -> Result:
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
-    color = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
+    frames = stage.pair(scene(), columns=("frustum", "color"))
+    color = frames.now["color"][..., :3]
     width, height = stage.size
     part = (int(0.27 * width), int(0.35 * height), width // 7, height // 7)
     sheet = Sheet(2, 1, width / height, below=330)
+    details = {}
     for place, (sampling, pair) in enumerate(pairs.items()):
         marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
         title = f"{sampling}: an edge of the board, {part[2]} x {part[3]} pixels"
-        sheet.panel(place, 0, enlarged(marked, *part), title, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
+        details[sampling] = enlarged(marked, *part)
+        sheet.panel(place, 0, details[sampling], title, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
     _plot(sheet, pairs, height // 2)
     sheet.legend(reason_entries(Reason.POSITION))
     where = "an edge crosses a row at a uniformly distributed position between two pixel centers"
@@ -116,7 +129,9 @@ def run(stage: Stage) -> Result:
                 Expected.near(predicted, 0.02 * predicted, f"two rays {JITTER} pixels apart against the wall; ± 2 %")),
     )  # fmt: skip
     caption = f"A static scene with samples {JITTER} pixels apart in the two frames. Every discard is a sampling error."
-    return Result(findings, sheet, caption, _jitter(stage, color, part))
+    text = "An edge of the board, enlarged. Blue: discarded with bilinear sampling."
+    screens = Screens(details["bilinear"], text, enlarged_frames(frames, *part))
+    return Result(findings, sheet, caption, _jitter(stage, color, part), screens=screens)
 
 
 def _chance(jitter: float, height: int) -> float:

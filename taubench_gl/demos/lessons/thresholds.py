@@ -8,7 +8,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Question, Result, demo, threshold_parameter
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, gray_image, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, SEA, Props, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
 from taubench_gl.report.run_plots import discard_curve
 from taubench_gl.scene.model import Scene
 
@@ -32,7 +32,7 @@ def scene() -> Scene:
     """Eight square keys in front of a wall; in one second each approaches by its own step, 1 cm to 128 cm."""
     b = Props()
     b.wall(9.0, 6.0, CHALK, translation=(0, 0, WALL))
-    colors = (SAND, BRICK, SEA, LEAF)
+    colors = (SAND, BRICK, GOLD, LEAF)
     for i, (place, step) in enumerate(zip(places(), STEPS_CM)):
         key = b.wall(HALF, HALF, colors[(i + i // 4) % 4], translation=place)
         b.animate(key, "translation", [0.0, 1.0], [place, place + [0, 0, step / 100]])

@@ -9,7 +9,7 @@ let flickering = 0;
 
 function showScreen(name) {
   screen.dataset.shown = name;
-  screen.setAttribute("aria-label", { previous: "Previous frame", current: "Current frame", mask: "Mask over the current frame" }[name]);
+  screen.setAttribute("aria-label", { previous: "Previous frame", current: "Current frame", answer: "Answer in the current frame" }[name]);
   for (const input of document.querySelectorAll("input[name=screen]")) input.checked = input.value === name;
 }
 
@@ -27,6 +27,7 @@ $("flicker").addEventListener("click", () => setFlicker(!flickering));
 // ---- the guess
 
 const asked = data.question, guess = $("guess");
+let guessed = false, answered = false;
 const guessedNumber = () => asked.low + (guess.value / guess.max) * (asked.high - asked.low);
 const withUnit = (number, digits, unit) => `${fixed(number, digits)} ${unit}`.trim();
 const showGuess = () => {
@@ -35,7 +36,12 @@ const showGuess = () => {
 };
 
 guess.value = guess.max / 2;
-guess.addEventListener("input", () => { showGuess(); $("answer").replaceChildren(); });
+guess.addEventListener("input", () => {
+  guessed = true;
+  $("reveal").textContent = "Reveal the number";
+  showGuess();
+  if (answered) reveal();
+});
 showGuess();
 
 // A line from low to high with the range of theory, the guess and the measured number.
@@ -49,14 +55,24 @@ function drawAnswer() {
   root.append(svg("circle", { class: "dot", cx: within(asked.measured), cy: 40, r: 7 }));
   root.append(text(within(asked.measured), 20, "measured", { "text-anchor": "middle" }));
   const at = within(guessedNumber());
-  root.append(svg("path", { class: "guessmark", d: `M${at} 52l7 14h-14z` }), text(at, 82, "guess", { "text-anchor": "middle" }));
+  if (guessed) root.append(svg("path", { class: "guessmark", d: `M${at} 52l7 14h-14z` }), text(at, 82, "guess", { "text-anchor": "middle" }));
   return root;
 }
 
-$("reveal").addEventListener("click", () => {
+// Shows the number, the image of the answer, and all that follows the question (demo.css hides it before).
+function reveal() {
+  root.classList.add("answered");
+  document.querySelector("input[value=answer]").disabled = false;
+  $("reveal").hidden = true;
   const words = el("p", {}, el("b", { class: "big" }, asked.text), ` ${asked.meaning}. Theory: ${asked.theory}.`);
   $("answer").replaceChildren(words, drawAnswer());
-});
+  if (answered) return;
+  answered = true;
+  setFlicker(false);
+  showScreen("answer");
+}
+
+$("reveal").addEventListener("click", reveal);
 
 // ---- the parameter
 
@@ -134,21 +150,33 @@ Promise.all(p.plane ? [load(p.base), load(p.plane)] : p.images.map(load)).then((
 // ---- one step per screen
 
 const steps = [...document.querySelectorAll(".step")], bar = document.querySelector(".steps");
+const asking = steps.findIndex((step) => step.id === "question");
+const opened = /^#lecture(?:-(\d+))?(?:@(\d+))?(n)?$/.exec(location.hash);
 let now = -1;  // index of the step; -1 outside a lecture
+let started = Number(opened?.[2] ?? 0);  // when the lecture began, milliseconds; the address takes it to the next lesson
+
+const address = (place) => `#lecture${place ? `-${place + 1}` : ""}${data.lecture ? `@${started}` : ""}${root.classList.contains("noted") ? "n" : ""}`;
 
 function go(index) {
-  if (index >= steps.length && data.next) { location.href = data.next + "#lecture"; return; }
-  if (index < 0 && data.previous) { location.href = data.previous + "#lecture"; return; }
+  if (!answered) index = Math.min(index, asking);
+  const beyond = index < 0 ? data.previous : index >= steps.length ? data.next : null;
+  if (beyond) { location.href = beyond + address(0); return; }
   now = clamp(index, 0, steps.length - 1);
-  if (flickering && steps[now].id !== "frames") setFlicker(false);
+  if (flickering && now !== asking) setFlicker(false);
   steps.forEach((step, i) => step.classList.toggle("now", i === now));
   $("place").textContent = `${now + 1} / ${steps.length}`;
   if (!bar.contains(document.activeElement)) steps[now].focus({ preventScroll: true });  // a screen reader reads its name
   scrollTo(0, 0);
-  history.replaceState(null, "", now ? `#lecture-${now + 1}` : "#lecture");
+  history.replaceState(null, "", address(now));
+}
+
+// The next step; on the question first its answer.
+function next() {
+  if (now === asking && !answered) reveal(); else go(now + 1);
 }
 
 function enter(index) {
+  started ||= Date.now();
   root.classList.add("lecture");
   bar.hidden = false;
   go(index);
@@ -170,18 +198,20 @@ $("lecture").addEventListener("click", () => {
   root.requestFullscreen?.().catch(() => {});  // the steps fill the window where full screen is refused
 });
 $("back").addEventListener("click", () => go(now - 1));
-$("on").addEventListener("click", () => go(now + 1));
+$("on").addEventListener("click", next);
 $("leave").addEventListener("click", leave);
 document.addEventListener("fullscreenchange", () => { if (!document.fullscreenElement && now >= 0) leave(); });
 
 document.addEventListener("keydown", (event) => {
   if (event.altKey || event.ctrlKey || event.metaKey) return;
   const arrows = event.target.matches("input") && event.key.startsWith("Arrow");  // of the slider or the radio buttons
-  const screens = { 1: "previous", 2: "current", 3: "mask" };
+  const screens = { 1: "previous", 2: "current", 3: answered && "answer" }, lesson = { ArrowRight: data.next, ArrowLeft: data.previous }[event.key];
   if (screens[event.key]) { setFlicker(false); showScreen(screens[event.key]); }
   else if (event.key === "f" || event.key === "F") setFlicker(!flickering);
+  else if (event.key === "n" || event.key === "N") setNotes(!root.classList.contains("noted"));
   else if (now < 0 || arrows) return;
-  else if (event.key === "ArrowRight" || event.key === "PageDown") go(now + 1);
+  else if (event.shiftKey && lesson) location.href = lesson + address(0);
+  else if (event.key === "ArrowRight" || event.key === "PageDown") next();
   else if (event.key === "ArrowLeft" || event.key === "PageUp") go(now - 1);
   else if (event.key === "Home" && !event.target.matches("input")) go(0);
   else if (event.key === "End" && !event.target.matches("input")) go(steps.length - 1);
@@ -190,5 +220,17 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-const opened = /^#lecture(?:-(\d+))?$/.exec(location.hash);
+// ---- notes for the speaker, with the minutes since the lecture began
+
+function setNotes(shown) {
+  root.classList.toggle("noted", shown && data.lecture);
+  if (now >= 0) history.replaceState(null, "", address(now));
+}
+
+setInterval(() => {
+  const seconds = Math.floor((Date.now() - started) / 1000), clock = `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`;
+  if (now >= 0) for (const part of document.querySelectorAll(".clock")) part.textContent = `; now ${clock}`;
+}, 1000);
+
+setNotes(Boolean(opened?.[3]));
 if (opened) enter(Number(opened[1] ?? 1) - 1);
