@@ -20,7 +20,7 @@ from mkdocs.structure.files import File, Files
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from live_pages import LESSONS, METHODS_PAGES, RUN
+from live_pages import CARD, LESSONS, METHODS_PAGES, RUN
 
 from taubench_gl.demos.lessons import demos
 from taubench_gl.report.page import REPORT_FILE
@@ -32,7 +32,6 @@ PAGES = {"README.md": "start.md", "CONTRIBUTING.md": "contributing.md", "CHANGEL
 LIVE = "TAUBENCH_DOCS_LIVE"
 SEARCH = {"glossary.md": {"boost": 4}, "benchmark-quick.md": {"exclude": True}}
 """Page -> its weight in searches: definitions first, and no tables of numbers."""
-FIGURE = "side_by_side.png"
 HOME = """---
 hide: [navigation, toc]
 ---
@@ -107,9 +106,9 @@ def live_files() -> Iterator[Path]:
     """Pages of the live parts and the images that the site shows."""
     if folder := live_folder():
         pages = [page.name for page in METHODS_PAGES]
-        yield from sorted(p for p in (folder / LESSONS).glob("*.*") if p.suffix in (".html", ".png"))
+        yield from sorted(p for p in (folder / LESSONS).glob("*.*") if p.suffix in (".html", ".webp"))
         yield from (path for path in (folder / RUN / REPORT_FILE,) if path.is_file())
-        yield from (p for name in pages for p in (folder / name / REPORT_FILE, folder / name / FIGURE) if p.is_file())
+        yield from (p for name in pages for p in (folder / name / REPORT_FILE, folder / name / CARD) if p.is_file())
 
 
 def home_page() -> str:
@@ -144,9 +143,9 @@ def lesson_cards() -> Iterator[str]:
     """One link per lesson of the folder."""
     names = {path.name for path in live_files() if path.parent.name == LESSONS}
     for demo in demos():
-        figures = sorted(name for name in names if name.startswith(demo.stem) and name.endswith(".png"))
-        if f"{demo.stem}.html" in names and figures:
-            yield card(f"{LESSONS}/{demo.stem}.html", f"{LESSONS}/{figures[0]}", f"{demo.number}. {demo.title}")
+        if {f"{demo.stem}.html", f"{demo.stem}.webp"} <= names:
+            page, image = f"{LESSONS}/{demo.stem}.html", f"{LESSONS}/{demo.stem}.webp"
+            yield card(page, image, f"{demo.number}. {demo.title}", demo.question.text)
 
 
 def methods_cards(folder: Path) -> Iterator[str]:
@@ -154,7 +153,7 @@ def methods_cards(folder: Path) -> Iterator[str]:
     for page in METHODS_PAGES:
         if (folder / page.name / REPORT_FILE).is_file():
             summary = json.loads((folder / page.name / "reuse.json").read_text(encoding="utf-8"))
-            link, image = f"{page.name}/{REPORT_FILE}", f"{page.name}/{FIGURE}"
+            link, image = f"{page.name}/{REPORT_FILE}", f"{page.name}/{CARD}"
             yield card(link, image, page.title, verdict(summary) or "")
 
 

@@ -6,17 +6,26 @@ would type.  The site's home page shows what it finds in the folder.
 
 from __future__ import annotations
 
+import base64
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from PIL import Image
+
 from taubench_gl.benchmark.scenes import DEMO, SceneRecipe, scene_file
 
 RUN, LESSONS = "run", "demos"
 """Folders of the demo's report and of the lessons."""
+CARD, CARD_SIZE = "card.webp", (640, 640)
+"""The worst frame by every method, in the folder of a MethodsPage."""
 METHODS = "none,accumulate,taa_variance,svgf,asvgf"
-SIZE, FRAMES = "320x180", 16
+SIZE, FRAMES = "240x135", 10
+RUN_SIZE = "256x144"
+"""So that the site stays below 30 MB."""
+FIRST_IMAGE = re.compile(r"data:image/(png|webp);base64,([A-Za-z0-9+/=]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +51,23 @@ METHODS_PAGES = (
 
 def make(folder: Path) -> None:
     """Write every part to a folder of its own.  Raises subprocess.CalledProcessError if one fails."""
-    taubench("the demo's report", "evaluate", str(scene_file(SceneRecipe(DEMO))), "--report", "--out", folder / RUN)
+    report = ("evaluate", str(scene_file(SceneRecipe(DEMO))), "--size", RUN_SIZE, "--report-full")
+    taubench("the demo's report", *report, "--out", folder / RUN)
     taubench("the lessons", "demo", "--all", "--out", folder / LESSONS)
+    for page in sorted((folder / LESSONS).glob("[0-9]*.html")):
+        keep_first_image(page)
     for page in METHODS_PAGES:
-        taubench(f"reuse methods: {page.title}", *page.arguments(), "--out", folder / page.name)
+        out = folder / page.name
+        taubench(f"reuse methods: {page.title}", *page.arguments(), "--out", out)
+        with Image.open(out / "side_by_side.png") as image:
+            image.thumbnail(CARD_SIZE)
+            image.save(out / CARD)
+
+
+def keep_first_image(page: Path) -> None:
+    """Beside a page the first image that it shows: that of a lesson's page tells no answer, as its figure does."""
+    kind, data = FIRST_IMAGE.search(page.read_text(encoding="utf-8")).groups()
+    page.with_suffix(f".{kind}").write_bytes(base64.b64decode(data))
 
 
 def taubench(title: str, *arguments: str | Path) -> None:

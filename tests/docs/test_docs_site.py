@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
 from docs_pages import LIVE, home_page, separate_lists  # noqa: E402
-from live_pages import LESSONS, METHODS_PAGES, RUN  # noqa: E402
+from live_pages import CARD, LESSONS, METHODS_PAGES, RUN  # noqa: E402
 
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 OPTIONS = re.search(r"-m mkdocs (.*)", (ROOT / "tools" / "docs").read_text())[1].replace('"$@"', "").split()
@@ -40,9 +40,9 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What tools/live_pages.py writes: the report of a small run, and a page in place of each lesson and comparison."""
     folder = tmp_path_factory.mktemp("live")
     taubench_gl.evaluate(ROOT / "assets" / "demo.glb", size=(64, 36), frames=(0, 4), out=folder / RUN, report=True)
-    write_page(folder / LESSONS / "07-occlusion.html", folder / LESSONS / "07-occlusion.png")
+    write_page(folder / LESSONS / "07-occlusion.html", folder / LESSONS / "07-occlusion.webp")
     page = METHODS_PAGES[1]
-    write_page(folder / page.name / "report.html", folder / page.name / "side_by_side.png")
+    write_page(folder / page.name / "report.html", folder / page.name / CARD)
     methods = {n: {"mean": {"flip": e}, "classes": {}, "failed": None} for n, e in (("none", 0.4), ("svgf", 0.1))}
     measures = {"flip": {"better": "lower"}}
     (folder / page.name / "reuse.json").write_text(json.dumps({"methods": methods, "measures": measures}))
