@@ -19,7 +19,7 @@ from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 
 ENTRIES = load_registry()
-ROWS = [pytest.param(name, marks=[pytest.mark.long] * (entry.format == "fbx")) for name, entry in ENTRIES.items()]
+ROWS = few(sorted(ENTRIES, key=lambda name: ENTRIES[name].format == "fbx"), 3)
 PAPER = {scene["name"]: scene for scene in paper_numbers()["scenes"]}
 
 
@@ -44,7 +44,7 @@ def run(*words: str):
     return CliRunner().invoke(cli, words, catch_exceptions=False)
 
 
-@pytest.mark.parametrize("name", few(ROWS, 3))
+@pytest.mark.parametrize("name", ROWS)
 def test_scene_by_name_gives_tables(name, made, gpu, tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)

@@ -57,6 +57,7 @@ def test_masks_compare_scene_units_and_the_summary_reports_meters(runs):
     assert curves[1] == curves[0]
 
 
+@pytest.mark.usefixtures("plots")
 def test_tables_plots_and_report_page_show_meters(runs, tmp_path: Path):
     scaled = runs[1]
     shown = [" ".join(paper_tables([run.summary])[3].notes) for run in runs]

@@ -88,6 +88,7 @@ def test_folders_without_recorded_renders_are_refused(tmp_path):
     assert error.value.where == str(tmp_path / "a")
 
 
+@pytest.mark.usefixtures("plots")
 def test_renders_are_points_of_a_cost_study(renders_folder, data, tmp_path):
     scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
     study = cost(
