@@ -56,8 +56,8 @@ class Coarse:
 
 COARSE: Mapping[str, Coarse | None] = {
     "full": None,
-    "half": Coarse(2, hold=6),
-    "quarter": Coarse(4, hold=6),
+    "half": Coarse(2, hold=12),
+    "quarter": Coarse(4, hold=12),
     "unshadowed": Coarse(4, shadows=False, hold=0),
 }
 """Light while the image moves, by name."""
