@@ -5,8 +5,6 @@ Materials and intensities as in ``light_transport_scenes``: where both renderers
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from light_transport_scenes import (
     LightScene,
@@ -23,7 +21,7 @@ from light_transport_scenes import (
     surface,
     tiled,
 )
-from make_assets import LICENSE, turn
+from make_assets import turn
 
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import box, join, quad, sphere
@@ -194,12 +192,3 @@ SCENES = {
     "thicket": LightScene(thicket, (0.7, 0.85, 1.1)),
     "closed_box": LightScene(closed_box),
 }
-
-
-def make(name: str, folder: Path) -> Path:
-    """Write ``folder/NAME.glb``."""
-    writer = Writer(LICENSE, "taubench-gl tools/column_scenes.py", share=True)
-    writer.animation("all", *SCENES[name].build(writer))
-    path = folder / f"{name}.glb"
-    writer.save(path)
-    return path

@@ -10,7 +10,7 @@ steradian, so that light unit watt and exposure 1 apply.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -365,12 +365,17 @@ SCENES = {
 }
 
 
-def make(name: str, folder: Path) -> Path:
-    """Write ``folder/NAME.glb``, and ``folder/NAME.exr`` where the environment is an image."""
-    writer = Writer(LICENSE, "taubench-gl tools/light_transport_scenes.py", share=True)
-    writer.animation("all", *SCENES[name].build(writer))
+def make(
+    name: str, folder: Path, scenes: Mapping[str, LightScene] = SCENES, by: str = "light_transport_scenes"
+) -> Path:
+    """Write ``folder/NAME.glb``, and ``folder/NAME.exr`` where the environment is an image.
+
+    ``by``: the file that has ``scenes``.
+    """
+    writer = Writer(LICENSE, f"taubench-gl tools/{by}.py", share=True)
+    writer.animation("all", *scenes[name].build(writer))
     path = folder / f"{name}.glb"
     writer.save(path)
-    if SCENES[name].environment == "image":
+    if scenes[name].environment == "image":
         write_sky(path.with_suffix(".exr"))
     return path

@@ -172,6 +172,7 @@ EVERY = (
     Record("sampled-light", ("docs/images/sampled-light.png",), (DEMO, *FRAME, *RAYS), by.sampled_light),
     Record("speed", ("docs/speed.md",), (DEMO, *FRAME, *RAYS)),  # tools/bench all
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
+    Record("light-columns", ("docs/path-traced.md",), ("tools/column_scenes.py", *FRAME, *RAYS)),  # tools/light_columns
 )  # fmt: skip
 
 

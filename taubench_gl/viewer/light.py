@@ -37,7 +37,7 @@ class Coarse:
 
     step: int  # pixels of the image along a side of each
     shadows: bool = True
-    hold: int = 1  # frames for which indirect light is kept; 0: there is none
+    hold: int = 12  # frames for which indirect light is kept; 0: there is none
 
     @property
     def text(self) -> str:
@@ -56,8 +56,8 @@ class Coarse:
 
 COARSE: Mapping[str, Coarse | None] = {
     "full": None,
-    "half": Coarse(2, hold=12),
-    "quarter": Coarse(4, hold=12),
+    "half": Coarse(2),
+    "quarter": Coarse(4),
     "unshadowed": Coarse(4, shadows=False, hold=0),
 }
 """Light while the image moves, by name."""

@@ -82,8 +82,8 @@ class ViewerModel(Owner):
             state.methods = (request.method, *(name for name in state.methods if name != request.method))
             state.method, state.beside = request.method, "method" in comparisons
         state.others = (*HISTORY, *comparisons)
-        wanted = ("method",) * state.beside + ("reference", "run")
-        state.against = next((n for n in wanted if n in comparisons), "reprojected")
+        wanted = ["method"] if request.method is not None else []
+        state.against = next((n for n in (*wanted, "reference", "run") if n in comparisons), "reprojected")
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)

@@ -85,13 +85,14 @@ def is_session(text: str) -> bool:
 def save(path: Path, request: OpenRequest, state: ViewerState, camera: UserCamera) -> None:
     """Write a session file.  Raises OutputError."""
     folder, now = path.parent, variables(state)
+    named = {"method"} if state.method == request.method else set()  # the request has its path, relative to the file
     options = {name: getattr(request.options, name) for name in _OPTIONS}
     file = _File(
         SCHEMA,
         _stored(request.source, folder),
         request.settings.to_dict(),
         sorted(request.given),
-        {name: now[name] for name in variable_names(state) if name not in _NOT_KEPT},
+        {name: now[name] for name in variable_names(state) if name not in {*_NOT_KEPT, *named}},
         _Pose(tuple(map(float, camera.position)), float(camera.yaw), float(camera.pitch)),
         state.lesson,
         None if request.reference is None else _stored(request.reference, folder),

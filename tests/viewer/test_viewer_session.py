@@ -7,8 +7,10 @@ import shutil
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from viewer_tools import DEMO, QUIET
 
+from taubench_gl.apps.cli import cli
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
 from taubench_gl.settings import Settings
 
@@ -17,7 +19,8 @@ def reopened(drive, path):
     from taubench_gl.viewer.session_file import load
 
     request = load(path)
-    return drive(request.source, request.settings, restored=request.restored, given=request.given, run=request.run)
+    return drive(request.source, request.settings, restored=request.restored, given=request.given, run=request.run,
+                 method=request.method)  # fmt: skip
 
 
 def test_a_session_is_saved_and_restored(drive, tmp_path):
@@ -36,6 +39,18 @@ def test_a_session_is_saved_and_restored(drive, tmp_path):
     assert np.allclose(second.engine.user.position, first.engine.user.position)
     assert (second.engine.user.yaw, second.engine.user.pitch) == (first.engine.user.yaw, first.engine.user.pitch)
     first.viewer.reopen(first.viewer._request)
+
+
+def test_a_method_of_the_user_moves_with_its_session(drive, tmp_path):
+    here = tmp_path / "here"
+    here.mkdir()
+    assert CliRunner().invoke(cli, ["reuse", "new", str(here / "mine")]).exit_code == 0
+    first = drive(method=str(here / "mine"))
+    first.run(f"frame 4\nsession {here / 'a.session.json'}")
+    shutil.move(here, tmp_path / "there")
+    second = reopened(drive, tmp_path / "there" / "a.session.json")
+    assert second.state.method == str(tmp_path / "there" / "mine") and second.state.against == "method"
+    assert second.state.message == "restored"
 
 
 def test_a_session_is_saved_by_key_and_dropped(drive, tmp_path):
