@@ -82,7 +82,7 @@ class Subject:
         for pattern in ("fixed", "independent"):
             p = ComputePass("measured rays", ("raytracing/measure.comp.glsl",))
             p.define(INDEPENDENT=pattern == "independent")
-            p.image("position", given=True).image("geometric_normal", given=True)
+            p.texture("position", given=True).texture("geometric_normal", given=True)
             p.image("measured_out", access=WRITE, resource="measured")
             for part in parts:
                 part.declare(p)
@@ -99,6 +99,7 @@ class Subject:
             self._passes[pattern].run(None, self._resources, sample_number=sample, light=self._light)
             self._gpu.finish()
         seconds = self._clock() - start
+        self._gpu.hazards.publish()
         rays = SAMPLES * float(np.frombuffer(self._out.read(), np.float32).reshape(-1, 4)[:, 3].sum())
         return 1e9 * seconds / rays
 

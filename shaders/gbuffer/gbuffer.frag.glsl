@@ -32,7 +32,34 @@ vec3 shading_normal(MaterialRecord m) {
     return gl_FrontFacing ? n : -n;
 }
 
+#if AT_CENTERS
+// Pixels from the point to the pixel's center.  GPUs interpolate between corners that are snapped to 1/256 pixel.
+vec2 to_center() {
+    vec4 clip = F.clip_from_relative * vec4(pos_rel, 1.0);
+    vec2 pixels = gl_FragCoord.xy - (clip.xy / clip.w + 1.0) * F.half_size;
+    return all(lessThan(abs(pixels), vec2(1.0 / 128.0))) ? pixels : vec2(0.0); // a sliver's derivatives are none
+}
+
+// ``precise``: the current and the previous place of a still point must come out with the same bits.
+vec3 moved(vec3 p, vec2 pixels) {
+    precise vec3 r = p + pixels.x * dFdx(p) + pixels.y * dFdy(p);
+    return r;
+}
+#endif
+
 void main() {
+#if AT_CENTERS
+    vec2 pixels = to_center();
+    vec3 here = moved(pos_rel, pixels);
+#if PREV_POSITION
+    vec3 before = moved(prev_pos_rel, pixels);
+#endif
+#else
+    vec3 here = pos_rel;
+#if PREV_POSITION
+    vec3 before = prev_pos_rel;
+#endif
+#endif
     MaterialRecord m = material;
 #if ALPHA_TEST || OUTPUT_BASE_COLOR
     vec4 base = m.base_color;
@@ -59,13 +86,13 @@ void main() {
 #endif
 #endif
 #if OUTPUT_POSITION
-    out_position = vec4(pos_rel, dot(F.forward.xyz, pos_rel));
+    out_position = vec4(here, dot(F.forward.xyz, here));
 #endif
 #if OUTPUT_NORMAL
     out_normal = vec4(shading_normal(m), 1.0);
 #endif
 #if OUTPUT_PREV_POSITION
-    out_prev_position = vec4(prev_pos_rel, 1.0);
+    out_prev_position = vec4(before, 1.0);
 #endif
 #if OUTPUT_GEOMETRIC_NORMAL
     // The triangle's plane from screen-space derivatives; where they vanish (sub-pixel slivers) the vertex normal is used.

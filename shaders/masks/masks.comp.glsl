@@ -12,6 +12,7 @@
 //            boundary.  The position is interpolated and then projected, which equals interpolating the previous clip
 //            position (the map is linear) and never divides before w is tested.
 #include "common/histogram.glsl"
+#include "common/motion.glsl"
 #include "common/numbers.glsl"
 #include "common/tuning.glsl"
 
@@ -199,9 +200,7 @@ uint classify(ivec2 pixel, out vec2 motion) {
     // Rounding may place a pixel in front of its near plane; it may have been as far in front of the previous one.
     float limit = surface ? P.prev_near - max(P.near - now.position.w, 0.0) : 0.0;
     if (prev_depth <= limit) return mask | BEHIND;
-    vec4 prev_clip = P.prev_clip_from_prev * q;
-    vec4 clip = P.clip_from_current * p;
-    motion = (prev_clip.xy / prev_clip.w - clip.xy / clip.w) * 0.5 * vec2(P.size.xy);
+    motion = motion_in_pixels(P.prev_clip_from_prev, q, P.clip_from_current, p, P.size.xy);
     vec2 at = vec2(pixel) + motion;
     if (non_finite(motion)) { motion = vec2(0.0); return INVALID | mask; }
     vec2 last = vec2(P.size.xy - 1);

@@ -5,6 +5,7 @@
 // Reference  tests/raytracing/test_refit.py
 //
 // A triangle that is not finite, or beyond the grid, is never hit.
+#include "common/numbers.glsl"
 
 uniform int first, count; // first: triangle of the first entry of refit_corners
 
@@ -15,7 +16,7 @@ vec3 corner(uint vertex, RefitJob job) {
     return (p - job.center.xyz) * job.scale.xyz;
 }
 
-bool on_grid(vec3 p) { return all(lessThanEqual(abs(p), vec3(TRACE_HALF_GRID))); } // false for NaN
+bool on_grid(vec3 p) { return !non_finite(p) && all(lessThanEqual(abs(p), vec3(TRACE_HALF_GRID))); }
 
 void main() {
     if (gl_GlobalInvocationID.x >= uint(count)) return;

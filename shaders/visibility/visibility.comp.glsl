@@ -7,6 +7,7 @@
 // Departs    Surfaces within V.footprint / 32 before a point do not hide it: the rasterizer snaps corners to 1/256 pixel, so a
 //            point can lie that far behind the next triangle.
 #include "common/affine.glsl"
+#include "common/motion.glsl"
 #include "common/numbers.glsl"
 #include "raytracing/trace.glsl"
 #if TRACE_ALPHA
@@ -58,8 +59,7 @@ uint classify(ivec2 pixel) {
     float depth = dot(V.prev_forward.xyz, q.xyz);
     float limit = surface ? V.guarded_near - max(V.near - p.w, 0.0) : 0.0;
     if (depth <= limit) return bits | VISIBILITY_BEHIND;
-    vec4 prev_clip = V.prev_clip_from_prev * q, clip = V.clip_from_current * now;
-    vec2 at = vec2(pixel) + (prev_clip.xy / prev_clip.w - clip.xy / clip.w) * 0.5 * vec2(V.size.xy);
+    vec2 at = vec2(pixel) + motion_in_pixels(V.prev_clip_from_prev, q, V.clip_from_current, now, V.size.xy);
     if (non_finite(at)) return VISIBILITY_INVALID;
     vec2 last = vec2(V.size.xy - 1);
     if (any(lessThan(at, vec2(-V.guard_px))) || any(greaterThan(at, last + V.guard_px))) return bits | VISIBILITY_OUTSIDE;

@@ -36,7 +36,8 @@ def geometry(spec: FrameSpec) -> Sequence[Pass]:
     channels = read | set(spec.extra)
     if "emission" in channels:
         channels.add("base_color")  # an unlit surface emits its base color
-    return (channel_pass("gbuffer", attachments(channels), spec),)
+    snapped = spec.tuning.snapped_corners
+    return (channel_pass("gbuffer", attachments(channels), spec, at_centers=snapped),)
 
 
 LIGHT = (shadow_maps, light_lists, direct_light, indirect_light, stochastic_light, path_traced_light, color)

@@ -18,6 +18,7 @@ from taubench_gl.frame.passes.gbuffer import GBufferPass, attachments, channel_p
 from taubench_gl.frame.records import Placement, RecordTable
 from taubench_gl.frame.scene_buffers import SceneBuffers
 from taubench_gl.frame.targets import History, Targets, read_channel
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
@@ -64,7 +65,8 @@ class Renderer(Owner):
         materials = MaterialTable(gpu, scene, drawn, used, normal_maps=normal_maps, mipmaps=mipmaps)
         self.materials = self.own(materials)
         colored = frozenset(p.material for m in scene.meshes for p in m.primitives if p.colors is not None)
-        self._gbuffer = self.own(GBufferPass(context, channel_pass("gbuffer", drawn), colored))
+        declaration = channel_pass("gbuffer", drawn, at_centers=Tuning(gpu.software).snapped_corners)
+        self._gbuffer = self.own(GBufferPass(context, declaration, colored))
         self.history = self.own(self.new_history())
         self.frame: FrameContext | None = None
         """The frame drawn last."""

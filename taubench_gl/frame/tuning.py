@@ -41,6 +41,12 @@ class Tuning:
     texture_limit: int = 16384  # texels along a side of the largest texture
 
     @property
+    def snapped_corners(self) -> bool:
+        """Whether attributes are interpolated between corners snapped to 1/256 pixel, as GPUs do: the position then is
+        up to half of that beside the pixel's center.  llvmpipe snaps corners only to find the pixels of a triangle."""
+        return not self.software
+
+    @property
     def shading_group(self) -> tuple[int, int]:
         """Passes that read many channels.  llvmpipe keeps textures by scanline, GPUs in square tiles."""
         return (32, 1) if self.software else (8, 8)

@@ -265,7 +265,7 @@ def _create(name: str, device: int | None) -> Gpu:
 
     if name == "egl":
         arguments = {} if device is None else {"device_index": device}
-        ctx = moderngl.create_context(standalone=True, backend="egl", **arguments)
+        ctx = moderngl.create_context(standalone=True, backend="egl", require=REQUIRED_VERSION, **arguments)
         keep, function = None, egl_function
     else:
         keep = OSMesaContext()

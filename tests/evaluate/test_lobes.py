@@ -64,9 +64,11 @@ def test_lobes_add_up(glowing, more):
             parts = [source.read(f"{name}_{lobe}")[..., :3] for lobe in LOBES]
             assert all(part.max() > 0.0 for part in parts)
             np.testing.assert_allclose(parts[0] + parts[1], whole, rtol=2e-6, atol=1e-7 * whole.max())
+            # Compilers of GPUs fuse a multiply and an add in one variant of a shader and not in another.
+            rounding = 0.0 if gpu.software else 1e-5
             if not glowing and name == "direct":
-                assert np.array_equal(parts[0] + parts[1], whole)
-            assert np.array_equal(whole, plain.read(name)[..., :3]), "asking for lobes changes no column"
+                np.testing.assert_allclose(parts[0] + parts[1], whole, rtol=rounding)
+            np.testing.assert_allclose(whole, plain.read(name)[..., :3], rtol=rounding, atol=rounding * whole.mean())
         source.release()
         plain.release()
         gpu.collect()

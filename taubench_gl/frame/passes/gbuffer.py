@@ -29,6 +29,7 @@ FRAME = Struct(
     Field(
         "forward", "vec4", "xyz: unit, view direction: dot with a relative position is planar depth; w: 1 if parallel"
     ),
+    Field("half_size", "vec2", "of the image, pixels"),
 )
 _GLSL_TYPE = {("f4", 4): "vec4", ("f2", 4): "vec4", ("u4", 2): "uvec2"}
 PIXELS_PER_TRIANGLE = 4
@@ -76,13 +77,19 @@ def geometry_pass(name: str, fragment: str, slots: Sequence[str] = SLOTS) -> Ras
 
 
 def channel_pass(
-    name: str, channels: Sequence[str], spec: FrameSpec | None = None, *, resources: Mapping[str, str] | None = None
+    name: str,
+    channels: Sequence[str],
+    spec: FrameSpec | None = None,
+    *,
+    resources: Mapping[str, str] | None = None,
+    at_centers: bool = False,
 ) -> RasterPass:
     """Draws ``channels`` of what is visible; ``resources``: names of the render targets, else the channels' own.
 
-    ``spec``: what is drawn, for the prediction of shader variants.
+    ``spec``: what is drawn, for the prediction of shader variants.  ``at_centers``: of a target that is the whole
+    viewport, positions are moved to pixel centers (``Tuning.snapped_corners``).
     """
-    p = geometry_pass(name, "gbuffer/gbuffer.frag.glsl")
+    p = geometry_pass(name, "gbuffer/gbuffer.frag.glsl").define(AT_CENTERS=at_centers)
     for channel in channels:
         info = CHANNELS[channel]
         p.attachment(channel, _GLSL_TYPE[info.dtype, info.components], (resources or {}).get(channel, channel))
@@ -126,6 +133,7 @@ class GBufferPass(Owner):
         record = FRAME.zeros()
         record["clip_from_relative"] = column_major(frame.view.clip_from_relative(*targets.size))
         record["forward"] = (*-frame.view.world_from_view[:, 2], float(frame.view.camera.parallel))
+        record["half_size"] = np.divide(targets.size, 2)
         self._frame.write(record.tobytes())
         self._frame.bind_to_uniform_block(self._raster.bindings["F"])
         hazards.before((buffer, ATTRIBUTES) for buffer in buffers.posed_buffers)

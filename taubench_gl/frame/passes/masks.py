@@ -151,7 +151,10 @@ class MaskPass(Owner):
         self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
         ctx = context.gpu.ctx
         sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS
-        self._counters = [tuple(self.own(ctx.buffer(reserve=n)) for n in sizes) for _ in range(2)]
+        self._counters, self._zeros = (tuple(self.own(ctx.buffer(bytes(n))) for n in sizes) for _ in range(2))
+        # What is read are copies, of the last two runs: NVIDIA's driver moves a buffer that is read or mapped to the
+        # memory of the host, where atomics take a hundred times as long.
+        self._copies = [tuple(self.own(ctx.buffer(reserve=n)) for n in sizes) for _ in range(2)]
         self._runs = 0
         self.mask = self.own(ctx.texture(size, 1, dtype="u4") if options.write_mask else None)
         self.motion = self.own(ctx.texture(size, 2, dtype="f4") if options.write_motion else None)
@@ -191,9 +194,10 @@ class MaskPass(Owner):
             **{f"threshold_{feature}": thresholds[feature] for feature in FEATURES},
         }
         self._runs += 1
-        words, histograms = self._counters[self._runs % 2]
-        words.clear()
-        histograms.clear()
+        copy = self._context.gpu.ctx.copy_buffer
+        for counter, zeros in zip(self._counters, self._zeros, strict=True):
+            copy(counter, zeros)
+        words, histograms = self._counters
         resources = {**current, **{f"history_{name}": texture for name, texture in history.items()}}
         resources |= {"mask_histogram": words, "histograms": histograms, "mask": self.mask, "motion": self.motion}
         resources |= {"distances": self.distances, "changes": self.changes}
@@ -205,6 +209,8 @@ class MaskPass(Owner):
             self._compiled[images] = self.own(self._context.compute(declaration))
         self._compiled[images].run(record, resources)
         self._context.gpu.hazards.publish()
+        for target, counter in zip(self._copies[self._runs % 2], self._counters, strict=True):
+            copy(target, counter)
         return self._runs
 
     def read(self, run: int | None = None) -> Counts:
@@ -215,5 +221,5 @@ class MaskPass(Owner):
         run = self._runs if run is None else run
         if not self._runs - 1 <= run <= self._runs or run < 1:
             raise ValueError(f"run {run} of {self._runs} is not kept: only the last two are")
-        mask_histogram, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._counters[run % 2])
+        mask_histogram, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._copies[run % 2])
         return Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))

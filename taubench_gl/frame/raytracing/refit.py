@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.animation import FrameState
-from taubench_gl.animation.pose import LARGEST, pose_once
+from taubench_gl.animation.pose import pose_once
 from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.geometry import instance_numbers
 from taubench_gl.frame.raytracing import texels
@@ -32,6 +32,9 @@ JOB = Struct(
     Field("scale", "vec4", "xyz: grid units to a length of 1"),
 )
 GROUP = 64
+LARGEST = 1e12
+"""Meters of a box.  In a larger grid the products of three edges are no normal floats, and GPUs flush those to 0."""
+
 MARGIN = 1.01
 """Factor on the box of a pose: its bounds are computed in another way than its vertices."""
 

@@ -22,8 +22,8 @@ LUMINANCE_FLOOR = 1e-6
 
 
 def moments_variance(first: Array, second: Array) -> Array:
-    """Section 4.2: second moment - first moment^2, at least 0."""
-    return np.maximum(second - first**2, 0.0)
+    """Section 4.2: second moment - first moment^2, less a millionth of the second for rounding, at least 0."""
+    return np.maximum(second - first**2 - 1e-6 * second, 0.0)
 
 
 def depth_slope(depth: Array) -> Array:

@@ -5,22 +5,24 @@
 //          it is.   Reference  references.reuse_methods.Reblur
 // Departs  Pixels of the sky have no part in either.
 
-// Of the fast history of a square of pixels, relative to that of p, so that float32 is precise enough.  A hole of -1 is none; no pixels limit nothing.
+// Of the fast history of a square of pixels, relative to its first, so that float32 is precise enough.  A hole of -1 is none; no
+// pixels limit nothing.
 void fast_range(ivec2 p, int reach, int hole, out vec2 mean, out vec2 sigma) {
-    vec2 own = fetch_fast_now(p), first = vec2(0.0), second = vec2(0.0);
+    vec2 origin = vec2(0.0), first = vec2(0.0), second = vec2(0.0);
     float n = 0.0;
     for (int y = -reach; y <= reach; ++y)
         for (int x = -reach; x <= reach; ++x) {
             ivec2 q = p + ivec2(x, y);
             if (max(abs(x), abs(y)) <= hole || !in_image(q) || !(fetch_position(q).w > 0.0)) continue;
-            vec2 d = fetch_fast_now(q) - own;
+            if (n == 0.0) origin = fetch_fast_now(q);
+            vec2 d = fetch_fast_now(q) - origin;
             first += d;
             second += d * d;
             n += 1.0;
         }
     mean = first / max(n, 1.0);
     sigma = n > 0.0 ? sqrt(max(second / n - mean * mean, 0.0)) : vec2(1.0e30);
-    mean += own;
+    mean += origin;
 }
 
 void reuse(ivec2 p) {

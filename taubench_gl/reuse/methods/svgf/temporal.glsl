@@ -6,6 +6,7 @@
 // Reference references.reuse_methods.demodulated, reprojected, new_weight, luminance_moments
 #include "albedo.glsl"
 #include "consistent.glsl"
+#include "moments.glsl"
 #include "share.glsl"
 
 struct History { vec4 direct; vec3 indirect; vec4 moments; float total; }; // sums; direct.a: frames
@@ -43,8 +44,6 @@ History history_of(ivec2 p, bool surface) {
     return h;
 }
 
-float variance_of(vec2 moments) { return max(moments.y - moments.x * moments.x, 0.0); }
-
 // The history of light as a color.  It is not rectified; filter and anti-aliasing come after the blend.
 void report(ivec2 p, bool surface, History h) {
     vec3 color = h.direct.rgb + h.indirect;
@@ -71,6 +70,7 @@ void reuse(ivec2 p) {
     vec4 moments = mix(h.moments, vec4(l_d, l_d * l_d, l_i, l_i * l_i), share_moments);
     write_moments(p, moments);
     write_frames(p, vec2(min(count, 256.0), share));
-    write_direct_filtered(p, vec4(mix(h.direct.rgb, direct, share), variance_of(moments.xy)));
-    write_indirect_filtered(p, vec4(mix(h.indirect, indirect, share), variance_of(moments.zw)));
+    vec2 variance = variance_of(moments.xz, moments.yw);
+    write_direct_filtered(p, vec4(mix(h.direct.rgb, direct, share), variance.x));
+    write_indirect_filtered(p, vec4(mix(h.indirect, indirect, share), variance.y));
 }

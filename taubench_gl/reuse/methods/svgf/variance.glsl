@@ -2,6 +2,7 @@
 // frames from a 7x7 bilateral neighborhood.   Reference  references.reuse_methods.moments_variance, spatial_estimate
 // Departs  The spatial estimate is scaled by 4 / n, as in the authors' later code, which gives few frames a larger variance.
 #include "edges.glsl"
+#include "moments.glsl"
 
 void reuse(ivec2 p) {
     vec4 own_direct = fetch_direct_filtered(p), own_indirect = fetch_indirect_filtered(p);
@@ -28,7 +29,7 @@ void reuse(ivec2 p) {
             total += w;
         }
     moments /= total; // the center has weight 1
-    vec2 variance = max(moments.yw - moments.xz * moments.xz, 0.0) * 4.0 / count;
+    vec2 variance = variance_of(moments.xz, moments.yw) * 4.0 / count;
     write_direct_filtered(p, vec4(direct / total, variance.x));
     write_indirect_filtered(p, vec4(indirect / total, variance.y));
 }
