@@ -5,6 +5,7 @@
 //            normal does: turning smooth normals at a silhouette would make them jump by 180 degrees.
 #include "common/affine.glsl"
 #include "common/material.glsl"
+#include "common/numbers.glsl"
 #include "common/stochastic_alpha.glsl"
 
 in vec3 pos_rel;
@@ -33,26 +34,34 @@ vec3 shading_normal(MaterialRecord m) {
 }
 
 #if AT_CENTERS
-// Pixels from the point to the pixel's center.  GPUs interpolate between corners that are snapped to 1/256 pixel.
+// Steps of dFdx and dFdy from the point, along its triangle, to the center of the pixel.  GPUs interpolate between corners that
+// are snapped to 1/256 pixel.
 vec2 to_center() {
-    vec4 clip = F.clip_from_relative * vec4(pos_rel, 1.0);
-    vec2 pixels = gl_FragCoord.xy - (clip.xy / clip.w + 1.0) * F.half_size;
-    return all(lessThan(abs(pixels), vec2(1.0 / 128.0))) ? pixels : vec2(0.0); // a sliver's derivatives are none
+    vec4 at = F.clip_from_relative * vec4(pos_rel, 1.0);
+    vec4 right = F.clip_from_relative * vec4(dFdx(pos_rel), 0.0), up = F.clip_from_relative * vec4(dFdy(pos_rel), 0.0);
+    vec2 center = gl_FragCoord.xy / F.half_size - 1.0;
+    mat2 place = mat2(right.xy - center * right.w, up.xy - center * up.w);
+    float area = determinant(place);
+    if (!(abs(area) > 0.0)) return vec2(0.0);
+    vec2 off = center * at.w - at.xy;
+    vec2 steps = vec2(place[1].y * off.x - place[1].x * off.y, place[0].x * off.y - place[0].y * off.x) / area;
+    // The derivatives of a sliver are none: its neighbors lie outside.
+    return non_finite(steps) || any(greaterThan(abs(steps), vec2(1.0 / 128.0))) ? vec2(0.0) : steps;
 }
 
 // ``precise``: the current and the previous place of a still point must come out with the same bits.
-vec3 moved(vec3 p, vec2 pixels) {
-    precise vec3 r = p + pixels.x * dFdx(p) + pixels.y * dFdy(p);
+vec3 moved(vec3 p, vec2 steps) {
+    precise vec3 r = p + steps.x * dFdx(p) + steps.y * dFdy(p);
     return r;
 }
 #endif
 
 void main() {
 #if AT_CENTERS
-    vec2 pixels = to_center();
-    vec3 here = moved(pos_rel, pixels);
+    vec2 steps = to_center();
+    vec3 here = moved(pos_rel, steps);
 #if PREV_POSITION
-    vec3 before = moved(prev_pos_rel, pixels);
+    vec3 before = moved(prev_pos_rel, steps);
 #endif
 #else
     vec3 here = pos_rel;

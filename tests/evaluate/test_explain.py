@@ -70,7 +70,7 @@ def test_words_name_the_motion_where_it_matters():
     seen = []
     limit = tb.Settings().metrics.thresholds["position"]
     for pair in tb.pairs(ASSETS / "demo.glb", frames="30:32", **GEOMETRY):
-        for y, x in np.argwhere(pair.mask & np.uint32(Reason.POSITION | Reason.NORMAL))[::5]:
+        for y, x in np.argwhere(pair.mask & np.uint32(Reason.POSITION | Reason.NORMAL))[::3]:
             found = pair.explain(x, y)
             if found.object_motion_m is not None:
                 helps = not found.motion_word & (FRUSTUM | Reason.POSITION | Reason.NORMAL)

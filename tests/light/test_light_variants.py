@@ -9,6 +9,7 @@ import pytest
 from light_tools import lambert, look, opened, shoot
 from test_shadow_cache import street
 
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box
 
@@ -34,7 +35,10 @@ def lamps() -> Scene:
 @pytest.mark.parametrize("storage", ["float", "half"])
 @pytest.mark.parametrize("indirect", ["probes", "rsm"])
 @pytest.mark.parametrize("make", [street, lamps])
-def test_both_ways_give_the_same_bits(gpu, make, indirect, storage):
+def test_both_ways_give_the_same_bits(gpu, monkeypatch, make, indirect, storage):
+    if not gpu.software:
+        pytest.skip("compilers of GPUs fuse a multiply and an add in one variant and not in the other")
+    monkeypatch.setattr(Tuning, "snapped_corners", False)  # both draw the same positions
     settings = {"columns": ("direct", "indirect", "color"), "indirect": indirect, "storage": storage, **SIZE}
     settings |= {"environment": (0.1, 0.2, 0.3), "shadow_lights": 4}
     found = []
