@@ -23,6 +23,19 @@ if TYPE_CHECKING:
 os.environ.setdefault("TAUBENCH_STAGE_SECONDS", "3600")  # which stages are lines would depend on the load
 
 
+def _long() -> frozenset[str]:
+    """Tests of more than 1.2 CPU seconds whose subject others have too; an entry that names no test does nothing."""
+    return frozenset(Path(__file__).with_name("long.txt").read_text(encoding="utf-8").splitlines())
+
+
+@pytest.hookimpl(tryfirst=True)  # before marks select
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    long = _long()
+    for item in items:
+        if item.nodeid in long:
+            item.add_marker("long")
+
+
 def _shared_data() -> Path | None:
     """Folder of third-party scenes: TAUBENCH_DATA, else shared/data beside the checkout."""
     candidates = [os.environ.get("TAUBENCH_DATA"), Path(__file__).resolve().parents[2] / "shared" / "data"]
