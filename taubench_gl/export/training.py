@@ -12,7 +12,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import PATH_INFO, clean_name, noisy_name
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.option_groups import TrainingOptions
-from taubench_gl.pathtraced.references import LOBES, References, reference_settings
+from taubench_gl.pathtraced.references import LOBES, References, path_settings
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -34,12 +34,12 @@ class TrainingLight:
     def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings, options: TrainingOptions):
         """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
         self._options, self._references, self._noisy = options, None, None
-        if not traced_sources(animated.scene, reference_settings(settings)):
+        if not traced_sources(animated.scene, path_settings(settings)):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
         if options.reference_spp:
             self._references = References.open(owner, animated, settings, options.reference_spp)
         if options.noisy_spp:
-            noisy = reference_settings(settings).replace(spp=options.noisy_spp)
+            noisy = path_settings(settings).replace(spp=options.noisy_spp)
             self._noisy = owner.open_source(animated, noisy, extra=(*LOBES, PATH_INFO))
 
     def announce(self, frames: Iterable[int], announce: Callable[[str], None]) -> None:

@@ -41,9 +41,10 @@ HALVES = 2
 
 IDENTITY = (
     "width", "height", "fps", "culling", "blend", "textures", "animation", "scene", "light_unit", "environment",
-    "bounces", "bidirectional", "seed",
+    "bounces", "bidirectional",
 )  # fmt: skip
-"""Settings that radiance depends on.  The camera is part of every frame's name, exposure multiplies afterwards."""
+"""Settings that radiance depends on, but for ``seed``: references are the same for every one.  The camera is part of
+every frame's name, exposure multiplies afterwards."""
 
 _CODE = ("frame/passes/pathtracing.py", "frame/passes/gbuffer.py", "frame/passes/deform.py", "frame/raytracing",
          "frame/materials.py", "frame/environment.py", "frame/lights.py", "effects/lighting.py",
@@ -326,12 +327,17 @@ class SceneTracer:
         return {name: source.read(name)[..., :3] if name in source.channels else black for name in LOBES}
 
 
-def reference_settings(settings: Settings) -> Settings:
-    """``settings`` with which references are traced."""
+def path_settings(settings: Settings) -> Settings:
+    """``settings`` with which path-traced light of every pixel is stored."""
     return settings.replace(
         light="path-traced", indirect="auto", pattern="independent", spp=PART, columns=("direct", "indirect"),
         samples_per_pixel=1, storage="float", pairs="all", effects="auto", reprojection="camera",
     )  # fmt: skip
+
+
+def reference_settings(settings: Settings) -> Settings:
+    """``settings`` with which references are traced: one seed, the same for inputs of every seed."""
+    return path_settings(settings).replace(seed=0)
 
 
 @dataclass(frozen=True, slots=True)

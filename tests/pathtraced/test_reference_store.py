@@ -293,10 +293,10 @@ def test_damaged_files_are_named(tmp_path):
 def test_what_the_radiance_depends_on_is_in_the_key(tmp_path):
     plain = Settings(environment="none", exposure=1.0)
     key = StoredReference(identity(plain, {"sha256": "a"}), "s", tmp_path).folder
-    for changes in ({"width": 8}, {"seed": 1}, {"bounces": 2}, {"environment": (1, 1, 1)}, {"light_unit": "watt"},
+    for changes in ({"width": 8}, {"bounces": 2}, {"environment": (1, 1, 1)}, {"light_unit": "watt"},
                     {"culling": "none"}, {"fps": 30}, {"blend": "opaque"}):  # fmt: skip
         assert StoredReference(identity(plain.replace(**changes), {"sha256": "a"}), "s", tmp_path).folder != key
-    for changes in ({"exposure": 3.0}, {"tone_map": "aces"}, {"columns": ("color",)}, {"frames": (0, 3)}):
+    for changes in ({"seed": 1}, {"exposure": 3.0}, {"tone_map": "aces"}, {"columns": ("color",)}, {"frames": (0, 3)}):
         assert StoredReference(identity(plain.replace(**changes), {"sha256": "a"}), "s", tmp_path).folder == key
     assert StoredReference(identity(plain, {"sha256": "b"}), "s", tmp_path).folder != key
     assert len(code_version()) == 16
@@ -308,7 +308,7 @@ def test_every_setting_is_in_the_key_or_known_not_to_matter():
     afterwards = {"exposure", "tone_map", "thresholds", "unit_scale", "sampling", "exact"}
     set_by_references = {
         "reprojection", "columns", "samples_per_pixel", "pairs", "effects", "light", "spp", "pattern", "indirect",
-        "storage",
+        "storage", "seed",
     }  # fmt: skip
     of_the_raster_method = {
         "shadow_size", "shadow_lights", "shadow_filter", "indirect_samples", "probes", "light_error",
