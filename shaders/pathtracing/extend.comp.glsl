@@ -1,13 +1,14 @@
 // The next vertex of the paths of a tile: what the ray hits, its light, and the direction that follows.
 //
 // Paper      section 3.2, f_dir (the first bounce that finds an emitter or the environment) and f_ind.
-// Reads      path state, lights, acceleration structure, attributes of hits.
-// Writes     path state.
+// Reads      paths that go on, path state, lights, acceleration structure, attributes of hits.
+// Writes     path state, paths that go on to the next vertex.
 // Reference  references.path_tracing
 #include "raytracing/surface.glsl"
 #include "pathtracing/light_sampling.glsl"
 #include "pathtracing/numbers.glsl"
 #include "pathtracing/state.glsl"
+#include "pathtracing/going_on.glsl"
 
 uniform int vertex; // 1: the hit of the first bounce
 
@@ -42,16 +43,13 @@ void contribute_indirect(ivec2 local, vec3 light) {
     store_state(local, FIRST_GLOSSY, vec4(glossy.rgb, glossy.w + luminance(d + g)));
 }
 
-void end_path(ivec2 local, vec3 direction) { store_state(local, DIRECTION_ALIVE, vec4(direction, 0.0)); }
-
 void main() {
-    ivec2 local = local_pixel();
-    vec4 direction = load_state(local, DIRECTION_ALIVE);
-    if (direction.w < 0.5 || outside_tile(local)) return; // most paths of late vertices have ended
+    ivec2 local;
+    if (!path_at(vertex, local)) return;
     NumbersOf numbers = numbers_of(local);
     vec4 origin = load_state(local, ORIGIN_PDF);
     vec3 throughput = load_state(local, THROUGHPUT).rgb;
-    Ray ray = Ray(origin.xyz, direction.xyz, FAR);
+    Ray ray = Ray(origin.xyz, load_state(local, DIRECTION).xyz, FAR);
     Hit hit = closest_hit(ray);
     if (hit.instance < 0) {
 #if ENVIRONMENT
@@ -62,7 +60,6 @@ void main() {
         contribute(local, throughput * P.sky.rgb);
 #endif
 #endif
-        end_path(local, ray.direction);
         return;
     }
     if (vertex == 1) {
@@ -78,10 +75,7 @@ void main() {
         contribute(local, throughput * x.emission * power_heuristic(origin.w, pdf));
     }
 #endif
-    if (vertex >= LAST_VERTEX || x.unlit) {
-        end_path(local, ray.direction);
-        return;
-    }
+    if (vertex >= LAST_VERTEX || x.unlit) return;
     Surface s;
     s.base_color = x.base_color;
     s.metallic = x.metallic;
@@ -101,10 +95,7 @@ void main() {
     contribute_indirect(local, throughput * (light.diffuse + light.glossy));
     vec4 u = sample_numbers_of(numbers, vertex, SCATTER);
     BrdfSample next = sample_brdf(s, u.xyz);
-    if (!(next.pdf > 0.0) || !faces(s, g, next.l)) {
-        end_path(local, ray.direction);
-        return;
-    }
+    if (!(next.pdf > 0.0) || !faces(s, g, next.l)) return;
     Lobes f = evaluate_brdf(s, next.l);
     throughput *= (f.diffuse + f.glossy) / next.pdf;
     float peak = max(max(throughput.r, throughput.g), throughput.b);
@@ -114,7 +105,9 @@ void main() {
         alive = alive && u.w < survival;
         throughput /= survival;
     }
+    if (!alive) return;
     store_state(local, ORIGIN_PDF, vec4(offset_origin(x.position, g, next.l), next.pdf));
-    store_state(local, DIRECTION_ALIVE, vec4(next.l, float(alive)));
+    store_state(local, DIRECTION, vec4(next.l, 0.0));
     store_state(local, THROUGHPUT, vec4(throughput, 0.0));
+    go_on(local, vertex + 1);
 }

@@ -2,9 +2,10 @@
 //
 // Paper      section 3.2, f_dir.
 // Reads      position normal geometric_normal base_color material, lights, acceleration structure.
-// Writes     path state.  Closes the sample before.
+// Writes     path state, paths that go on.  Closes the sample before, and empties the lists of the next.
 // Reference  references.path_tracing
 #include "pathtracing/light_sampling.glsl"
+#include "pathtracing/going_on.glsl"
 #include "pathtracing/numbers.glsl"
 #include "pathtracing/sums.glsl"
 #include "pathtracing/camera_vertex.glsl"
@@ -13,6 +14,7 @@ uniform int samples_before; // samples of this pixel that are in the sums
 
 void main() {
     ivec2 local = local_pixel();
+    if (local == ivec2(0)) empty_lists(1 - odd_sample);
     if (outside_tile(local)) return;
     NumbersOf numbers = numbers_of(local);
     if (samples_before == 0) {
@@ -21,7 +23,6 @@ void main() {
         close_sample(local, float(samples_before));
     }
     CameraVertex x = camera_vertex(local);
-    vec4 origin_pdf = vec4(0.0), direction_alive = vec4(0.0);
     Lobes direct = Lobes(vec3(0.0), vec3(0.0)), first = direct, connected = direct;
     if (x.lit) {
         direct = next_event(x.surface, x.p, x.g, sample_numbers_of(numbers, 0, EMITTER),
@@ -31,8 +32,9 @@ void main() {
         if (next.pdf > 0.0 && faces(x.surface, x.g, next.l)) {
             first = evaluate_brdf(x.surface, next.l);
             first = Lobes(finite_or_counted(first.diffuse / next.pdf), finite_or_counted(first.glossy / next.pdf));
-            origin_pdf = vec4(offset_origin(x.p, x.g, next.l), next.pdf);
-            direction_alive = vec4(next.l, float(luminance(first.diffuse + first.glossy) > 0.0));
+            store_state(local, ORIGIN_PDF, vec4(offset_origin(x.p, x.g, next.l), next.pdf));
+            store_state(local, DIRECTION, vec4(next.l, 0.0));
+            if (luminance(first.diffuse + first.glossy) > 0.0) go_on(local, 1);
         }
 #if BIDIRECTIONAL
         connected = connect(local, x.surface, x.p, x.g);
@@ -43,8 +45,6 @@ void main() {
         add_state(local, DIRECT_DIFFUSE, vec4(direct.diffuse, 0.0));
         add_state(local, DIRECT_GLOSSY, vec4(direct.glossy, 0.0));
     }
-    store_state(local, ORIGIN_PDF, origin_pdf);
-    store_state(local, DIRECTION_ALIVE, direction_alive);
     store_state(local, THROUGHPUT, vec4(1.0));
     store_state(local, FIRST_DIFFUSE, vec4(first.diffuse, luminance(direct.diffuse + direct.glossy)));
     store_state(local, FIRST_GLOSSY, vec4(first.glossy, luminance(connected.diffuse + connected.glossy)));

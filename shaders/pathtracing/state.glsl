@@ -5,7 +5,7 @@
 #include "common/numbers.glsl"
 
 const int ORIGIN_PDF = 0;      // xyz: origin of the next ray, relative to the camera; w: pdf of its direction, 1/sr
-const int DIRECTION_ALIVE = 1; // xyz: its direction, unit; w: 1 while the path goes on
+const int DIRECTION = 1;       // xyz: its direction, unit
 const int THROUGHPUT = 2;      // xyz: after the first bounce
 const int FIRST_DIFFUSE = 3;   // xyz: diffuse lobe / pdf at the first bounce; w: direct luminance of this sample
 const int FIRST_GLOSSY = 4;    // xyz: glossy lobe / pdf; w: indirect luminance of this sample

@@ -10,7 +10,7 @@ import numpy as np
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, ComputePass, Pass, RasterPass, Resource
-from taubench_gl.gpu.hazards import FETCH, IMAGE_ACCESS, STORAGE
+from taubench_gl.gpu.hazards import COMMAND, FETCH, IMAGE_ACCESS, STORAGE
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
@@ -116,10 +116,13 @@ class CompiledCompute:
         self._constants = _Constants(context.gpu, declaration)
         self._uses = [(use, binding) for use, binding in declaration.bindings() if use.form in _WAYS]
 
-    def run(self, frame: Any, resources: Mapping[str, Any], **uniforms: Any) -> None:
+    def run(
+        self, frame: Any, resources: Mapping[str, Any], groups_at: tuple[str, int] | None = None, **uniforms: Any
+    ) -> None:
         """Bind everything declared, wait for what earlier passes wrote, dispatch.
 
-        ``frame`` goes to the fills of constants; ``resources``: textures and buffers by ``Use.key``.
+        ``frame`` goes to the fills of constants; ``resources``: textures and buffers by ``Use.key``.  ``groups_at``:
+        the buffer, and the byte in it, that holds the numbers of work groups; None: as declared.
         """
         self._constants.bind(frame)
         self._hazards.before((resources[use.key], _WAYS[use.form]) for use, _ in self._uses)
@@ -133,7 +136,12 @@ class CompiledCompute:
                 resource.bind_to_storage_buffer(binding)
         for name, value in uniforms.items():
             self.program[name] = value
-        self.program.run(*self.declaration.groups)
+        if groups_at is None:
+            self.program.run(*self.declaration.groups)
+        else:
+            buffer = resources[groups_at[0]]
+            self._hazards.before([(buffer, COMMAND)])
+            self.program.run_indirect(buffer, groups_at[1])
         self._hazards.wrote(resources[use.key] for use, _ in self._uses if use.writes)
 
     def release(self) -> None:

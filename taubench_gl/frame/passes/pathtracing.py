@@ -6,6 +6,7 @@ dispatches the paths of a tile lie in one image, whose layers ``shaders/pathtrac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -185,8 +186,13 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
     if spec.bidirectional:
         out["subpath"] = make("subpath")
     out["start"] = make("start").use(*spec.channels(*SURFACE)).allocate(state, counts)
+    paths, group = tile[0] * tile[1], math.prod(spec.tuning.shading_group)
     if vertices(spec):
-        out["extend"] = make("extend")
+        out["extend"] = make("extend").dispatch(paths, group)
+    for name, words in {"going_on": 2 * paths, "going_on_counts": 8 * (spec.bounces + 2)}.items():
+        out["start"].allocate(Resource.buffer(name, 4 * words, label="paths"))
+        for p in filter(None, (out["start"], out.get("extend"))):
+            p.buffer(name, "uint", access=UPDATE, given=True).glsl(f"const int PATH_GROUP = {group};")
     out["resolve"] = _resolve(spec, make("resolve", traced=False))
     if image:
         own = ComputePass("", ())
@@ -269,6 +275,8 @@ class PathTracing(Owner):
         self.tables = context.allocate_all(passes.values())
         """What the passes declare, by name; the light stage releases it."""
         self.tables["path_counts"].clear()
+        self.tables["going_on_counts"].write(np.tile(np.uint32([0, 1, 1, 0]), 2 * (spec.bounces + 2)).tobytes())
+        self._odd_sample = 0
         if "punctual" in spec.path_traced_sources:
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
@@ -359,9 +367,7 @@ class PathTracing(Owner):
                 passes["exact"].run(frame, resources, first_light=first)
         if "subpath" in passes:
             passes["subpath"].run(frame, resources)
-        passes["start"].run(frame, resources, samples_before=0)
-        for vertex in range(1, vertices(self._spec) + 1):
-            passes["extend"].run(frame, resources, vertex=vertex)
+        self._trace_paths(frame, resources, samples_before=0)
         passes["resolve"].run(frame, resources, sample_count=1)
 
     def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
@@ -374,10 +380,19 @@ class PathTracing(Owner):
             row = self._table_row(self.first_sample + k)
             if "subpath" in passes:
                 passes["subpath"].run(frame, resources, **where, sample_row=row)
-            passes["start"].run(frame, resources, **where, sample_row=row, samples_before=k)
-            for vertex in range(1, vertices(self._spec) + 1):
-                passes["extend"].run(frame, resources, **where, sample_row=row, vertex=vertex)
+            self._trace_paths(frame, resources, samples_before=k, **where, sample_row=row)
         passes["resolve"].run(frame, resources, **where, sample_count=self.sample_count)
+
+    def _trace_paths(self, frame: FrameContext, resources: dict, samples_before: int, **where: Any) -> None:
+        """One sample of every path of a tile."""
+        where["odd_sample"] = self._odd_sample
+        self._passes["start"].run(frame, resources, samples_before=samples_before, **where)
+        if self._spec.pattern == "fixed":
+            where.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
+        for vertex in range(1, vertices(self._spec) + 1):
+            byte = 16 * (self._odd_sample * (self._spec.bounces + 2) + vertex)
+            self._passes["extend"].run(frame, resources, ("going_on_counts", byte), vertex=vertex, **where)
+        self._odd_sample = 1 - self._odd_sample
 
     def _chunks(self, frame: FrameContext) -> list[int]:
         """First lights of the chunks with a light that is on; the first chunk begins the sum and is always there."""
