@@ -20,6 +20,7 @@ from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
+from taubench_gl.viewer.scene_panel import ScenePanel
 from taubench_gl.viewer.state import (
     CAMERAS,
     COMPARISONS,
@@ -50,6 +51,7 @@ class Panels:
             "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
             "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
             "effects": self._effects, "time": self._time, "lesson": self._lesson,
+            "scene": ScenePanel(self._ui).draw,
         }  # fmt: skip
 
     @property

@@ -20,6 +20,8 @@ from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
 
 CAMERAS = ("file", "fly", "orbit")
 COMPARISONS = ("off", "split", "flicker", "difference", "error")
+NO_NODE = "none"
+"""The selection without a node; no node has this label."""
 HISTORY = ("history", "reprojected")
 """What every image can be compared with: the previous frame, and that frame looked up where motion leads."""
 SECTIONS = (
@@ -34,11 +36,14 @@ SECTIONS = (
     "effects",
     "time",
     "lesson",
+    "scene",
 )
 DOCKS = ("left", "right")
-DOCKED = ("lesson", "probe", "thresholds", "camera", "image", "compare", "masks", "settings", "effects", "time")
+DOCKED = (
+    "lesson", "probe", "thresholds", "scene", "camera", "image", "compare", "masks", "settings", "effects", "time",
+)  # fmt: skip
 """Sections of the side panels, from the top."""
-_LEFT = ("lesson", "probe", "thresholds")
+_LEFT = ("lesson", "probe", "thresholds", "scene")
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
@@ -142,6 +147,9 @@ class ViewerState:
     help: bool = False
     probe: tuple[int, int] | None = None  # pixel (x, row from the top)
     probe_pinned: bool = False
+    nodes: tuple[str, ...] = ()  # labels of the scene's nodes, by index
+    selection: int | None = None  # the selected node, whose pixels are outlined
+    pick: tuple[int, int] | None = None  # pixel whose node is to be selected
     magnified: int = 11  # pixels along a side of the magnified images, odd
     size: tuple[int, int] = (1, 1)  # image width and height, pixels
     message: str = ""
@@ -267,7 +275,18 @@ def variable_names(state: ViewerState) -> list[str]:
     dotted = [f"{group}.{name}" for group, members in groups for name in members]
     dotted += [f"effect.{name}" for name in state.effects]
     dotted += [f"dock.{name}" for name in state.docks]
-    plain = ["frame", "probe", "magnified", "samples", "stops", "loop.first", "loop.last", "range.low", "range.high"]
+    plain = [
+        "frame",
+        "probe",
+        "selection",
+        "magnified",
+        "samples",
+        "stops",
+        "loop.first",
+        "loop.last",
+        "range.low",
+        "range.high",
+    ]
     return [*plain, *LIVE_CHOICES, *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
 
 
@@ -278,6 +297,10 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
         state.go_to(round(_number(name, text)))
     elif name == "probe":
         state.probe = _pixel(name, text, state.size)
+    elif name == "selection":
+        if text not in (NO_NODE, *state.nodes):
+            raise SettingsError(f"there is no node {text!r}", hint=f"give a name of the tree, or {NO_NODE}")
+        state.selection = None if text == NO_NODE else state.nodes.index(text)
     elif name == "samples":
         state.samples = min(max(round(_number(name, text)), 0), MOST_SAMPLES)
     elif name == "magnified":
@@ -319,6 +342,7 @@ def variables(state: ViewerState) -> dict[str, Any]:
     low, high = state.range
     out: dict[str, Any] = {
         "frame": state.frame, "probe": _pixel_text(state.probe), "magnified": state.magnified,
+        "selection": NO_NODE if state.selection is None else state.nodes[state.selection],
         "samples": state.samples,
         "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,
         "range.low": state.low, "range.high": state.high,

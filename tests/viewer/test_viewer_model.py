@@ -131,8 +131,14 @@ def test_loop_ends_cannot_cross():
 
 
 def test_every_variable_can_be_set_and_read_back():
-    s = state(channels=("headlight", "normal"))
-    texts = {"camera": "fly", "channel": "normal", "comparison": "split", "feature": "color", "effect": "color"}
+    s = state(channels=("headlight", "normal"), nodes=("floor", "ball"))
+    texts = {"selection": "ball"} | {
+        "camera": "fly",
+        "channel": "normal",
+        "comparison": "split",
+        "feature": "color",
+        "effect": "color",
+    }
     texts |= {"against": "history", "probe": "3,4", "magnified": "9"}
     texts |= {
         "reprojection": "motion",
