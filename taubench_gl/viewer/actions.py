@@ -168,7 +168,7 @@ _TABLE: dict[str, tuple[tuple[str, str, str, Change | None], ...]] = {
         ("low up", "SHIFT+UP", "raise the lower end of the range", _range(0.1, 0.0)),
         ("low down", "SHIFT+DOWN", "lower the lower end of the range", _range(-0.1, 0.0)),
         ("arrows", "U", "motion vectors as arrows to the previous position", _flip("arrows")),
-        ("compare", "Y", "comparison: off, split, flicker, difference, error", _compare),
+        ("compare", "Y", "comparison: off, split, flicker, difference, error, ghost", _compare),
         ("compare with", "SHIFT+Y", "compare with the next: history, reprojected history, reference, run, method",
          _against),
         ("beside", "Z", "the other image and the error map beside the image", _flip("beside")),

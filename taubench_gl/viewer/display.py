@@ -29,8 +29,8 @@ ARROW_STEP_PX = 20
 ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
 OUTLINE_COLOR = (0.45, 1.0, 0.2, 1.0)
 LIGHT_BITS = Reason(sum(bit for f in TABLE if f.light for bit in (f.bit, *f.details)))
-MODES = ("off", "split", "difference", "error", "other")
-"""How an image and another are combined; other: that one alone."""
+MODES = ("off", "split", "difference", "error", "ghost", "other")
+"""How an image and another are combined; ghost: error where the other has alpha; other: that one alone."""
 
 
 @dataclass(slots=True)

@@ -41,8 +41,6 @@ from taubench_gl.viewer.state import HISTORY, ViewerState
 Array = np.ndarray
 NAMES = frozenset({"ids"})
 """Channels that tell which object and material a pixel shows."""
-BESIDE = ("other", "error")
-"""What is drawn beside the image, as modes of ``display``."""
 CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 
 
@@ -327,6 +325,7 @@ class ViewerEngine:
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
             state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
             state.freeze_previous, state.beside, state.method, state.method_input, state.exact, state.selection,
+            state.method_image,
             version(state.method) if state.against == "method" else None,
         )  # fmt: skip
         if key == self._image_key:
@@ -399,6 +398,9 @@ class ViewerEngine:
         """``content`` with the comparison of the state; a message says where there is nothing to compare with."""
         if state.comparison == "off" and not state.beside:
             return content
+        if state.comparison == "ghost" and state.against != "method":
+            state.message = "only a reuse method has ghosts: compare with method"
+            return content
         try:
             other = None if observed else self.other(state)
         except TaubenchError as error:  # of a reuse method, for example: the image alone is shown
@@ -413,8 +415,9 @@ class ViewerEngine:
         return replace(content, comparison=mode, other=other)
 
     def _draw_beside(self, state: ViewerState, other: Other | None) -> None:
-        """Draw the other image and the error map, if they are to be beside the image and there are any."""
-        wanted = BESIDE if state.beside and other is not None else ()
+        """Draw the other image and a map of errors or ghosts, if they are to be beside the image and there are any."""
+        map_mode = "ghost" if state.comparison == "ghost" else "error"
+        wanted = ("other", map_mode) if state.beside and other is not None else ()
         if len(self._beside) != len(wanted) or any(d.size != self._display.size for d in self._beside):
             self._owner.free_parts(*self._beside)
             self._beside = [self._owner.own(Display(self.gpu, self._display.size)) for _ in wanted]
@@ -430,8 +433,14 @@ class ViewerEngine:
         """Titles of ``textures``; none for an image alone."""
         if not self._beside:
             return ("",)
-        other = f"{state.method}, input {state.method_input}" if state.against == "method" else state.against
-        return "", other, f"error x {state.gain:g}"
+        bound = "bound of " if state.method_image == "bound" else ""
+        other = f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against
+        return "", other, f"{'ghost' if state.comparison == 'ghost' else 'error'} x {state.gain:g}"
+
+    @property
+    def method_scores(self) -> Mapping[str, float | None]:
+        """Columns of ``reuse evaluate`` for the frame of the method compared with; empty where nothing needs them."""
+        return self.comparisons["method"].scores if "method" in self.comparisons else {}
 
     def picture(self) -> Array:
         """The images of ``textures`` side by side, (h, w, 3) uint8, row 0 at the top."""

@@ -27,6 +27,7 @@ from taubench_gl.viewer.state import (
     DOCKED,
     EXACT_OVERLAYS,
     LIVE_CHOICES,
+    METHOD_IMAGES,
     METHOD_INPUTS,
     MOVING_LIGHTS,
     OVERLAYS,
@@ -36,6 +37,12 @@ from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
 from taubench_gl.viewer.timeline_panel import draw_timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
+SCORES = {
+    "wrongly_reused_percent": "wrongly reused, % of pixels",
+    "bound_linear_mse": "bound, linear MSE",
+    "headroom_db": "headroom, dB",
+}
+"""Columns of ``reuse evaluate`` -> how the section compare names them."""
 LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
 
 
@@ -192,8 +199,12 @@ class Panels:
         if s.against == "method":
             self._ui.pick("method", "method", s.methods)
             self._ui.pick("input", "method_input", METHOD_INPUTS)
+            self._ui.pick("image", "method_image", METHOD_IMAGES)
             self._ui.faint("results are colors: show the channel color", wrap=True)
-        if s.beside or s.comparison in ("difference", "error"):
+            for name, label in SCORES.items():
+                if (value := self._viewer.engine.method_scores.get(name)) is not None:
+                    self._ui.pair(label, f"{value:.4g}", 190.0)
+        if s.beside or s.comparison in ("difference", "error", "ghost"):
             self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
         if s.comparison == "split":
             self._ui.slider("split", 0.0, 1.0, "%.2f")

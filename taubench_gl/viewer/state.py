@@ -19,7 +19,7 @@ from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
 
 CAMERAS = ("file", "fly", "orbit")
-COMPARISONS = ("off", "split", "flicker", "difference", "error")
+COMPARISONS = ("off", "split", "flicker", "difference", "error", "ghost")
 NO_NODE = "none"
 """The selection without a node; no node has this label."""
 HISTORY = ("history", "reprojected")
@@ -65,6 +65,8 @@ SHIFT = COUNTED_BITS
 
 METHOD_INPUTS = ("full", "jittered", "noisy", "noisy+jittered", "path-traced", "path-traced+jittered")
 """Kinds of frames that reuse methods get."""
+METHOD_IMAGES = ("result", "bound")
+"""Images of a reuse method: what it computes, and the blend of its history and input nearest to the exact frame."""
 MOVING_LIGHTS = ("full", "half", "quarter", "unshadowed")
 SCALES = (0.25, 0.5, 1.0, 2.0)
 """Factors on the size of the image."""
@@ -126,6 +128,7 @@ class ViewerState:
     methods: tuple[str, ...] = field(default_factory=builtin_methods)  # reuse methods to compare with
     method: str = "taa_clamp"  # of ``methods``
     method_input: str = "noisy"  # of METHOD_INPUTS
+    method_image: str = "result"  # of METHOD_IMAGES
     flicker_hz: float = 2.0  # changes per second between the image and the other
     flicker_other: bool = False  # whether the other is shown now
     split: float = 0.5  # fraction of the image width
@@ -260,6 +263,7 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "against": lambda s: s.others,
     "method": lambda s: s.methods,
     "method_input": lambda s: METHOD_INPUTS,
+    "method_image": lambda s: METHOD_IMAGES,
     "moving_light": lambda s: MOVING_LIGHTS,
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,

@@ -147,7 +147,7 @@ def test_every_variable_can_be_set_and_read_back():
         "scale": "0.5",
         "stops": "0.5",
     } | {f"dock.{name}": "left" for name in DOCKED}
-    texts |= {"moving_light": "half", "samples": "5", "method": "svgf", "method_input": "full"}
+    texts |= {"moving_light": "half", "samples": "5", "method": "svgf", "method_input": "full", "method_image": "bound"}
     for name in variable_names(s):
         if name.startswith(("loop", "range")):
             continue
