@@ -106,7 +106,7 @@ class MethodComparison(Owner):
     """The result of a reuse method for the frames of a feed, as color; and the best blend of what it blended.
 
     A frame that does not follow the last starts again WARM_UP frames before it, and so does every frame once a file of
-    the method has changed.  ``scores``: of the frame, by column of ``reuse evaluate``, where ghosts or the bound are
+    the method has changed.  ``scores``: of ``frame``, by column of ``reuse evaluate``, where ghosts or the bound are
     asked for: these need the exact frames, so each frame takes longer.
     """
 
@@ -115,6 +115,7 @@ class MethodComparison(Owner):
     def __init__(self, gpu: Gpu):
         super().__init__()
         self._gpu = gpu
+        self.frame: int | None = None  # of the images
         self.scores: dict[str, float | None] = {}
         self._key: tuple[object, ...] | None = None  # feed's settings, method, input, files, whether it is scored
         self._error: TaubenchError | None = None  # of that key
@@ -123,7 +124,6 @@ class MethodComparison(Owner):
         self._reference: ComposePass | None = None  # light of the exact frames
         self._images: dict[str, moderngl.Texture] = {}  # of METHOD_IMAGES; alpha: 1 where history is wrongly reused
         self._missing: dict[str, str] = {}  # of what is not in them, or of "ghost" -> why
-        self._frame: int | None = None
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
         if channel != "color":
@@ -140,7 +140,7 @@ class MethodComparison(Owner):
                 self._error = error
         if self._error is not None:
             raise self._error
-        if frame != self._frame:
+        if frame != self.frame:
             try:
                 self._run(frame, feed.frames[0])
             except TaubenchError as error:
@@ -161,7 +161,7 @@ class MethodComparison(Owner):
         self._images = {n: self.own(self._gpu.ctx.texture(feed.size, 4, dtype="f4")) for n in METHOD_IMAGES}
 
     def _run(self, frame: int, first: int) -> None:
-        follows = self._frame is not None and frame == self._frame + 1
+        follows = self.frame is not None and frame == self.frame + 1
         if not follows:
             self._runner.reset()
         for number in range(frame if follows else max(frame - WARM_UP, first), frame + 1):
@@ -169,14 +169,14 @@ class MethodComparison(Owner):
             result = self._runner.step(inputs)
         result = read_result(result)
         self._write("result", result[..., :3], np.zeros(result.shape[:2], dtype=bool))
-        self._frame = frame
+        self.frame = frame
         if self._reference is not None:
             self._score(inputs, result)
 
     def _score(self, inputs: FrameInputs, result: Array) -> None:
         """What ``reuse evaluate`` computes of one frame, against the light of the exact frame at pixel centers."""
         self._missing.clear()
-        self._reference.run(self._frame)
+        self._reference.run(self.frame)
         reference = read_result(self._reference.textures["radiance"])[..., :3]
         allowed = reusable(read_channel(self._inputs.exact_mask, "mask")[..., 0])
         valid = np.isfinite(reference).all(axis=-1) & np.isfinite(result).all(axis=-1)
@@ -200,7 +200,7 @@ class MethodComparison(Owner):
 
     def _reset(self) -> None:
         self.release()
-        self._runner = self._inputs = self._reference = self._frame = self._error = self._key = None
+        self._runner = self._inputs = self._reference = self.frame = self._error = self._key = None
         self._images, self._missing, self.scores = {}, {}, {}
 
 

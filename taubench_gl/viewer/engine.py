@@ -29,7 +29,7 @@ from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.comparisons import Comparison, version
+from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
 from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
@@ -437,10 +437,11 @@ class ViewerEngine:
         other = f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against
         return "", other, f"{'ghost' if state.comparison == 'ghost' else 'error'} x {state.gain:g}"
 
-    @property
-    def method_scores(self) -> Mapping[str, float | None]:
-        """Columns of ``reuse evaluate`` for the frame of the method compared with; empty where nothing needs them."""
-        return self.comparisons["method"].scores if "method" in self.comparisons else {}
+    def method_scores(self, state: ViewerState) -> Mapping[str, float | None]:
+        """Columns of ``reuse evaluate`` for the method and frame compared with; empty where nothing needs them."""
+        method = self.comparisons.get(state.against)
+        compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
+        return method.scores if compared else {}
 
     def picture(self) -> Array:
         """The images of ``textures`` side by side, (h, w, 3) uint8, row 0 at the top."""

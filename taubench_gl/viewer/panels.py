@@ -202,7 +202,7 @@ class Panels:
             self._ui.pick("image", "method_image", METHOD_IMAGES)
             self._ui.faint("results are colors: show the channel color", wrap=True)
             for name, label in SCORES.items():
-                if (value := self._viewer.engine.method_scores.get(name)) is not None:
+                if (value := self._viewer.engine.method_scores(s).get(name)) is not None:
                     self._ui.pair(label, f"{value:.4g}", 190.0)
         if s.beside or s.comparison in ("difference", "error", "ghost"):
             self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)

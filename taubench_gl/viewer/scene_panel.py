@@ -38,15 +38,17 @@ class ScenePanel:
                 self._open |= tree.ancestors(s.selection)
                 self._search, self._rows = "", None
                 self._ui.reveal = f"node.{tree.labels[s.selection]}"
-        changed, self._search = imgui.input_text_with_hint("##search", "search", self._search)
+        # Another name after a selection: a text field that is being edited keeps its own text.
+        changed, self._search = imgui.input_text_with_hint(f"##search {self._followed}", "search", self._search)
         self._ui.place("search", slider=True)
         if changed or self._rows is None:
             self._rows = self._listed()
         clipper = imgui.ListClipper()
         clipper.begin(len(self._rows), imgui.get_text_line_height_with_spacing())
-        for row, (node, _) in enumerate(self._rows):
-            if self._ui.reveal == f"node.{tree.labels[node]}":
-                clipper.include_item_by_index(row)  # to be scrolled to
+        if (self._ui.reveal or "").startswith("node."):  # a row that is to be scrolled to must be built
+            shown = (i for i, (node, _) in enumerate(self._rows) if self._ui.reveal == f"node.{tree.labels[node]}")
+            for row in shown:
+                clipper.include_item_by_index(row)
         while clipper.step():
             for node, depth in self._rows[clipper.display_start : clipper.display_end]:
                 self._row(node, depth)

@@ -279,19 +279,8 @@ def variable_names(state: ViewerState) -> list[str]:
     dotted = [f"{group}.{name}" for group, members in groups for name in members]
     dotted += [f"effect.{name}" for name in state.effects]
     dotted += [f"dock.{name}" for name in state.docks]
-    plain = [
-        "frame",
-        "probe",
-        "selection",
-        "magnified",
-        "samples",
-        "stops",
-        "loop.first",
-        "loop.last",
-        "range.low",
-        "range.high",
-    ]
-    return [*plain, *LIVE_CHOICES, *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
+    plain = ["frame", "probe", "magnified", "samples", "stops", "loop.first", "loop.last", "range.low", "range.high"]
+    return [*plain, "selection", *LIVE_CHOICES, *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
 
 
 def set_variable(state: ViewerState, name: str, text: str) -> None:

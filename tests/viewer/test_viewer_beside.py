@@ -145,7 +145,7 @@ def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
     parts = blended_of(driven, range(3, 8))
     ghosts = (parts["weight"] > 0) & parts["discarded"]
     assert 20 < ghosts.sum() < ghosts.size / 2
-    percent = driven.engine.method_scores["wrongly_reused_percent"]
+    percent = driven.engine.method_scores(driven.state)["wrongly_reused_percent"]
     assert percent == row["wrongly_reused_percent"] == pytest.approx(100.0 * ghosts.mean())
     image, shown = driven.engine.image() / 255.0, frame.images["accumulate"]
     error = color_scale(2.0 * np.abs(frame.reference - shown).max(axis=-1))
@@ -167,6 +167,8 @@ def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
     best_ghosts = (np.abs(best - parts["now"]).max(axis=-1) > 0) & parts["discarded"]
     gray = np.ptp(thirds(driven.engine.picture())[2], axis=-1) == 0
     assert not gray[best_ghosts].any() and gray[~parts["discarded"]].all(), "ghosts of the bound are its own"
+    driven.run("key Z\nset comparison off\nkey LEFT")
+    assert not driven.engine.method_scores(driven.state), "scores of another frame are not shown"
 
 
 def test_where_there_is_no_ghost_or_bound_a_message_says_so(drive, monkeypatch):

@@ -118,6 +118,18 @@ def test_a_pick_scrolls_the_tree_to_its_node(drive):
     )
 
 
+def test_the_search_lists_nodes_by_name(drive):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8\nclick @search 0.5")
+    for letter in "CAR":
+        driven.viewer.input.char(ord(letter))
+    driven.run("wait 1\nwait 1")
+    listed = {n.removeprefix("node.") for n in driven.viewer.panels.widgets if n.startswith("node.")}
+    assert listed == {n for n in driven.state.nodes if "car" in n} and len(listed) == 5
+    driven.run("set selection ball\nwait 1\nwait 1")
+    assert "node.ball" in driven.viewer.panels.widgets, "another selection ends the search"
+
+
 def test_from_outside_nothing_is_picked(drive):
     driven = drive(window=(1280, 720))
     driven.run("frame 8\nset overlays off\nset selection court\nkey C\nkey F\nhold S 3")
