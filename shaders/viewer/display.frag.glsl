@@ -168,9 +168,12 @@ void main() {
     if (abs(float(at.x) + 0.5 - split_px) < 1.0) color = vec3(1.0);
 #elif COMPARE == COMPARE_DIFFERENCE
     color = clamp(gain * abs(color - other_color(at)), 0.0, 1.0);
-#elif COMPARE == COMPARE_ERROR
-    vec3 difference = abs(color - other_color(at));
+#elif COMPARE == COMPARE_ERROR || COMPARE == COMPARE_GHOST
+    vec3 shown = other_color(at), difference = abs(color - shown);
     color = color_scale(gain * max(difference.r, max(difference.g, difference.b)));
+#if COMPARE == COMPARE_GHOST
+    if (VALUE_AT(other, at).a < 0.5) color = vec3(0.25 * dot(shown, vec3(0.2126, 0.7152, 0.0722))); // dark gray
+#endif
 #elif COMPARE == COMPARE_OTHER
     color = other_color(at);
 #endif

@@ -52,6 +52,19 @@ class Blended:
         used = None if used is None else np.where(has_history[..., None], used[..., :3], now)
         return cls(now, np.where(has_history[..., None], history[..., :3], now), has_history, used)
 
+    def masked(self, valid: Array) -> tuple[Blended, Array]:
+        """Black outside ``valid`` and where input or history is not finite; and the other pixels, (h, w) bool."""
+        keep = valid & np.isfinite(self.now).all(axis=-1) & np.isfinite(self.fetched).all(axis=-1)
+        now, fetched, used = (
+            None if x is None else np.where(keep[..., None], x, 0.0) for x in (self.now, self.fetched, self.used)
+        )
+        return Blended(now, fetched, self.has_history & keep, used), keep
+
+    def best(self, reference: Array) -> tuple[Array, Array]:
+        """The blend nearest to ``reference`` (h, w, 3) in every pixel, and its weight of history, (h, w)."""
+        weight = nearest_weight(reference, self.now, self.fetched)
+        return blend(self.now, self.fetched, weight), weight
+
 
 @dataclass(frozen=True, slots=True)
 class BoundFrame:
@@ -82,19 +95,15 @@ class BoundFrame:
 
 def bound_of_frame(blended: Blended, result: Array, reference: Array, valid: Array) -> BoundFrame:
     """``result`` (h, w, 4): radiance and weight of history; ``reference`` (h, w, 3); ``valid`` (h, w) bool."""
-    shown = result[..., :3].astype(np.float64)
-    finite = np.isfinite(blended.now).all(axis=-1) & np.isfinite(blended.fetched).all(axis=-1)
-    keep = (valid & finite)[..., None]
-    shown, reference, now, fetched = (
-        np.where(keep, x, 0.0) for x in (shown, reference, blended.now, blended.fetched)
-    )  # fmt: skip
-    best = nearest_weight(reference, now, fetched)
-    error = np.mean((blend(now, fetched, best) - reference) ** 2)
+    blended, keep = blended.masked(valid)
+    shown, reference = (np.where(keep[..., None], x, 0.0) for x in (result[..., :3].astype(np.float64), reference))
+    now, fetched, (image, best) = blended.now, blended.fetched, blended.best(reference)
+    error = np.mean((image - reference) ** 2)
     method_mse = np.mean((shown - reference) ** 2)
     effective = None
     if not (result[..., 3] < 0).any():
-        weight = np.where(keep[..., 0] & blended.has_history, result[..., 3], 0.0).astype(np.float64)
-        used = used_history(shown, now, fetched, weight) if blended.used is None else np.where(keep, blended.used, 0.0)
+        weight = np.where(blended.has_history, result[..., 3], 0.0).astype(np.float64)
+        used = used_history(shown, now, fetched, weight) if blended.used is None else blended.used
         effective = float(effective_weight(weight, now, fetched, used).mean())
     share = 100.0 * float(np.mean(on_segment(shown, now, fetched)))
     return BoundFrame(float(error), float(method_mse), float(best.mean()), share, effective)

@@ -312,9 +312,15 @@ def weights(weight: Array, allowed: Array | None) -> dict[str, float | None]:
     if (weight < 0).any():
         return dict.fromkeys(names)
     weight = np.where(np.isfinite(weight), weight, 0.0)  # NaN where the radiance is NaN: no history
-    reused = weight > 0
-    wrong = (None, None) if allowed is None else (_percent(reused & ~allowed), _percent(~reused & allowed))
+    reused, wrong = weight > 0, (None, None)
+    if allowed is not None:
+        wrong = _percent(wrongly_reused(weight, allowed)), _percent(~reused & allowed)
     return dict(zip(names, (_percent(reused), float(weight.mean()), *wrong), strict=True))
+
+
+def wrongly_reused(weight: Array, allowed: Array) -> Array:
+    """Pixels whose weight of history is above 0 although the exact mask does not allow it: ghosts.  (h, w) bool."""
+    return (weight > 0) & ~allowed
 
 
 def _percent(which: Array) -> float:

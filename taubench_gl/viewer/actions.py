@@ -130,6 +130,7 @@ def _escape(s: ViewerState) -> None:
         s.help = False
     else:
         s.freeze_current = s.freeze_previous = False
+        s.selection = None
 
 
 _TABLE: dict[str, tuple[tuple[str, str, str, Change | None], ...]] = {
@@ -167,7 +168,7 @@ _TABLE: dict[str, tuple[tuple[str, str, str, Change | None], ...]] = {
         ("low up", "SHIFT+UP", "raise the lower end of the range", _range(0.1, 0.0)),
         ("low down", "SHIFT+DOWN", "lower the lower end of the range", _range(-0.1, 0.0)),
         ("arrows", "U", "motion vectors as arrows to the previous position", _flip("arrows")),
-        ("compare", "Y", "comparison: off, split, flicker, difference, error", _compare),
+        ("compare", "Y", "comparison: off, split, flicker, difference, error, ghost", _compare),
         ("compare with", "SHIFT+Y", "compare with the next: history, reprojected history, reference, run, method",
          _against),
         ("beside", "Z", "the other image and the error map beside the image", _flip("beside")),
@@ -198,6 +199,8 @@ _TABLE: dict[str, tuple[tuple[str, str, str, Change | None], ...]] = {
         ("probe right", "CTRL+RIGHT", "probe one pixel right", _probe(1, 0)),
         ("probe up", "CTRL+UP", "probe one pixel up", _probe(0, -1)),
         ("probe down", "CTRL+DOWN", "probe one pixel down", _probe(0, 1)),
+        ("select", "SHIFT+P", "select the node at the probe, as a right click on the image does",
+         lambda s: setattr(s, "pick", s.probe)),
     ),
     "effects": (
         ("next effect", "G", "select the next effect", _next_effect),
@@ -206,14 +209,14 @@ _TABLE: dict[str, tuple[tuple[str, str, str, Change | None], ...]] = {
     "window": (
         ("panels", "TAB", "hide or show the panels", _flip("panels")),
         ("help", "SHIFT+SLASH F1", "show this list", _flip("help")),
-        *((f"section {name}", f"SHIFT+F{i}", f"open or close {name}", _section(name))
+        *((f"section {name}", f"SHIFT+F{i}" if i < 12 else "SHIFT+T", f"open or close {name}", _section(name))
           for i, name in enumerate(SECTIONS, 1)),
         ("screenshot", "F12", "save the image as PNG", None),
         ("window screenshot", "SHIFT+F12", "save the whole window as PNG", None),
         ("clip", "F9", "start or stop recording a clip (mp4)", None),
         ("save session", "CTRL+S", "save what is open and how it is shown as a session file", None),
         ("reload", "F5", "reload the scene from disk", None),
-        ("escape", "ESCAPE", "close the help, unfreeze the cameras", _escape),
+        ("escape", "ESCAPE", "close the help, unfreeze the cameras, select no node", _escape),
         ("quit", "CTRL+Q", "quit", None),
     ),
 }  # fmt: skip

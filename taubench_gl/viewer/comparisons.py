@@ -10,22 +10,26 @@ import numpy as np
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.errors import SettingsError, TaubenchError
-from taubench_gl.frame.targets import write_channel
+from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.sequence import is_sequence
-from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.bound import NO_HISTORY, Blended, bound_of_frame
+from taubench_gl.reuse.derived import ComposePass
+from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
-from taubench_gl.reuse.quality import display
+from taubench_gl.reuse.quality import display, reusable
 from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.scores import NO_WEIGHT, weights, wrongly_reused
 from taubench_gl.run import load_run
 from taubench_gl.viewer.display import LIGHT, VISUALIZATIONS
 from taubench_gl.viewer.feeds import Feed, OpenRequest, PathTracedFeed, SceneFeed, scene_feed, scene_of
-from taubench_gl.viewer.state import ViewerState
+from taubench_gl.viewer.state import METHOD_IMAGES, ViewerState
 
+Array = np.ndarray
 WARM_UP = 8
 """Frames that a reuse method runs before one that does not follow the last."""
 
@@ -99,10 +103,11 @@ def version(method: str) -> tuple[tuple[str, int], ...]:
 
 
 class MethodComparison(Owner):
-    """The result of a reuse method for the frames of a feed, as color.
+    """The result of a reuse method for the frames of a feed, as color; and the best blend of what it blended.
 
     A frame that does not follow the last starts again WARM_UP frames before it, and so does every frame once a file of
-    the method has changed.
+    the method has changed.  ``scores``: of ``frame``, by column of ``reuse evaluate``, where ghosts or the bound are
+    asked for: these need the exact frames, so each frame takes longer.
     """
 
     name = "method"
@@ -110,55 +115,93 @@ class MethodComparison(Owner):
     def __init__(self, gpu: Gpu):
         super().__init__()
         self._gpu = gpu
-        self._key: tuple[object, ...] | None = None  # feed's settings, method, input, files
+        self.frame: int | None = None  # of the images
+        self.scores: dict[str, float | None] = {}
+        self._key: tuple[object, ...] | None = None  # feed's settings, method, input, files, whether it is scored
         self._error: TaubenchError | None = None  # of that key
         self._inputs: RasterInputs | None = None
         self._runner: MethodRunner | None = None
-        self._texture: moderngl.Texture | None = None
-        self._frame: int | None = None
+        self._reference: ComposePass | None = None  # light of the exact frames
+        self._images: dict[str, moderngl.Texture] = {}  # of METHOD_IMAGES; alpha: 1 where history is wrongly reused
+        self._missing: dict[str, str] = {}  # of what is not in them, or of "ghost" -> why
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
         if channel != "color":
             return None
         key = (feed.settings, state.method, state.method_input, version(state.method))
-        if key != self._key:
+        stays = self._error is None and self._key == (*key, True)  # going on costs less than starting again
+        scored = stays or state.comparison == "ghost" or state.method_image == "bound"
+        if (*key, scored) != self._key:
             self._reset()
-            self._key = key
+            self._key = (*key, scored)
             try:
-                self._start(feed, state)
+                self._start(feed, state, scored)
             except TaubenchError as error:
                 self._error = error
         if self._error is not None:
             raise self._error
-        if frame != self._frame:
+        if frame != self.frame:
             try:
                 self._run(frame, feed.frames[0])
             except TaubenchError as error:
                 self._error = error
                 raise
-        return self._texture
+        for name in (state.method_image, state.comparison):
+            if name in self._missing:
+                raise SettingsError(f"{state.method} has no {name}: {self._missing[name]}")
+        return self._images[state.method_image]
 
-    def _start(self, feed: SceneFeed, state: ViewerState) -> None:
+    def _start(self, feed: SceneFeed, state: ViewerState, scored: bool) -> None:
         method, kind = load_method(state.method), parse_input(state.method_input)
         settings = feed.settings.replace(reprojection="motion")
         request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
-        self._inputs = self.own(RasterInputs(request, method.reads))
-        self._runner = self.own(MethodRunner(self._gpu, method, feed.size, input_size=self._inputs.size))
-        self._texture = self.own(self._gpu.ctx.texture(feed.size, 4, dtype="f4"))
+        inputs = self._inputs = self.own(RasterInputs(request, method.reads, exact=scored))
+        self._reference = ComposePass(inputs, inputs.exact, inputs.settings) if scored else None
+        self._runner = self.own(MethodRunner(self._gpu, method, feed.size, input_size=inputs.size))
+        self._images = {n: self.own(self._gpu.ctx.texture(feed.size, 4, dtype="f4")) for n in METHOD_IMAGES}
 
     def _run(self, frame: int, first: int) -> None:
-        follows = self._frame is not None and frame == self._frame + 1
+        follows = self.frame is not None and frame == self.frame + 1
         if not follows:
             self._runner.reset()
         for number in range(frame if follows else max(frame - WARM_UP, first), frame + 1):
-            result = self._runner.step(self._inputs.advance(number))
-        color = display(read_result(result)[..., :3], self._inputs.settings.lighting.tone_map)
-        write_channel(self._texture, "color", color)
-        self._frame = frame
+            inputs = self._inputs.advance(number)
+            result = self._runner.step(inputs)
+        result = read_result(result)
+        self._write("result", result[..., :3], np.zeros(result.shape[:2], dtype=bool))
+        self.frame = frame
+        if self._reference is not None:
+            self._score(inputs, result)
+
+    def _score(self, inputs: FrameInputs, result: Array) -> None:
+        """What ``reuse evaluate`` computes of one frame, against the light of the exact frame at pixel centers."""
+        self._missing.clear()
+        self._reference.run(self.frame)
+        reference = read_result(self._reference.textures["radiance"])[..., :3]
+        allowed = reusable(read_channel(self._inputs.exact_mask, "mask")[..., 0])
+        valid = np.isfinite(reference).all(axis=-1) & np.isfinite(result).all(axis=-1)
+        reference = np.where(valid[..., None], reference, 0.0)
+        self.scores = dict(weights(result[..., 3], allowed))
+        self._write("result", result[..., :3], wrongly_reused(result[..., 3], allowed))
+        if self.scores["wrongly_reused_percent"] is None:
+            self._missing["ghost"] = NO_WEIGHT
+        radiance = read_result(inputs.textures["radiance"])
+        blended = Blended.of(radiance, self._runner.reported(inputs))
+        if blended is None:
+            self._missing["bound"] = NO_HISTORY
+            return
+        self.scores |= bound_of_frame(blended, result, reference, valid).row
+        best, weight = blended.masked(valid)[0].best(reference)
+        self._write("bound", best, wrongly_reused(weight, allowed))
+
+    def _write(self, name: str, radiance: Array, ghosts: Array) -> None:
+        color = display(radiance, self._inputs.settings.lighting.tone_map)
+        write_channel(self._images[name], "color", np.dstack([color, ghosts]))
 
     def _reset(self) -> None:
         self.release()
-        self._runner = self._inputs = self._texture = self._frame = self._error = self._key = None
+        self._runner = self._inputs = self._reference = self.frame = self._error = self._key = None
+        self._images, self._missing, self.scores = {}, {}, {}
 
 
 def frame_offset(reference: Feed, shown: Feed) -> int:

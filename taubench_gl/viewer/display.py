@@ -1,4 +1,4 @@
-"""The image of the viewer: a channel with comparison and masks in one pass, then lines and arrows."""
+"""The image of the viewer: a channel with comparison and masks in one pass, then outline, lines and arrows."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ Array = np.ndarray
 Area = tuple[int, int, int, int]  # x, y, width, height
 ARROW_STEP_PX = 20
 ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
+OUTLINE_COLOR = (0.45, 1.0, 0.2, 1.0)
 LIGHT_BITS = Reason(sum(bit for f in TABLE if f.light for bit in (f.bit, *f.details)))
-MODES = ("off", "split", "difference", "error", "other")
-"""How an image and another are combined; other: that one alone."""
+MODES = ("off", "split", "difference", "error", "ghost", "other")
+"""How an image and another are combined; ghost: error where the other has alpha; other: that one alone."""
 
 
 @dataclass(slots=True)
@@ -207,6 +208,17 @@ class Display(Owner):
         program["step_px"], program["arrow_color"], program["scale"] = ARROW_STEP_PX, ARROW_COLOR, scale
         self._begin()
         self._array(program).render(moderngl.LINES, vertices=6, instances=cells[0] * cells[1])
+
+    def outline(self, ids: moderngl.Texture, selected: Array) -> None:
+        """Outline pixels over the image whose value of ``ids`` is ``selected``, (D + 1,) bool by value."""
+        bits = np.packbits(selected, bitorder="little").tobytes()
+        program = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/outline.frag.glsl")
+        program["ids"], program["outline_color"] = 0, OUTLINE_COLOR
+        ids.use(0)
+        self._begin()
+        with Owner() as drawn:  # words of 32 bits
+            drawn.own(self._gpu.ctx.buffer(bits + bytes(-len(bits) % 4))).bind_to_storage_buffer(0)
+            self._array(program).render(moderngl.TRIANGLES, vertices=3)
 
     def read(self) -> Array:
         """The image, (h, w, 3) uint8, row 0 at the top."""

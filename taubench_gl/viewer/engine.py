@@ -29,20 +29,18 @@ from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.comparisons import Comparison, version
+from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
 from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.light import REFINED, Lights
 from taubench_gl.viewer.magnifier import Magnifier
-from taubench_gl.viewer.names import PixelNames
+from taubench_gl.viewer.names import PixelNames, node_at
 from taubench_gl.viewer.state import HISTORY, ViewerState
 
 Array = np.ndarray
 NAMES = frozenset({"ids"})
 """Channels that tell which object and material a pixel shows."""
-BESIDE = ("other", "error")
-"""What is drawn beside the image, as modes of ``display``."""
 CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 
 
@@ -134,7 +132,7 @@ class ViewerEngine:
         channel = VISUALIZATIONS[state.channel].channel
         coarse = self._lights.choose(state, self.feed, channel)
         shown = frozenset(VISUALIZATIONS[state.channel].channels) | self._exact_channels(state)
-        shown |= NAMES if state.probe is not None else frozenset()  # playback is faster without
+        shown |= self._names(state)
         self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
         changed = self._drawn_feed.show(previous, current)
         if changed:
@@ -148,6 +146,7 @@ class ViewerEngine:
             self._submit(state, Reason.FIRST if first else 0)
             self._mask_key, self._exact_key = mask_key, None
         self._find_exact(state)
+        self._pick(state)
         self._refine(state, current, channel)
         try:
             self._update_image(state)
@@ -169,6 +168,21 @@ class ViewerEngine:
     @staticmethod
     def _exact_channels(state: ViewerState) -> frozenset[str]:
         return frozenset(exact_channels()) if state.exact else frozenset()
+
+    @staticmethod
+    def _names(state: ViewerState) -> frozenset[str]:
+        """Channels that name objects, where they are asked for: playback is faster without."""
+        return NAMES if (state.probe, state.selection, state.pick) != (None, None, None) else frozenset()
+
+    def _pick(self, state: ViewerState) -> None:
+        """Select the node at the pixel that the user picked."""
+        if state.pick is not None and self.feed.tree is not None and not state.freeze_current:
+            state.selection = node_at(self.gpu, self.source, *state.pick)
+        state.pick = None
+
+    def visible(self, node: int) -> bool:
+        """Whether a node of the scene is visible in the frame shown."""
+        return bool(self.source.renderer.frame.state.visible[node])
 
     def _find_exact(self, state: ViewerState) -> None:
         """Exact reasons of the pair shown, where they are asked for."""
@@ -310,7 +324,8 @@ class ViewerEngine:
             self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
             state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
-            state.freeze_previous, state.beside, state.method, state.method_input, state.exact,
+            state.freeze_previous, state.beside, state.method, state.method_input, state.exact, state.selection,
+            state.method_image,
             version(state.method) if state.against == "method" else None,
         )  # fmt: skip
         if key == self._image_key:
@@ -328,9 +343,17 @@ class ViewerEngine:
                 self.arrow_scale = state.arrow_scale or self._fitting_arrows()
                 self._display.arrows(self._active.motion_texture, self.arrow_scale)
             self._draw_beside(state, content.other)
+            self._outline(state, source)
         self.gpu.flush()  # it is drawn while the panels are built
         self.drawn.images += 1
         self._image_key = key[:3] + (state.low, state.high) + key[5:]
+
+    def _outline(self, state: ViewerState, source: Any) -> None:
+        """Outline the selected node in every image."""
+        if state.selection is not None:
+            selected = self.feed.tree.draws_of(state.selection, source.renderer.draws)
+            for display in (self._display, *self._beside):
+                display.outline(source.current["ids"], selected)
 
     def _fitting_arrows(self) -> float:
         """Length of an arrow per pixel of motion, so that of the longest 5 % of arrows the shortest reaches a neighbor.
@@ -375,6 +398,9 @@ class ViewerEngine:
         """``content`` with the comparison of the state; a message says where there is nothing to compare with."""
         if state.comparison == "off" and not state.beside:
             return content
+        if state.comparison == "ghost" and state.against != "method":
+            state.message = "only a reuse method has ghosts: compare with method"
+            return content
         try:
             other = None if observed else self.other(state)
         except TaubenchError as error:  # of a reuse method, for example: the image alone is shown
@@ -389,8 +415,9 @@ class ViewerEngine:
         return replace(content, comparison=mode, other=other)
 
     def _draw_beside(self, state: ViewerState, other: Other | None) -> None:
-        """Draw the other image and the error map, if they are to be beside the image and there are any."""
-        wanted = BESIDE if state.beside and other is not None else ()
+        """Draw the other image and a map of errors or ghosts, if they are to be beside the image and there are any."""
+        map_mode = "ghost" if state.comparison == "ghost" else "error"
+        wanted = ("other", map_mode) if state.beside and other is not None else ()
         if len(self._beside) != len(wanted) or any(d.size != self._display.size for d in self._beside):
             self._owner.free_parts(*self._beside)
             self._beside = [self._owner.own(Display(self.gpu, self._display.size)) for _ in wanted]
@@ -406,8 +433,15 @@ class ViewerEngine:
         """Titles of ``textures``; none for an image alone."""
         if not self._beside:
             return ("",)
-        other = f"{state.method}, input {state.method_input}" if state.against == "method" else state.against
-        return "", other, f"error x {state.gain:g}"
+        bound = "bound of " if state.method_image == "bound" else ""
+        other = f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against
+        return "", other, f"{'ghost' if state.comparison == 'ghost' else 'error'} x {state.gain:g}"
+
+    def method_scores(self, state: ViewerState) -> Mapping[str, float | None]:
+        """Columns of ``reuse evaluate`` for the method and frame compared with; empty where nothing needs them."""
+        method = self.comparisons.get(state.against)
+        compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
+        return method.scores if compared else {}
 
     def picture(self) -> Array:
         """The images of ``textures`` side by side, (h, w, 3) uint8, row 0 at the top."""
@@ -477,7 +511,8 @@ class ViewerEngine:
             feed = self.feed
             self._observer = self._owner.own(feed.beside(feed.settings))
         live = replace(self.feed.live, scale=1.0, stops=0.0)  # the settings of the feed have them
-        self._observer.plan(frozenset(VISUALIZATIONS[state.channel].channels), state.switched_off, live)
+        extra = frozenset(VISUALIZATIONS[state.channel].channels) | self._names(state)
+        self._observer.plan(extra, state.switched_off, live)
         self._observer.show_one(shot)
         return self._observer.source
 

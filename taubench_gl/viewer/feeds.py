@@ -33,6 +33,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
 from taubench_gl.viewer.display import visualizations_of_channels, visualizations_of_scene
 from taubench_gl.viewer.names import PixelNames, names_at
+from taubench_gl.viewer.scene_tree import SceneTree
 from taubench_gl.viewer.state import Live
 
 
@@ -61,6 +62,7 @@ class Feed(Protocol):
     center: np.ndarray
     radius: float
     source: Any
+    tree: SceneTree | None  # of the nodes; None for files
 
     def file_shot(self, frame: int) -> Shot:
         """The frame with the camera of the file."""
@@ -119,7 +121,7 @@ class SceneFeed(GpuOwner):
         poser: Poser | None = None,
     ):
         super().__init__(gpu)
-        self.scene, self._timer = scene, timer
+        self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
         opened = open_scene(scene, settings.replace(samples_per_pixel=1), camera, poser=poser or KeptPoses(scene))
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
@@ -216,6 +218,7 @@ class PathTracedFeed(Owner):
 
     free = False
     switchable: tuple[str, ...] = ()
+    tree = None
     lighting: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):

@@ -24,7 +24,7 @@ class Input:
         self.mouse = (-1.0, -1.0)
         self.held: set[str] = set()
         self._drag: str | None = None
-        self._pressed_at: tuple[float, float] | None = None  # on the image, left button
+        self._pressed_at: tuple[float, float] | None = None  # on the image
 
     def resize(self, width: int, height: int) -> None:
         """The window has a new size; 0 x 0 while it is minimized."""
@@ -49,19 +49,21 @@ class Input:
     def mouse_button(self, button: int, pressed: bool) -> None:
         """``button``: 0 left, 1 right, 2 middle."""
         imgui.get_io().add_mouse_button_event(button, pressed)
-        if not pressed and button == 0 and self._drag == "camera":
-            self._click()
+        if not pressed and self._drag == "camera":
+            self._click(button)
         self._drag = None
         if pressed and self._on_image():
             self._drag, self._pressed_at = "split" if self._on_split() else "camera", self.mouse
 
-    def _click(self) -> None:
-        """Pin the pixel under the mouse; a click on the pinned pixel releases it."""
+    def _click(self, button: int) -> None:
+        """Pin the pixel under the mouse, or release the pinned one; with the right button select the node there."""
         viewer, s = self._viewer, self._viewer.state
         if math.dist(self.mouse, self._pressed_at) > CLICK_REACH:
             return
         pixel = viewer.layout.pixel(*self.mouse, viewer.engine.feed.size)
-        if pixel is not None:
+        if button == 1:
+            s.pick = pixel
+        elif pixel is not None and button == 0:
             s.probe_pinned = not (s.probe_pinned and s.probe == pixel)
             s.probe = pixel
 

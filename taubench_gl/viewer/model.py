@@ -77,6 +77,7 @@ class ViewerModel(Owner):
             effects=feed.switchable,
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
             unit_scale=feed.settings.metrics.unit_scale, live=feed.live,
+            nodes=() if feed.tree is None else feed.tree.labels,
         )  # fmt: skip
         if request.method is not None:  # beside the image from the start
             state.methods = (request.method, *(name for name in state.methods if name != request.method))

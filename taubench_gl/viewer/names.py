@@ -32,6 +32,12 @@ class PixelNames:
         return ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in self.lights) or "none"
 
 
+def node_at(gpu: Gpu, source: RasterSource, x: int, row: int) -> int | None:
+    """The node that pixel (x, row from the top) of the current frame shows; None for the sky.  Needs ``ids``."""
+    record = int(read_texel(gpu, source.current["ids"], x, source.size[1] - 1 - row)[0])
+    return source.renderer.draws[record - 1].node if record else None
+
+
 def names_at(gpu: Gpu, source: RasterSource, x: int, row: int) -> PixelNames | None:
     """What pixel (x, row from the top) of the current frame shows; None for the sky.  Needs the channel ``ids``."""
     up = source.size[1] - 1 - row

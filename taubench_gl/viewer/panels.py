@@ -20,12 +20,14 @@ from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
+from taubench_gl.viewer.scene_panel import ScenePanel
 from taubench_gl.viewer.state import (
     CAMERAS,
     COMPARISONS,
     DOCKED,
     EXACT_OVERLAYS,
     LIVE_CHOICES,
+    METHOD_IMAGES,
     METHOD_INPUTS,
     MOVING_LIGHTS,
     OVERLAYS,
@@ -35,6 +37,12 @@ from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
 from taubench_gl.viewer.timeline_panel import draw_timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
+SCORES = {
+    "wrongly_reused_percent": "wrongly reused, % of pixels",
+    "bound_linear_mse": "bound, linear MSE",
+    "headroom_db": "headroom, dB",
+}
+"""Columns of ``reuse evaluate`` -> how the section compare names them."""
 LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
 
 
@@ -50,6 +58,7 @@ class Panels:
             "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
             "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
             "effects": self._effects, "time": self._time, "lesson": self._lesson,
+            "scene": ScenePanel(self._ui).draw,
         }  # fmt: skip
 
     @property
@@ -190,8 +199,12 @@ class Panels:
         if s.against == "method":
             self._ui.pick("method", "method", s.methods)
             self._ui.pick("input", "method_input", METHOD_INPUTS)
+            self._ui.pick("image", "method_image", METHOD_IMAGES)
             self._ui.faint("results are colors: show the channel color", wrap=True)
-        if s.beside or s.comparison in ("difference", "error"):
+            for name, label in SCORES.items():
+                if (value := self._viewer.engine.method_scores(s).get(name)) is not None:
+                    self._ui.pair(label, f"{value:.4g}", 190.0)
+        if s.beside or s.comparison in ("difference", "error", "ghost"):
             self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
         if s.comparison == "split":
             self._ui.slider("split", 0.0, 1.0, "%.2f")

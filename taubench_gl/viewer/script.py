@@ -236,6 +236,7 @@ class ScriptRunner:
                   "light.quality": viewer.engine.light_text(viewer.state),
                   "light.samples": viewer.engine.light_samples(viewer.state),
                   "light.traced": viewer.engine.light_traced(viewer.state)}  # fmt: skip
+        known |= {f"method.{n}": v for n, v in viewer.engine.method_scores(viewer.state).items()}
         if name not in known:
             more = ["overlay.NAME", "count.NAME"]
             raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")

@@ -19,7 +19,9 @@ from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
 
 CAMERAS = ("file", "fly", "orbit")
-COMPARISONS = ("off", "split", "flicker", "difference", "error")
+COMPARISONS = ("off", "split", "flicker", "difference", "error", "ghost")
+NO_NODE = "none"
+"""The selection without a node; no node has this label."""
 HISTORY = ("history", "reprojected")
 """What every image can be compared with: the previous frame, and that frame looked up where motion leads."""
 SECTIONS = (
@@ -34,11 +36,14 @@ SECTIONS = (
     "effects",
     "time",
     "lesson",
+    "scene",
 )
 DOCKS = ("left", "right")
-DOCKED = ("lesson", "probe", "thresholds", "camera", "image", "compare", "masks", "settings", "effects", "time")
+DOCKED = (
+    "lesson", "probe", "thresholds", "scene", "camera", "image", "compare", "masks", "settings", "effects", "time",
+)  # fmt: skip
 """Sections of the side panels, from the top."""
-_LEFT = ("lesson", "probe", "thresholds")
+_LEFT = ("lesson", "probe", "thresholds", "scene")
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
@@ -60,6 +65,8 @@ SHIFT = COUNTED_BITS
 
 METHOD_INPUTS = ("full", "jittered", "noisy", "noisy+jittered", "path-traced", "path-traced+jittered")
 """Kinds of frames that reuse methods get."""
+METHOD_IMAGES = ("result", "bound")
+"""Images of a reuse method: what it computes, and the blend of its history and input nearest to the exact frame."""
 MOVING_LIGHTS = ("full", "half", "quarter", "unshadowed")
 SCALES = (0.25, 0.5, 1.0, 2.0)
 """Factors on the size of the image."""
@@ -121,6 +128,7 @@ class ViewerState:
     methods: tuple[str, ...] = field(default_factory=builtin_methods)  # reuse methods to compare with
     method: str = "taa_clamp"  # of ``methods``
     method_input: str = "noisy"  # of METHOD_INPUTS
+    method_image: str = "result"  # of METHOD_IMAGES
     flicker_hz: float = 2.0  # changes per second between the image and the other
     flicker_other: bool = False  # whether the other is shown now
     split: float = 0.5  # fraction of the image width
@@ -142,6 +150,9 @@ class ViewerState:
     help: bool = False
     probe: tuple[int, int] | None = None  # pixel (x, row from the top)
     probe_pinned: bool = False
+    nodes: tuple[str, ...] = ()  # labels of the scene's nodes, by index
+    selection: int | None = None  # the selected node, whose pixels are outlined
+    pick: tuple[int, int] | None = None  # pixel whose node is to be selected
     magnified: int = 11  # pixels along a side of the magnified images, odd
     size: tuple[int, int] = (1, 1)  # image width and height, pixels
     message: str = ""
@@ -252,6 +263,7 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "against": lambda s: s.others,
     "method": lambda s: s.methods,
     "method_input": lambda s: METHOD_INPUTS,
+    "method_image": lambda s: METHOD_IMAGES,
     "moving_light": lambda s: MOVING_LIGHTS,
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
@@ -268,7 +280,7 @@ def variable_names(state: ViewerState) -> list[str]:
     dotted += [f"effect.{name}" for name in state.effects]
     dotted += [f"dock.{name}" for name in state.docks]
     plain = ["frame", "probe", "magnified", "samples", "stops", "loop.first", "loop.last", "range.low", "range.high"]
-    return [*plain, *LIVE_CHOICES, *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
+    return [*plain, "selection", *LIVE_CHOICES, *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
 
 
 def set_variable(state: ViewerState, name: str, text: str) -> None:
@@ -278,6 +290,10 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
         state.go_to(round(_number(name, text)))
     elif name == "probe":
         state.probe = _pixel(name, text, state.size)
+    elif name == "selection":
+        if text not in (NO_NODE, *state.nodes):
+            raise SettingsError(f"there is no node {text!r}", hint=f"give a name of the tree, or {NO_NODE}")
+        state.selection = None if text == NO_NODE else state.nodes.index(text)
     elif name == "samples":
         state.samples = min(max(round(_number(name, text)), 0), MOST_SAMPLES)
     elif name == "magnified":
@@ -319,6 +335,7 @@ def variables(state: ViewerState) -> dict[str, Any]:
     low, high = state.range
     out: dict[str, Any] = {
         "frame": state.frame, "probe": _pixel_text(state.probe), "magnified": state.magnified,
+        "selection": NO_NODE if state.selection is None else state.nodes[state.selection],
         "samples": state.samples,
         "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,
         "range.low": state.low, "range.high": state.high,

@@ -46,6 +46,17 @@ def channel_rgb(kind: str, values: Array, low: float, high: float, *, position: 
     return np.where(bad[..., None], np.array([1.0, 0.0, 1.0]), np.clip(out, 0.0, 1.0))
 
 
+def outline(selected: Array) -> Array:
+    """Pixels beside one in the other state, by their four neighbors.  (h, w) bool -> (h, w) bool.
+
+    Reference for shaders/viewer/outline.frag.glsl.
+    """
+    padded, out = np.pad(selected, 1, mode="edge"), np.zeros_like(selected)
+    for x, y in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        out |= padded[y : y + selected.shape[0], x : x + selected.shape[1]] != selected
+    return out
+
+
 def _headlight(values: Array, low: float, span: float, position: Array) -> Array:
     ray = position[..., :3]
     length = np.linalg.norm(ray, axis=-1)

@@ -13,11 +13,14 @@ from viewer_tools import DEMO, QUIET, SIZE, pixels
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import MethodError, SettingsError, TaubenchError
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.metrics.blending import blend, nearest_weight
+from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.quality import display
+from taubench_gl.reuse.quality import DISCARDS, display
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.settings import Settings
 from taubench_gl.viewer import comparisons
@@ -104,6 +107,81 @@ def expected(driven, method: str, kind: str, frames: range) -> list[np.ndarray]:
         results = [read_result(runner.step(inputs.advance(frame))) for frame in frames]
     inputs.release()
     return [255.0 * display(result[..., :3], settings.lighting.tone_map) for result in results]
+
+
+@pytest.fixture(scope="module")
+def evaluated():
+    """The last frame of an evaluation with the viewer's reference, its row, and its input, history, weight and mask."""
+    settings = LIT.replace(frames=(3, 8), reprojection="motion")
+    frames = []
+    how = {"input": "noisy", "reference": "max", "reference_samples": 1, "metrics": ("tpsnr",)}
+    done = evaluate_methods(DEMO, ["accumulate"], settings, on_frame=frames.append, **how)
+    return frames[-1], done.rows[-1]
+
+
+def blended_of(driven, frames: range) -> dict[str, np.ndarray]:
+    """What ``accumulate`` blended in the last of ``frames``, and its pixels that the exact mask discards."""
+    feed, gpu = driven.engine.feed, driven.viewer.gpu
+    settings = feed.settings.replace(reprojection="motion")
+    request = InputRequest(gpu, feed.scene, feed.camera, settings, parse_input("noisy"))
+    method = load_method("accumulate")
+    with RasterInputs(request, method.reads, exact=True) as inputs, MethodRunner(gpu, method, feed.size) as runner:
+        for frame in frames:
+            now = inputs.advance(frame)
+            weight = read_result(runner.step(now))[..., 3]
+        history = runner.reported(now)["reprojected_history"]
+        discarded = (read_channel(inputs.exact_mask, "mask")[..., 0] & np.uint32(DISCARDS)) != 0
+        radiance = read_result(now.textures["radiance"])[..., :3]
+    return {"now": radiance, "history": history, "weight": weight, "discarded": discarded}
+
+
+def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
+    frame, row = evaluated
+    driven = drive(settings=LIT.replace(frames=(3, 8)), light=True)
+    driven.run(
+        "frame 7\nset overlays off\nset channel color\nset against method\nset method accumulate\nset gain 2\n"
+        "set comparison ghost"
+    )
+    parts = blended_of(driven, range(3, 8))
+    ghosts = (parts["weight"] > 0) & parts["discarded"]
+    assert 20 < ghosts.sum() < ghosts.size / 2
+    percent = driven.engine.method_scores(driven.state)["wrongly_reused_percent"]
+    assert percent == row["wrongly_reused_percent"] == pytest.approx(100.0 * ghosts.mean())
+    image, shown = driven.engine.image() / 255.0, frame.images["accumulate"]
+    error = color_scale(2.0 * np.abs(frame.reference - shown).max(axis=-1))
+    assert np.abs(image - error)[ghosts].max() < 0.03
+    gray = 0.25 * (shown @ (0.2126, 0.7152, 0.0722))
+    assert np.abs(image - gray[..., None])[~ghosts].max() < 0.01
+    driven.run("set method_image bound\nset comparison error\nkey Z")
+    for name in ("bound_linear_mse", "headroom_db"):
+        driven.run(f"expect method.{name} == {row[name]} {1e-4 * abs(row[name])}")
+    has = parts["history"][..., 3:] > 0.5
+    fetched = np.where(has, parts["history"][..., :3], parts["now"])
+    reference = frame.radiance["reference"]
+    best = blend(parts["now"], fetched, nearest_weight(reference, parts["now"], fetched))
+    assert np.mean((best - reference) ** 2) == pytest.approx(row["bound_linear_mse"], rel=1e-4)
+    exact, bound, _ = thirds(driven.engine.picture())
+    assert np.abs(bound - 255.0 * display(best, driven.engine.feed.settings.lighting.tone_map)).max() <= 2
+    assert np.abs(exact - 255.0 * frame.reference).max() <= 2, "the image is the reference"
+    driven.run("set comparison ghost")
+    best_ghosts = (np.abs(best - parts["now"]).max(axis=-1) > 0) & parts["discarded"]
+    gray = np.ptp(thirds(driven.engine.picture())[2], axis=-1) == 0
+    assert not gray[best_ghosts].any() and gray[~parts["discarded"]].all(), "ghosts of the bound are its own"
+    driven.run("key Z\nset comparison off\nkey LEFT")
+    assert not driven.engine.method_scores(driven.state), "scores of another frame are not shown"
+
+
+def test_where_there_is_no_ghost_or_bound_a_message_says_so(drive, monkeypatch):
+    monkeypatch.setattr(comparisons, "WARM_UP", 0)
+    driven = drive(settings=LIT.replace(width=24, height=14), light=True)
+    driven.run("frame 5\nset overlays off\nset channel color")
+    alone = driven.engine.image()
+    driven.run("set comparison ghost\nset against history")
+    assert (driven.engine.image() == alone).all() and "method" in driven.state.message
+    driven.run("set against method\nset method accumulate\nset method_input path-traced")
+    assert (driven.engine.image() == alone).all() and "exact" in driven.state.message
+    driven.run("set comparison error")
+    assert (driven.engine.image() != alone).any(), "its result is still shown"
 
 
 def test_a_method_that_fails_is_a_message(drive, monkeypatch):

@@ -131,8 +131,14 @@ def test_loop_ends_cannot_cross():
 
 
 def test_every_variable_can_be_set_and_read_back():
-    s = state(channels=("headlight", "normal"))
-    texts = {"camera": "fly", "channel": "normal", "comparison": "split", "feature": "color", "effect": "color"}
+    s = state(channels=("headlight", "normal"), nodes=("floor", "ball"))
+    texts = {"selection": "ball"} | {
+        "camera": "fly",
+        "channel": "normal",
+        "comparison": "split",
+        "feature": "color",
+        "effect": "color",
+    }
     texts |= {"against": "history", "probe": "3,4", "magnified": "9"}
     texts |= {
         "reprojection": "motion",
@@ -141,7 +147,7 @@ def test_every_variable_can_be_set_and_read_back():
         "scale": "0.5",
         "stops": "0.5",
     } | {f"dock.{name}": "left" for name in DOCKED}
-    texts |= {"moving_light": "half", "samples": "5", "method": "svgf", "method_input": "full"}
+    texts |= {"moving_light": "half", "samples": "5", "method": "svgf", "method_input": "full", "method_image": "bound"}
     for name in variable_names(s):
         if name.startswith(("loop", "range")):
             continue
