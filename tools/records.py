@@ -145,6 +145,10 @@ EVERY = (
     Record("animation", ("docs/images/walk.webp",), (DEMO, *FRAME, "taubench_gl/report"), by.animation),
     Record("report-image", ("docs/images/report.png",), (DEMO, *FRAME, "taubench_gl/report"), by.report_image),
     Record(
+        "gallery", ("docs/gallery.md",),
+        (DEMO, *FRAME, *REUSE, "taubench_gl/viewer", "shaders/pathtracing", "shaders/raytracing"), by.gallery,
+    ),
+    Record(
         "viewer-image", ("docs/images/viewer.png",), (DEMO, *FRAME, "taubench_gl/viewer", "shaders/viewer"),
         by.viewer_image,
     ),
