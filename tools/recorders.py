@@ -13,6 +13,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -243,6 +244,53 @@ def sampled_light(work: Path) -> None:
         program("sampled_light_study", "decide", stored, demo)(work)
     picture = DOCS / "images" / "sampled-light.png"
     program("sampled_light_study", "figure", picture, stored, demo, "bidirectional=true")(work)
+
+
+BATCH = 'scenes = ["scene.glb"]\nsize = "320x180"\nframes = "0:9"\nreprojection = ["camera", "motion"]\n'
+FIRST = {
+    "compare": "evaluate scene.glb --reprojection motion --light preview --out other-results",
+    "evaluate exr:renders": "export scene.glb --out renders --frames 0:25 --channels gbuffer,radiance,flow,masks",
+}
+"""Start of a command of the README -> what writes its input; its time is no row."""
+ENDED = (-9, 137)  # exit codes of timeout where it has killed the command
+
+
+def command_times(work: Path, limit: float = 600.0) -> None:
+    """Half an hour: the README's commands in its order, but for windows and tools; those that take longer are ended.
+
+    Later commands read what earlier ones wrote.  A call with a larger ``limit`` measures again what was ended.
+    """
+    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    lines = [line.split("#")[0].strip().removeprefix("taubench-gl ") for line in "".join(blocks).splitlines()]
+    shutil.copy(DEMO, work / "scene.glb")
+    (work / "batch.toml").write_text(BATCH)
+    kept, rows = work / "seconds.json", ["| command | first line | end |", "| --- | ---: | ---: |"]
+    times = json.loads(kept.read_text()) if kept.is_file() else {}
+    for line in lines:
+        if not line or re.search(r"^view|--view|^tools/", line):
+            continue
+        first, end, done = times.get(line, (0.0, 0.0, False))
+        if not done and end < limit:
+            for before in (before for start, before in FIRST.items() if line.startswith(start)):
+                seconds(before, work, 3600.0)
+            first, end, done = times[line] = seconds(line, work, limit)
+            kept.write_text(json.dumps(times))
+        rows.append(f"| `{line}` | {first:.1f} | {'' if done else '> '}{end:.0f} |")
+    write_marked(DOCS / "speed.md", "command-times", "\n".join(rows))
+
+
+def seconds(line: str, work: Path, limit: float) -> tuple[float, float, bool]:
+    """To the first line on standard output or standard error, and to the end; whether the command ended by itself."""
+    start, first = time.monotonic(), None
+    run = ["timeout", "-s", "KILL", f"{limit}", sys.executable, "-u", "-m", "taubench_gl", *line.split()]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(run, cwd=work, env=os.environ | {"PYTHONPATH": str(ROOT)}, **pipes) as process:
+        for _ in process.stdout:
+            first = first or time.monotonic() - start
+    if process.returncode not in (0, 1, *ENDED):
+        sys.exit(f"tools/record: exit code {process.returncode}: {line}")
+    end = time.monotonic() - start
+    return first or end, end, process.returncode not in ENDED
 
 
 DIGITS = 6

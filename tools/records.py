@@ -175,6 +175,7 @@ EVERY = (
     ),
     Record("sampled-light", ("docs/images/sampled-light.png",), (DEMO, *FRAME, *RAYS), by.sampled_light),
     Record("speed", ("docs/speed.md",), (DEMO, *FRAME, *RAYS)),  # tools/bench all
+    Record("command-times", ("docs/speed.md",), (DEMO, *FRAME, *RAYS, *REUSE), by.command_times),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
     Record("light-columns", ("docs/path-traced.md",), ("tools/column_scenes.py", *FRAME, *RAYS)),  # tools/light_columns
 )  # fmt: skip
