@@ -1,4 +1,4 @@
-"""Shared fixtures: the folder of real scenes, which is only read, the GL context, and browsers."""
+"""Shared fixtures: the folder of real scenes, which is only read, the GL context, a display, and browsers."""
 
 from __future__ import annotations
 
@@ -87,6 +87,27 @@ def browser() -> Iterator[Any]:
         browser.close()
 
 
+@pytest.fixture(scope="session")
+def display() -> Iterator[dict[str, str]]:
+    """Environment with an X display of its own."""
+    pytest.importorskip("glfw", reason="the viewer extra is not installed")
+    if shutil.which("Xvfb") is None:
+        pytest.skip("Xvfb is not installed")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    try:
+        with os.fdopen(read) as answer:
+            number = answer.readline().strip()  # waits until the server is ready; empty where it ended instead
+        if not number:
+            pytest.skip("Xvfb does not start")
+        yield {**os.environ, "DISPLAY": f":{number}", "LP_NUM_THREADS": "1"}
+    finally:
+        server.terminate()
+        server.wait()
+
+
 FIREFOX = next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None)
 
 
@@ -96,47 +117,86 @@ def _end_with_parent() -> None:
 
 
 @pytest.fixture(scope="session")
-def session_firefox(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Path]]:
-    """Headless Firefox, driven by Marionette, and its log; skips where there is none."""
+def session_firefox(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Headless Firefox, driven by Marionette; skips where there is none."""
     marionette = pytest.importorskip("marionette_driver.marionette", reason="marionette_driver is not installed")
     if FIREFOX is None or not sys.platform.startswith("linux"):
         pytest.skip("no Firefox on this machine")
     folder, port = tmp_path_factory.mktemp("firefox"), marionette.Marionette.check_port_available(0)
     (folder / "user.js").write_text(f'user_pref("marionette.port", {port});\n')
-    command = [FIREFOX, "--headless", "--marionette", "--no-remote", "--profile", str(folder)]
+    # System access: to read the messages of the console.
+    command = [FIREFOX, "--headless", "--marionette", "--remote-allow-system-access", "--no-remote"]
     with open(folder / "log.txt", "wb") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, preexec_fn=_end_with_parent)
+        process = subprocess.Popen(
+            [*command, "--profile", folder], stdout=log, stderr=subprocess.STDOUT, preexec_fn=_end_with_parent
+        )
     driver = marionette.Marionette(port=port)
     try:
         driver.raise_for_port(timeout=120, check_process_status=False)
         driver.start_session()
         driver.set_window_rect(width=1280, height=900)
-        yield driver, folder / "log.txt"
+        yield driver
         driver.delete_session()
     finally:
         process.kill()
         process.wait()
 
 
+CONSOLE_ERRORS = """const errors = [];
+for (const message of Services.console.getMessageArray()) {
+  if (!(message instanceof Ci.nsIScriptError) || message.flags & Ci.nsIScriptError.warningFlag) continue;
+  if (message.sourceName.startsWith("file:")) errors.push(`${message.sourceName}: ${message.errorMessage}`);
+}
+Services.console.reset();
+return errors;"""
+"""Exceptions and broken security policies of pages; forgets all messages."""
+
+
 @pytest.fixture
-def firefox(session_firefox: tuple[Any, Path]) -> Iterator[Callable[[Path, str], Any]]:
-    """firefox(file, selector) -> driver with the page, once it has the element; fails on an exception in its scripts.
+def firefox(session_firefox: Any) -> Iterator[Callable[[Path, str], Any]]:
+    """firefox(file, selector) -> driver with the page, once it has the element; fails on errors of the console.
 
     Scripts given to the driver see elements, not the names that the page's scripts declare.
     """
     from marionette_driver import By, Wait
 
-    driver, log = session_firefox
-    start = len(log.read_bytes())
+    driver = session_firefox
+
+    def console_errors() -> list[str]:
+        with driver.using_context(driver.CONTEXT_CHROME):
+            return driver.execute_script(CONSOLE_ERRORS)
 
     def open_page(file: Path, selector: str) -> Any:
         driver.navigate(file.as_uri())
         Wait(driver, timeout=60).until(lambda d: d.find_elements(By.CSS_SELECTOR, selector))
         return driver
 
+    console_errors()
     yield open_page
-    lines = log.read_bytes()[start:].decode("utf-8", "replace").splitlines()
-    assert [line for line in lines if "JavaScript error: file:" in line] == []
+    assert console_errors() == []
+
+
+@pytest.fixture
+def both_browsers(browser: Any, firefox: Callable[[Path, str], Any]) -> Callable[[Path, str], None]:
+    """both_browsers(file, selector) opens a page in Chromium and in Firefox and waits for the element.
+
+    Fails on an error of the console, on an exception and, in Chromium, on a warning, on a missing file and on a request
+    to the network.
+    """
+
+    def open_page(file: Path, selector: str = "main") -> None:
+        page, faults = browser.new_page(), []
+        page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
+        page.on("pageerror", lambda e: faults.append(str(e)))
+        page.on("requestfailed", lambda r: faults.append(r.url))
+        page.on("request", lambda r: faults.append(r.url) if r.url.startswith(("http", "ws")) else None)
+        page.goto(file.as_uri())
+        page.wait_for_selector(selector, state="attached")
+        page.close()
+        assert faults == []
+        firefox(file, selector)
+
+    return open_page
 
 
 @contextlib.contextmanager

@@ -6,12 +6,14 @@ Results of commands go to a folder that belongs to the present dependencies, so 
 from __future__ import annotations
 
 import copy
+import csv
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,10 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("TAUBENCH_DATA") or ROOT.parent / "shared" / "data")
 DEMO = ROOT / "assets" / "demo.glb"
 DOCS = ROOT / "docs"
+
+SCREEN = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
+VIEWER_STEPS = "frame 22\nset probe 545,190\nset probe_pinned on\n"
+"""What the viewer's image in the gallery shows."""
 
 README_PARTS = (
     (r"\A.*?\n\n", "the headline"),
@@ -103,7 +109,7 @@ def assets(work: Path) -> None:
 
 def readme(work: Path) -> None:
     """As tools/demo."""
-    printed = taubench("evaluate", DEMO, "--size", "640x360", "--save", "masks", "--verbose", "--out", work / "demo")
+    printed = taubench(*gallery_command("mask.png", out=work / "demo"), "--verbose")
     write_marked(ROOT / "README.md", "demo", f"```text\n{readme_sample(printed)}```")
     keep_image(work / "demo" / "mask.png", "mask.png")
 
@@ -137,10 +143,57 @@ def animation(work: Path) -> None:
     )
 
 
+def gallery_command(image: str, **changed: object) -> list[str]:
+    """The arguments of the command that docs/gallery.md prints below an image, with other values of some options."""
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8").partition(f"(images/{image})")[2]
+    line = text.partition("```sh\ntaubench-gl ")[2].partition("\n```")[0].replace("\\\n", " ")
+    words = line.replace(" assets/demo.glb", f" {DEMO}").split()
+    for name, value in changed.items():
+        option = f"--{name.replace('_', '-')}"
+        at = words.index(option) if option in words else len(words)
+        words[at : at + 2] = [option, str(value)]
+    return words
+
+
+def gallery(work: Path) -> None:
+    for name, text in gallery_numbers(work).items():
+        write_marked(DOCS / "gallery.md", name, text)
+
+
+def gallery_numbers(work: Path) -> dict[str, str]:
+    """What docs/gallery.md says below its images: by the printed commands without light, frames and samples that the
+    numbers do not depend on.
+    """
+    geometry = {"columns": "frustum,position,normal", "light": "preview"}
+    taubench(*gallery_command("mask.png", **geometry, frames="21:23", out=work / "masks"))
+    (row,) = csv.DictReader((work / "masks" / "frames.csv").read_text(encoding="utf-8").splitlines())
+    legend = {"off-screen": "outside", "disoccluded": "disoccluded", "newly occluding": "occluding", "normal": "normal"}
+    parts = (f"{label} {100 * int(row[name]) / int(row['pixels']):.2f} %" for label, name in legend.items())
+    numbers = {"gallery-mask": f"Frame {row['frame']}, the worst: {', '.join(parts)} of the pixels."}
+    taubench(*gallery_command("report.png", **geometry, out=work / "report"))
+    rate = json.loads((work / "report" / "summary.json").read_text(encoding="utf-8"))["reusable"]["surface"]
+    low, high = rate["min_percent"], rate["max_percent"]
+    text = f"By geometry, {rate['mean_percent']:.2f} % of the surface pixels can be reused"
+    numbers["gallery-report"] = f"{text}, {low:.2f} to {high:.2f} % in a pair."
+    steps = work / "steps.txt"
+    names = ("probe.position", "threshold.position", "overlay.position")
+    steps.write_text(VIEWER_STEPS + "".join(f"print {name}\n" for name in names) + "quit\n")
+    printed = taubench(*gallery_command("viewer.png", script=steps), before=SCREEN)
+    values = dict(line.split() for line in printed.splitlines() if line.startswith(names))
+    distance, threshold, covered = (float(values[name]) for name in names)
+    text = f"Frame 22, pixel (545, 190): its position is {distance:.2f} m from its history, more than {threshold:.4f} m"
+    numbers["gallery-viewer"] = f"{text}. The mask of position covers {covered:.2f} % of the image."
+    taubench(*gallery_command("reuse.jpg", reference="path-traced@1", frames="0:4", out=work / "reuse"))
+    methods = json.loads((work / "reuse" / "reuse.json").read_text(encoding="utf-8"))["methods"]
+    reused = (f"{name} {m['reuse']['reused_percent']:.1f} %" for name, m in methods.items())
+    numbers["gallery-reuse"] = f"Pixels with history in frames 1 to 3: {', '.join(reused)}."
+    return numbers
+
+
 def report_image(work: Path) -> None:
     from playwright.sync_api import sync_playwright
 
-    taubench("evaluate", DEMO, "--size", "640x360", "--frames", "0:25", "--out", work / "run", "--report")
+    taubench(*gallery_command("report.png", out=work / "run"))
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1180, "height": 1010})
@@ -154,17 +207,13 @@ def report_image(work: Path) -> None:
 
 def viewer_image(work: Path) -> None:
     steps, image_file = work / "steps.txt", work / "viewer.png"
-    steps.write_text(f"frame 22\nset probe 545,190\nset probe_pinned on\nscreenshot {image_file} window\nquit\n")
-    screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
-    options = ("--size", "640x360", "--lighting", "--indirect", "none", "--window", "1280x720")
-    taubench("view", DEMO, *options, "--script", steps, before=screen)
+    steps.write_text(f"{VIEWER_STEPS}screenshot {image_file} window\nquit\n")
+    taubench(*gallery_command("viewer.png", window="1280x720", script=steps), before=SCREEN)
     keep_image(image_file, "viewer.png")
 
 
 def reuse_image(work: Path) -> None:
-    methods = "none,accumulate,taa_variance,svgf,ideal-masks"
-    options = ("--input", "noisy+jittered", "--size", "320x180", "--frames", "0:12", "--indirect", "none")
-    taubench("reuse", "evaluate", DEMO, "--methods", methods, *options, "--video", "none", "--out", work / "reuse")
+    taubench(*gallery_command("reuse.jpg", out=work / "reuse"))
     keep_image(work / "reuse" / "side_by_side.png", "reuse.jpg")
 
 
@@ -195,6 +244,53 @@ def sampled_light(work: Path) -> None:
         program("sampled_light_study", "decide", stored, demo)(work)
     picture = DOCS / "images" / "sampled-light.png"
     program("sampled_light_study", "figure", picture, stored, demo, "bidirectional=true")(work)
+
+
+BATCH = 'scenes = ["scene.glb"]\nsize = "320x180"\nframes = "0:9"\nreprojection = ["camera", "motion"]\n'
+FIRST = {
+    "compare": "evaluate scene.glb --reprojection motion --light preview --out other-results",
+    "evaluate exr:renders": "export scene.glb --out renders --frames 0:25 --channels gbuffer,radiance,flow,masks",
+}
+"""Start of a command of the README -> what writes its input; its time is no row."""
+ENDED = (-9, 137)  # exit codes of timeout where it has killed the command
+
+
+def command_times(work: Path, limit: float = 600.0) -> None:
+    """Half an hour: the README's commands in its order, but for windows and tools; those that take longer are ended.
+
+    Later commands read what earlier ones wrote.  A call with a larger ``limit`` measures again what was ended.
+    """
+    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    lines = [line.split("#")[0].strip().removeprefix("taubench-gl ") for line in "".join(blocks).splitlines()]
+    shutil.copy(DEMO, work / "scene.glb")
+    (work / "batch.toml").write_text(BATCH)
+    kept, rows = work / "seconds.json", ["| command | first line | end |", "| --- | ---: | ---: |"]
+    times = json.loads(kept.read_text()) if kept.is_file() else {}
+    for line in lines:
+        if not line or re.search(r"^view|--view|^tools/", line):
+            continue
+        first, end, done = times.get(line, (0.0, 0.0, False))
+        if not done and end < limit:
+            for before in (before for start, before in FIRST.items() if line.startswith(start)):
+                seconds(before, work, 3600.0)
+            first, end, done = times[line] = seconds(line, work, limit)
+            kept.write_text(json.dumps(times))
+        rows.append(f"| `{line}` | {first:.1f} | {'' if done else '> '}{end:.0f} |")
+    write_marked(DOCS / "speed.md", "command-times", "\n".join(rows))
+
+
+def seconds(line: str, work: Path, limit: float) -> tuple[float, float, bool]:
+    """To the first line on standard output or standard error, and to the end; whether the command ended by itself."""
+    start, first = time.monotonic(), None
+    run = ["timeout", "-s", "KILL", f"{limit}", sys.executable, "-u", "-m", "taubench_gl", *line.split()]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(run, cwd=work, env=os.environ | {"PYTHONPATH": str(ROOT)}, **pipes) as process:
+        for _ in process.stdout:
+            first = first or time.monotonic() - start
+    if process.returncode not in (0, 1, *ENDED):
+        sys.exit(f"tools/record: exit code {process.returncode}: {line}")
+    end = time.monotonic() - start
+    return first or end, end, process.returncode not in ENDED
 
 
 DIGITS = 6

@@ -145,6 +145,10 @@ EVERY = (
     Record("animation", ("docs/images/walk.webp",), (DEMO, *FRAME, "taubench_gl/report"), by.animation),
     Record("report-image", ("docs/images/report.png",), (DEMO, *FRAME, "taubench_gl/report"), by.report_image),
     Record(
+        "gallery", ("docs/gallery.md",),
+        (DEMO, *FRAME, *REUSE, "taubench_gl/viewer", "shaders/pathtracing", "shaders/raytracing"), by.gallery,
+    ),
+    Record(
         "viewer-image", ("docs/images/viewer.png",), (DEMO, *FRAME, "taubench_gl/viewer", "shaders/viewer"),
         by.viewer_image,
     ),
@@ -171,6 +175,7 @@ EVERY = (
     ),
     Record("sampled-light", ("docs/images/sampled-light.png",), (DEMO, *FRAME, *RAYS), by.sampled_light),
     Record("speed", ("docs/speed.md",), (DEMO, *FRAME, *RAYS)),  # tools/bench all
+    Record("command-times", ("docs/speed.md",), (DEMO, *FRAME, *RAYS, *REUSE), by.command_times),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
     Record("light-columns", ("docs/path-traced.md",), ("tools/column_scenes.py", *FRAME, *RAYS)),  # tools/light_columns
 )  # fmt: skip

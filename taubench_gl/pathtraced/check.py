@@ -10,6 +10,7 @@ decide on motion.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,6 +39,7 @@ from taubench_gl.pathtraced.readings import (
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 
 Array = np.ndarray
+log = logging.getLogger(__name__)
 
 TOLERANCE_PX = 0.1  # a vector or position within this distance of the expected one is explained
 ENOUGH = 0.5  # share of pixels that a reading must explain
@@ -115,6 +117,7 @@ def check_sequence(
     chosen = sequence.frames if frames is None else frames
     starts = [n for n in chosen if n + 1 in chosen][:pairs]
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
+    log.info("checking the conventions of %d frames", len(numbers))
     geometry = "motion" not in sequence.index  # with motion, images may do
     files = _Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
     if isinstance(camera, cams.SceneCamera):

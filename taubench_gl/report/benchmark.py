@@ -13,7 +13,7 @@ import numpy as np
 from taubench_gl.report.method_styles import method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
 from taubench_gl.report.plot import Plot, label_ends
-from taubench_gl.report.reuse import ranks
+from taubench_gl.report.reuse import class_label, ranks
 from taubench_gl.report.table import Column, Row, Table, to_html
 
 Summary = Mapping[str, Any]
@@ -113,7 +113,7 @@ def _classes(summary: Summary, track: str) -> Table:
     """FLIP by pixel class."""
     states = _finished_methods(summary, track)
     names = [n for n in summary["classes"] if any(s["classes"][n] is not None for s in states.values())]
-    columns = tuple(Column(n, "", 4, summary["classes"][n]) for n in names)
+    columns = tuple(Column(class_label(n), "", 4, summary["classes"][n]) for n in names)
     rows = [Row(label, tuple(s["classes"][n] for n in names)) for label, s in states.items()] if names else []
     note = "Masks of the exact frames; all cases of the track."
     return Table(0, f"{track}: FLIP by pixel class", columns, tuple(rows), (note,))

@@ -53,11 +53,17 @@ MOST_PAIRS = 15
 NO_PIXEL = "no such pixel"
 
 _PIXELS = {
-    "frustum": "off-screen pixels", "disoccluded": "disoccluded pixels", "occluding": "newly occluding pixels",
-    "geometry": "other changed geometry", "lit": "brightened pixels", "shadowed": "darkened pixels",
-    "light": "other changed light", "sky": "sky", "rest": "unchanged pixels",
+    "not_classified": "not classified", "frustum": "off-screen pixels", "disoccluded": "disoccluded pixels",
+    "occluding": "newly occluding pixels", "geometry": "other changed geometry", "lit": "brightened pixels",
+    "shadowed": "darkened pixels", "light": "other changed light", "sky": "sky", "rest": "unchanged pixels",
 }  # fmt: skip
 """Class of pixels -> its name in sentences."""
+
+
+def class_label(name: str) -> str:
+    """Name of a class of pixels in tables, plots and the page: ``brightened`` for ``lit``."""
+    return _PIXELS.get(name, name).removesuffix(" pixels")
+
 
 _WORTH = 0.01
 """Share of the error without reuse from which on a gain or loss in one class of pixels is named."""
@@ -120,7 +126,7 @@ def _gains(own: Mapping[str, Summary], base: Mapping[str, Summary]) -> list[tupl
     values = {
         name: [entry["percent"] * (of.get(name) or {}).get(measure, 0.0) for of in (base, own)]
         for name, entry in base.items()
-        if name in _PIXELS and entry["pixels"]
+        if name != "not_classified" and entry["pixels"]
     }
     whole = sum(before for before, _ in values.values()) or 1.0
     gains = [(name, (before - after) / whole) for name, (before, after) in values.items()]
@@ -296,14 +302,18 @@ def _class_table(summary: Summary) -> Table:
     valid = _valid(summary)
     absent = [c for c in summary["classes"] if valid and not any(m["classes"][c]["pixels"] for m in valid.values())]
     classes = [c for c in summary["classes"] if c not in absent]
-    columns = tuple(Column(name, "", 4, summary["classes"][name]) for name in classes)
+    columns = tuple(Column(class_label(name), "", 4, summary["classes"][name]) for name in classes)
     first = next(iter(valid.values()), {"classes": {}})
     measure = "flip" if any("flip" in entry for entry in first["classes"].values()) or not valid else "relmse"
     rows = [Row.of(label, [m["classes"][c].get(measure) for c in classes], NO_PIXEL) for label, m in valid.items()]
     if valid:
         rows.append(Row("share of pixels, %", tuple(first["classes"][c]["percent"] for c in classes)))
-    meaning = "; ".join(f"{name}: {summary['classes'][name]}" for name in classes)
-    notes = [f"{meaning}.", *([f"No pixels: {', '.join(absent)}."] if absent else []), _class_source(summary)]
+    meaning = "; ".join(f"{class_label(name)}: {summary['classes'][name]}" for name in classes)
+    notes = [
+        f"{meaning}.",
+        *([f"No pixels: {', '.join(map(class_label, absent))}."] if absent else []),
+        _class_source(summary),
+    ]
     return Table(3, f"Mean {_LABELS[measure]} by pixel class", columns, tuple(rows), tuple(notes))
 
 
@@ -399,7 +409,7 @@ def _classes(summary: Summary, measure: str) -> Plot | None:
         places = np.arange(len(names)) + (index - 0.5 * (len(methods) - 1)) * width
         values = [method["classes"][name][measure] for name in names]
         plot.axes.bar(places, values, width, label=label, **styles[label].bar)
-    plot.axes.set_xticks(range(len(names)), [f"{n}\n{first[n]['percent']:.1f} %" for n in names])
+    plot.axes.set_xticks(range(len(names)), [f"{class_label(n)}\n{first[n]['percent']:.1f} %" for n in names])
     plot.axes.set(ylabel=f"mean {_LABELS[measure]} (lower is better)")
     plot.legend(plot.axes)
     return plot
@@ -514,7 +524,7 @@ def reuse_html(
 def _viewer_data(summary: Summary, rows: Sequence[Mapping[str, Any]], text: str) -> dict[str, Any]:
     """What the viewer needs beside the images; it plays at the frame rate of the evaluation, at most 15 per second."""
     return {
-        "classes": [{"name": name, "doc": doc} for name, doc in summary["classes"].items()],
+        "classes": [{"name": name, "label": class_label(name), "doc": doc} for name, doc in summary["classes"].items()],
         "error": "FLIP" if any(row["flip"] is not None for row in rows) else "4 |error|",
         "milliseconds": 1e3 / min(summary["settings"]["fps"], 15.0),
         "text": text,

@@ -7,6 +7,7 @@ curves are drawn by the scripts, which run.js links, from one block of JSON (``r
 from __future__ import annotations
 
 import base64
+import logging
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ from taubench_gl.report.run_frames import StoredFrames, stored_frames
 from taubench_gl.report.table import NONE, to_html
 
 Summary = Mapping[str, Any]
+log = logging.getLogger(__name__)
 
 MAX_IMAGES = 60
 """Default number of pairs with images per report, all runs together."""
@@ -59,6 +61,7 @@ class ReportRun:
 def write_html_report(runs: Sequence[ReportRun], path: str | Path, images: int | None = MAX_IMAGES) -> Path:
     """Write ``report_html`` to ``path`` atomically.  Raises OutputError."""
     path = Path(path)
+    log.info("writing %s", path.name)
     write_atomically(path, report_html(runs, images))
     return path
 

@@ -152,3 +152,8 @@ def test_the_answer_names_the_choice_and_its_neighbors(values):
     nothing = answer(study | {"chosen": chosen | {"configuration": None}})[0]
     assert nothing.startswith("no configuration") and labels["storage=half"] in nothing and "1 %" in nothing
     assert answer(study | {"chosen": None})[0] == "nothing has been measured yet"
+
+
+def test_both_browsers_open_the_page(values, tmp_path, both_browsers):
+    (tmp_path / "study.html").write_text(cost_html(values), encoding="utf-8")
+    both_browsers(tmp_path / "study.html", "#plot .mark")

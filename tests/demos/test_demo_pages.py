@@ -292,6 +292,16 @@ def test_notes_and_lessons_of_the_lecture(runs, gpu, opened, tmp_path):
     assert not note.is_visible() and not page.url.endswith("n")
 
 
+@pytest.mark.long
+def test_both_browsers_open_the_lecture(runs, gpu, both_browsers, tmp_path):
+    """Its index and a lesson with notes."""
+    lesson = lecture_page(runs, gpu, tmp_path, 3)
+    index = tmp_path / "index.html"
+    index.write_text(index_page([runs.shown(find_demo("thresholds"), gpu)], LECTURE[3:4]), encoding="utf-8")
+    both_browsers(index, "a[href*='#lecture'] img")
+    both_browsers(lesson, "#drawn[data-value]")
+
+
 def test_the_lecture_is_seven_demos_in_twenty_minutes(runs, gpu):
     assert len({part.demo for part in LECTURE}) == 7 and sum(part.minutes for part in LECTURE) == 20
     shown = [runs.shown(find_demo(part.demo), gpu) for part in LECTURE]

@@ -149,6 +149,12 @@ def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, s
     page.close()
 
 
+@pytest.mark.parametrize("name", ["index", "walks", "run/report"])
+def test_both_browsers_open_the_site(site: Path, both_browsers, name):
+    """The home page with its live report, a page of text, and the report alone."""
+    both_browsers(site / f"{name}.html", "main")
+
+
 @pytest.mark.long
 def test_search_works_in_firefox(site: Path, firefox):
     from marionette_driver import By, Wait

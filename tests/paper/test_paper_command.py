@@ -265,3 +265,7 @@ def test_samples_per_pixel_are_of_path_traced_light():
     assert PaperOptions().lights == ("auto",)
     with pytest.raises(SettingsError):
         PaperOptions(spp=8)
+
+
+def test_both_browsers_open_the_page(finished, both_browsers):
+    both_browsers(finished[0] / "paper.html", "table tbody th")

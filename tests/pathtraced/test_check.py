@@ -409,6 +409,16 @@ def test_command_line(exported, tmp_path, run):
     assert code == 1 and "motion.direction = 'previous-current'" in text
 
 
+@pytest.mark.parametrize("wrong", [False, True], ids=["all right", "wrong sign"])
+def test_both_browsers_open_the_page(exported, tmp_path, run, both_browsers, wrong):
+    mapping = tmp_path / "mapping.toml"
+    preset = (PRESETS / "taubench.toml").read_text()
+    mapping.write_text(preset.replace('"previous-current"', '"current-previous"') if wrong else preset)
+    arguments = (f"exr:{exported[0].path}", "--mapping", mapping, "--pairs", 1, "--out", tmp_path / "out")
+    assert run(*arguments)[0] == int(wrong)
+    both_browsers(tmp_path / "out" / "report.html", "table tbody th")
+
+
 @pytest.mark.parametrize("case", ["no folder", "no frame", "no mapping", "one frame", "no camera", "no motion"])
 def test_wrong_input(exported, tmp_path, run, case):
     """Exit code 2 and one line; what is missing in readable files is not checked."""

@@ -109,6 +109,12 @@ def test_a_comparison_without_masks_has_reasons(renders, tmp_path):
     assert NO_MASKS in (tmp_path / "out" / "comparison.txt").read_text()
 
 
+def test_both_browsers_open_a_comparison(renders, tmp_path, both_browsers):
+    evaluate(f"exr:{renders}", out=tmp_path / "a", path_traced=options(renders))
+    save_comparison(compare_runs(tmp_path / "a", tmp_path / "a"), tmp_path / "out")
+    both_browsers(tmp_path / "out" / "comparison.html", "table tbody th")
+
+
 def test_feature_errors_are_the_planted_ones():
     """1 mm, 2 degrees, 10 % of direct light, 51 levels; different surfaces count in position only."""
     h, w = 4, 5

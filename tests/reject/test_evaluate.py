@@ -140,6 +140,13 @@ def test_the_commands(tmp_path):
     assert run.invoke(cli, ["reject", "evaluate", DEMO, "--tests", "nothing"]).exit_code != 0
 
 
+@pytest.mark.long
+def test_both_browsers_open_the_page(tmp_path, both_browsers):
+    shared = [DEMO, "--size", "48x27", "--frames", "20:23", "--tests", "position,footprint_plane"]
+    assert CliRunner().invoke(cli, ["reject", "evaluate", *shared, "--out", str(tmp_path)]).exit_code == 0
+    both_browsers(tmp_path / "report.html", "table tbody th")
+
+
 def test_turned_floor_strata():
     """All pixels of a floor seen from above are at one distance, and none is grazing."""
     b = SceneBuilder()

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taubench_gl.report.reuse import reuse_html
+from taubench_gl.conventions import Reason
+from taubench_gl.glossary import label_of
+from taubench_gl.report.reuse import class_label, reuse_html
 from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
+from taubench_gl.reuse.scores import CLASSES
 
 MEASURES = ("flip", "relmse", "ssim", "psnr_db", "tpsnr_db", "flicker")
 FRAMES = (3, 4, 5)
@@ -179,6 +182,14 @@ def test_the_class_filter_darkens_and_averages(fresh):
     assert "slow 0.2" in fresh.inner_text("#frames .readout") and "fast 0.445" in fresh.inner_text("#frames .readout")
     fresh.check("#class-rest")
     assert "slow 0.25" in fresh.inner_text("#frames .readout")
+
+
+def test_classes_have_the_names_of_the_sentences(fresh):
+    """Names for readers, not the keys of reuse.json; every class that an evaluation writes has one."""
+    assert fresh.locator("table.classes label").all_inner_texts() == [f" {class_label(n)}" for n in CLASS_NAMES]
+    labels = {name: class_label(name) for name in CLASSES}
+    assert labels["lit"] == label_of(Reason.LIT) and labels["shadowed"] == label_of(Reason.SHADOWED)
+    assert len(set(labels.values())) == len(CLASSES) and not any("_" in label for label in labels.values())
 
 
 def test_side_by_side_and_zoom(fresh):

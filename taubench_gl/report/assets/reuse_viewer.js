@@ -40,7 +40,7 @@ function makeComparison(box, images, info, onFrame) {
       tick.addEventListener("change", () => { if (tick.checked) shown.add(k); else shown.delete(k); filtered(); });
       const row = [el("td"), el("td"), el("td")];
       cells.push({ k, tick, row });
-      body.append(el("tr", { title: one.doc }, el("th", { scope: "row" }, el("label", {}, tick, ` ${one.name.replaceAll("_", " ")}`)), ...row));
+      body.append(el("tr", { title: one.doc }, el("th", { scope: "row" }, el("label", {}, tick, ` ${one.label}`)), ...row));
     }
     const total = [el("td"), el("td"), el("td")];
     cells.push({ k: null, row: total });
