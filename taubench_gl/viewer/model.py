@@ -88,8 +88,9 @@ class ViewerModel(Owner):
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)
-        # A lesson is about what its light shows.
-        dim = self.gpu.software and not (request.restored is not None and request.restored.lesson)
+        # A lesson is about what its light shows, a method about the image that it makes.
+        lesson = request.restored is not None and request.restored.lesson
+        dim = self.gpu.software and request.method is None and not lesson
         dark = self._light is False or (self._light is None and dim)
         if dark and set(LIGHT) & set(state.effects) and opened.frame is None:
             state.switched_off = frozenset(LIGHT) & set(state.effects)
