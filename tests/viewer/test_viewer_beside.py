@@ -235,3 +235,10 @@ def test_a_clip_ends_where_its_images_change_size(drive, tmp_path):
 def test_unknown_methods_are_errors(drive):
     with pytest.raises(SettingsError):
         drive().run("set method nothing")
+
+
+def test_a_method_starts_with_light(drive):
+    """Its image is a color; without a method, software rendering starts without light."""
+    with_method, without = (drive(settings=LIT, light=None, **how).viewer.state for how in ({"method": "none"}, {}))
+    assert with_method.channel == "color" and not with_method.switched_off
+    assert without.channel == "headlight" and "color" in without.switched_off
