@@ -154,6 +154,7 @@ def test_the_answer_names_the_choice_and_its_neighbors(values):
     assert answer(study | {"chosen": None})[0] == "nothing has been measured yet"
 
 
+@pytest.mark.long
 def test_both_browsers_open_the_page(values, tmp_path, both_browsers):
     (tmp_path / "study.html").write_text(cost_html(values), encoding="utf-8")
     both_browsers(tmp_path / "study.html", "#plot .mark")

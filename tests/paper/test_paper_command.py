@@ -267,5 +267,6 @@ def test_samples_per_pixel_are_of_path_traced_light():
         PaperOptions(spp=8)
 
 
+@pytest.mark.long
 def test_both_browsers_open_the_page(finished, both_browsers):
     both_browsers(finished[0] / "paper.html", "table tbody th")

@@ -409,6 +409,7 @@ def test_command_line(exported, tmp_path, run):
     assert code == 1 and "motion.direction = 'previous-current'" in text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", [False, True], ids=["all right", "wrong sign"])
 def test_both_browsers_open_the_page(exported, tmp_path, run, both_browsers, wrong):
     mapping = tmp_path / "mapping.toml"

@@ -109,6 +109,7 @@ def test_a_comparison_without_masks_has_reasons(renders, tmp_path):
     assert NO_MASKS in (tmp_path / "out" / "comparison.txt").read_text()
 
 
+@pytest.mark.long
 def test_both_browsers_open_a_comparison(renders, tmp_path, both_browsers):
     evaluate(f"exr:{renders}", out=tmp_path / "a", path_traced=options(renders))
     save_comparison(compare_runs(tmp_path / "a", tmp_path / "a"), tmp_path / "out")

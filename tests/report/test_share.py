@@ -90,6 +90,7 @@ def test_the_page_plays_masks_and_has_no_button_for_what_it_leaves_out(recorded,
         assert page.locator("[data-mode=masks]").count() == 1
 
 
+@pytest.mark.long
 def test_both_browsers_open_a_shared_run(recorded, both_browsers):
     assert command("share", recorded) == 0
     both_browsers(recorded / "share.html", ".stage[data-frame]")

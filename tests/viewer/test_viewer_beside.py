@@ -171,6 +171,7 @@ def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
     assert not driven.engine.method_scores(driven.state), "scores of another frame are not shown"
 
 
+@pytest.mark.long
 def test_where_there_is_no_ghost_or_bound_a_message_says_so(drive, monkeypatch):
     monkeypatch.setattr(comparisons, "WARM_UP", 0)
     driven = drive(settings=LIT.replace(width=24, height=14), light=True)
