@@ -8,7 +8,7 @@ uniform int odd_sample; // 0 or 1
 const uint PATHS = uint(TILE_SIZE.x * TILE_SIZE.y);
 
 uint list_of(int vertex) { return uint(vertex & 1) * PATHS; }
-int counts_of(int odd, int vertex) { return 4 * (odd * (LAST_VERTEX + 2) + vertex); }
+int counts_of(int odd, int vertex) { return 4 * (odd * PATH_LISTS + vertex); }
 
 // Of the path that this invocation extends at ``vertex``; false: there is none.
 bool path_at(int vertex, out ivec2 local) {
@@ -28,7 +28,7 @@ void go_on(ivec2 local, int vertex) {
 
 // No path goes on of a sample that is ``odd``.
 void empty_lists(int odd) {
-    for (int vertex = 0; vertex < LAST_VERTEX + 2; ++vertex) {
+    for (int vertex = 0; vertex < PATH_LISTS; ++vertex) {
         going_on_counts[counts_of(odd, vertex)] = 0u;
         going_on_counts[counts_of(odd, vertex) + 3] = 0u;
     }

@@ -416,8 +416,7 @@ class ViewerEngine:
 
     def _draw_beside(self, state: ViewerState, other: Other | None) -> None:
         """Draw the other image and a map of errors or ghosts, if they are to be beside the image and there are any."""
-        map_mode = "ghost" if state.comparison == "ghost" else "error"
-        wanted = ("other", map_mode) if state.beside and other is not None else ()
+        wanted = ("other", _map_beside(state)) if state.beside and other is not None else ()
         if len(self._beside) != len(wanted) or any(d.size != self._display.size for d in self._beside):
             self._owner.free_parts(*self._beside)
             self._beside = [self._owner.own(Display(self.gpu, self._display.size)) for _ in wanted]
@@ -435,7 +434,7 @@ class ViewerEngine:
             return ("",)
         bound = "bound of " if state.method_image == "bound" else ""
         other = f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against
-        return "", other, f"{'ghost' if state.comparison == 'ghost' else 'error'} x {state.gain:g}"
+        return "", other, f"{_map_beside(state)} x {state.gain:g}"
 
     def method_scores(self, state: ViewerState) -> Mapping[str, float | None]:
         """Columns of ``reuse evaluate`` for the method and frame compared with; empty where nothing needs them."""
@@ -678,3 +677,8 @@ class LiveTimer:
     def _record(self, name: str, elapsed: float) -> None:
         self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
         self._measured.add(name)
+
+
+def _map_beside(state: ViewerState) -> str:
+    """Mode of the last of the three images."""
+    return "ghost" if state.comparison == "ghost" else "error"

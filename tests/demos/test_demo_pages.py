@@ -293,7 +293,6 @@ def test_notes_and_lessons_of_the_lecture(runs, gpu, opened, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.long
 def test_both_browsers_open_the_lecture(runs, gpu, both_browsers, tmp_path):
     """Its index and a lesson with notes."""
     lesson = lecture_page(runs, gpu, tmp_path, 3)

@@ -141,7 +141,6 @@ def test_the_commands(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.long
 def test_both_browsers_open_the_page(tmp_path, both_browsers):
     shared = [DEMO, "--size", "48x27", "--frames", "20:23", "--tests", "position,footprint_plane"]
     assert CliRunner().invoke(cli, ["reject", "evaluate", *shared, "--out", str(tmp_path)]).exit_code == 0

@@ -91,6 +91,11 @@ def vertices(spec: FrameSpec) -> int:
     return spec.bounces if found else spec.bounces - 1
 
 
+def path_lists(spec: FrameSpec) -> int:
+    """Lists of paths that go on of one sample: to every vertex, and one that nothing extends."""
+    return spec.bounces + 2
+
+
 def exact_punctual(spec: FrameSpec) -> bool:
     """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise."""
     few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
@@ -189,10 +194,11 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
     paths, group = tile[0] * tile[1], math.prod(spec.tuning.shading_group)
     if vertices(spec):
         out["extend"] = make("extend").dispatch(paths, group)
-    for name, words in {"going_on": 2 * paths, "going_on_counts": 8 * (spec.bounces + 2)}.items():
+    sizes = f"const int PATH_GROUP = {group}, PATH_LISTS = {path_lists(spec)};"
+    for name, words in {"going_on": 2 * paths, "going_on_counts": 8 * path_lists(spec)}.items():
         out["start"].allocate(Resource.buffer(name, 4 * words, label="paths"))
         for p in filter(None, (out["start"], out.get("extend"))):
-            p.buffer(name, "uint", access=UPDATE, given=True).glsl(f"const int PATH_GROUP = {group};")
+            p.buffer(name, "uint", access=UPDATE, given=True).glsl(sizes)
     out["resolve"] = _resolve(spec, make("resolve", traced=False))
     if image:
         own = ComputePass("", ())
@@ -275,7 +281,7 @@ class PathTracing(Owner):
         self.tables = context.allocate_all(passes.values())
         """What the passes declare, by name; the light stage releases it."""
         self.tables["path_counts"].clear()
-        self.tables["going_on_counts"].write(np.tile(np.uint32([0, 1, 1, 0]), 2 * (spec.bounces + 2)).tobytes())
+        self.tables["going_on_counts"].write(np.tile(np.uint32([0, 1, 1, 0]), 2 * path_lists(spec)).tobytes())
         self._odd_sample = 0
         if "punctual" in spec.path_traced_sources:
             count = max(len(spec.light_kinds), 1)
@@ -390,7 +396,7 @@ class PathTracing(Owner):
         if self._spec.pattern == "fixed":
             where.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
         for vertex in range(1, vertices(self._spec) + 1):
-            byte = 16 * (self._odd_sample * (self._spec.bounces + 2) + vertex)
+            byte = 16 * (self._odd_sample * path_lists(self._spec) + vertex)
             self._passes["extend"].run(frame, resources, ("going_on_counts", byte), vertex=vertex, **where)
         self._odd_sample = 1 - self._odd_sample
 
