@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,17 +24,22 @@ if TYPE_CHECKING:
 os.environ.setdefault("TAUBENCH_STAGE_SECONDS", "3600")  # which stages are lines would depend on the load
 
 
-def _long() -> frozenset[str]:
-    """Tests of more than 1.2 CPU seconds whose subject others have too; an entry that names no test does nothing."""
-    return frozenset(Path(__file__).with_name("long.txt").read_text(encoding="utf-8").splitlines())
+def _long() -> dict[str, int]:
+    """Entries of tests/long.txt: test -> 0, or function -> n where each n-th of its cases stays in the usual run."""
+    text = Path(__file__).with_name("long.txt").read_text(encoding="utf-8")
+    entries = (line.rpartition(" /") for line in text.splitlines())
+    return {name or number: int(number) if name else 0 for name, _, number in entries}
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks select
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    long = _long()
+    long, cases = _long(), Counter[str]()
     for item in items:
-        if item.nodeid in long:
+        function = item.nodeid.partition("[")[0]
+        step = long.get(function, 0)
+        if cases[function] % step if step else item.nodeid in long:
             item.add_marker("long")
+        cases[function] += 1
 
 
 def _shared_data() -> Path | None:

@@ -82,7 +82,8 @@ ensure_packages() {
   key=$({ cat "$root/pyproject.toml" "$root/setup.py" "$root/constraints.txt"; "$py" -VV; echo "$root"; } | sha256sum)
   if [ "$(cat "$stamp" 2>/dev/null)" = "$key" ]; then return 0; fi
   say "installing taubench-gl and its dependencies into .venv (a minute or two, once)"
-  local pip=("$py" -m pip --disable-pip-version-check install -qq --constraint "$root/constraints.txt")
+  # Without --no-compile a third of the time would go to modules that nothing imports.
+  local pip=("$py" -m pip --disable-pip-version-check install -qq --no-compile --constraint "$root/constraints.txt")
   "${pip[@]}" --editable "$root[test]" || stop "pip could not install the package (see above)"
   # meshoptimizer has no wheels for some Pythons and is optional: without it, meshopt-compressed files cannot be read.
   "${pip[@]}" "meshoptimizer" >/dev/null 2>&1 \

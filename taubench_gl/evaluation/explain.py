@@ -11,7 +11,7 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM, GUARD_PX, NOT_COMPARABLE, Reason
 from taubench_gl.features import BY_BIT, FEATURE, FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.masks import ComparedSource
-from taubench_gl.frame.targets import read_texel
+from taubench_gl.frame.targets import read_texel, read_texels
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.masks import compare, sample_history, value_of
@@ -177,8 +177,7 @@ def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], s
     block = {}
     for name in names:
         texture = images.source.previous[FEATURE[name].channel]
-        taps = [[read_texel(images.gpu, texture, x0 + i, y0 + j) for i in range(across)] for j in reversed(range(rows))]
-        block[name] = value_of(name, taps)
+        block[name] = value_of(name, read_texels(images.gpu, texture, x0, y0, across, rows)[::-1])
     local = np.array([[at_up[0] - x0, (rows - 1) - (at_up[1] - y0)]])
     return sample_history(images.settings.metrics.sampling, block, local, np.array([surface]))
 

@@ -31,6 +31,10 @@ _ATTRIBUTES = (  # name in the shader, pool array, format
 )
 
 
+KEPT_SUBSETS = 256
+"""Lists of draws whose commands are kept: shadow faces see the same draws in most frames."""
+
+
 @dataclass(frozen=True, slots=True)
 class Group:
     """Consecutive commands that share every piece of state."""
@@ -59,6 +63,7 @@ class SceneBuffers:
         self._written = np.zeros((0, RECORD.dtype.itemsize // 4), dtype=np.uint32)
         self._vaos: dict[tuple[bool, int, int], moderngl.VertexArray] = {}
         self._arranged: tuple[bytes, bytes] | None = None
+        self._subsets: dict[bytes, tuple[Array, list[tuple[Group, int, int]]]] = {}  # of this arrangement
         self.groups: list[Group] = []
         self.seen_groups: list[Group] = []
         self.shown: Array | None = None  # (commands,) bool: which the camera may see
@@ -104,6 +109,7 @@ class SceneBuffers:
             keep.append(position)
             owner[position] = len(self.groups) - 1
         self._group_of = _fill_forward(owner)
+        self._subsets.clear()
         self.order = np.array(visible, dtype=np.int64)
         self._command_of = np.cumsum(np.isin(np.arange(len(visible)), keep)) - 1
         self._whole = commands[keep]
@@ -139,6 +145,14 @@ class SceneBuffers:
 
     def subset(self, seen: Array) -> tuple[Array, list[tuple[Group, int, int]]]:
         """Commands of those visible draws that are in ``seen`` (K,), and (group, first, count) runs within them."""
+        key = seen.tobytes()
+        if key not in self._subsets:
+            if len(self._subsets) >= KEPT_SUBSETS:
+                self._subsets.clear()
+            self._subsets[key] = self._subset(seen)
+        return self._subsets[key]
+
+    def _subset(self, seen: Array) -> tuple[Array, list[tuple[Group, int, int]]]:
         positions = np.flatnonzero(np.isin(self.order, seen))
         commands = self._table[self.order[positions]]
         commands["base_instance"] = positions

@@ -88,11 +88,17 @@ def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
 
 def read_texel(gpu: Gpu, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
     """One texel, y up.  (components,) in the type of the texture."""
+    return read_texels(gpu, texture, x, y, 1, 1)[0, 0]
+
+
+def read_texels(gpu: Gpu, texture: moderngl.Texture, x: int, y: int, width: int, height: int) -> np.ndarray:
+    """Texels from (x, y) on, y up.  (height, width, components) in the type of the texture, row 0 at the bottom."""
     with Owner() as owner:
         framebuffer = owner.own(gpu.ctx.framebuffer([texture]))
-        data = framebuffer.read((x, y, 1, 1), components=texture.components, dtype=texture.dtype, alignment=1)
+        area = (x, y, width, height)
+        data = framebuffer.read(area, components=texture.components, dtype=texture.dtype, alignment=1)
         gpu.unbind_framebuffer()
-    return np.frombuffer(data, dtype=_NUMPY[texture.dtype])
+    return np.frombuffer(data, dtype=_NUMPY[texture.dtype]).reshape(height, width, texture.components)
 
 
 def raw_image(texture: moderngl.Texture) -> np.ndarray:

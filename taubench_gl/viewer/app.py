@@ -40,6 +40,7 @@ class Viewer(ViewerModel):
         self._triangle = self.own(gpu.ctx.vertex_array(self._blit, []))
         self.panels = Panels(self)
         self.input = Input(self)
+        self._composed: tuple[int, int] | None = None  # the window's size, if its panels are of the last frame drawn
 
     def _serve(self, request: str) -> None:
         if request == "window screenshot":
@@ -82,9 +83,10 @@ class Viewer(ViewerModel):
         io.display_framebuffer_scale = ImVec2(framebuffer.size[0] / width, framebuffer.size[1] / height)
         io.delta_time = 1.0 / 60.0
         layout = self.layout
-        imgui.new_frame()
-        self.panels.draw(layout)
-        imgui.render()
+        if self._panels_due():
+            imgui.new_frame()
+            self.panels.draw(layout)
+            imgui.render()
         for texture in (self.timeline.texture, self.engine.magnified):
             if texture is not None:
                 self._renderer.show(texture)
@@ -93,6 +95,13 @@ class Viewer(ViewerModel):
         self._clear(framebuffer, layout)
         self._draw_image(framebuffer, layout)
         self._renderer.render(framebuffer)
+
+    def _panels_due(self) -> bool:
+        """Whether to compose the panels: during playback without input, each second frame shows those of the last."""
+        due = not self.state.playing or self.input.answers > 0 or self._composed != self.window_size
+        self.input.answers = max(self.input.answers - 1, 0)
+        self._composed = self.window_size if due else None
+        return due
 
     def _clear(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
         """Panels and what is around the images: clearing costs a fraction of blending the panels' backgrounds."""

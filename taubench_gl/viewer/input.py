@@ -16,6 +16,10 @@ CLICK_REACH = 3.0
 _EDIT = ("BACKSPACE", "ENTER", "LEFT_ARROW", "RIGHT_ARROW", "TAB", "ESCAPE")
 
 
+ANSWERED = 8
+"""Frames after an event in which panels are composed."""
+
+
 class Input:
     """Handlers of window events.  Positions are screen points, y down."""
 
@@ -25,6 +29,12 @@ class Input:
         self.held: set[str] = set()
         self._drag: str | None = None
         self._pressed_at: tuple[float, float] | None = None  # on the image
+        self.answers = 0  # frames in which the panels still answer to events
+
+    def _events(self) -> imgui.IO:
+        """Where ImGui takes events; it spreads them over several frames."""
+        self.answers = ANSWERED
+        return imgui.get_io()
 
     def resize(self, width: int, height: int) -> None:
         """The window has a new size; 0 x 0 while it is minimized."""
@@ -34,7 +44,7 @@ class Input:
         viewer, s = self._viewer, self._viewer.state
         dx, dy = x - self.mouse[0], y - self.mouse[1]
         self.mouse = (x, y)
-        imgui.get_io().add_mouse_pos_event(x, y)
+        self._events().add_mouse_pos_event(x, y)
         pixel = viewer.layout.pixel(x, y, viewer.engine.feed.size)
         if self._drag == "split":
             left, _, width, _ = viewer.layout.image
@@ -48,7 +58,7 @@ class Input:
 
     def mouse_button(self, button: int, pressed: bool) -> None:
         """``button``: 0 left, 1 right, 2 middle."""
-        imgui.get_io().add_mouse_button_event(button, pressed)
+        self._events().add_mouse_button_event(button, pressed)
         if not pressed and self._drag == "camera":
             self._click(button)
         self._drag = None
@@ -68,12 +78,12 @@ class Input:
             s.probe = pixel
 
     def scroll(self, dx: float, dy: float) -> None:
-        imgui.get_io().add_mouse_wheel_event(dx, dy)
+        self._events().add_mouse_wheel_event(dx, dy)
         if self._on_image() and self._viewer.state.camera == "orbit":
             self._viewer.engine.user.zoom(dy)
 
     def char(self, code: int) -> None:
-        imgui.get_io().add_input_character(code)
+        self._events().add_input_character(code)
 
     def key(self, name: str, pressed: bool, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> None:
         """``name`` is the GLFW name without KEY_.  A key repeat counts as a press."""
@@ -118,7 +128,7 @@ class Input:
         return s.comparison == "split" and abs(self.mouse[0] - left - s.split * width) <= SPLIT_REACH
 
     def _forward_key(self, name: str, pressed: bool, ctrl: bool, shift: bool) -> None:
-        io = imgui.get_io()
+        io = self._events()
         io.add_key_event(imgui.Key.mod_ctrl, ctrl)
         io.add_key_event(imgui.Key.mod_shift, shift)
         other = {"LEFT": "left_arrow", "RIGHT": "right_arrow"}.get(name, name.lower())

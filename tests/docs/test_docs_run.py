@@ -39,7 +39,7 @@ LEFT_OUT = {
 
 SMALL = {
     "--size": "64x36", "--frames": "0:3", "--reference-spp": "4", "--time-limit": "5s", "--reference-samples": "4",
-    "--repeats": "1", "--shadow-size": "128",
+    "--repeats": "1", "--shadow-size": "128", "--seconds": "0.2",
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
 

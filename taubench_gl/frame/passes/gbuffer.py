@@ -66,6 +66,11 @@ def geometry_variant(key: MaterialKey, posed: bool, channels: tuple[str, ...] = 
     return variant | {f"OUTPUT_{name.upper()}": name in channels for name, c in CHANNELS.items() if c.attachment}
 
 
+def reads_material(variant: Mapping[str, object]) -> bool:
+    """Whether what a ``geometry_variant`` draws depends on the material: it is tested or written."""
+    return any(on for macro, on in variant.items() if macro == "ALPHA_TEST" or macro.startswith("OUTPUT_"))
+
+
 def geometry_pass(name: str, fragment: str, slots: Sequence[str] = SLOTS) -> RasterPass:
     """A pass that draws the scene's geometry with ``fragment``, which may sample material ``slots``."""
     numbers = [f"const int SLOT_{slot.upper()} = {i};" for i, slot in enumerate(SLOTS)]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from taubench_gl.frame.casters import Rect, ShadowMapCache
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
-from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant
+from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
 from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, Face, faces_of, first_faces, pack
@@ -91,6 +92,22 @@ class AnchoredRecords(Owner):
         self.buffer.write(self._table.update(at, at)[order].tobytes())
 
 
+def merged(
+    runs: Iterable[tuple[Group, int, int]], variant_of: Callable[[Group], Variant]
+) -> list[tuple[Group, Variant, int, int]]:
+    """(group, variant, first, count) of ``runs``; neighbors that differ in nothing but an unread material are one."""
+    out: list[tuple[Group, Variant, int, int]] = []
+    for group, first, count in runs:
+        variant = variant_of(group)
+        if out and not reads_material(variant[0]):
+            before, same, start, length = out[-1]
+            if (before.posed, same, start + length) == (group.posed, variant, first):
+                out[-1] = before, variant, start, length + count
+                continue
+        out.append((group, variant, first, count))
+    return out
+
+
 class FaceDrawer:
     """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
 
@@ -139,11 +156,10 @@ class FaceDrawer:
             framebuffer.viewport = viewport
             if parts is not None:
                 framebuffer.scissor = part
-            for group, first, count in groups:
+            for group, (variant, slots), first, count in merged(groups, variant_of):
                 row = 2 * at + group.posed
                 binding = raster.bindings["F"]
                 self._frames.bind_to_uniform_block(binding, offset=row * STRIDE, size=FRAME.dtype.itemsize)
-                variant, slots = variant_of(group)
                 frame.materials.bind(group.material, raster.bindings, slots)
                 scene.draw_commands(group, raster.program(variant), self._commands, first, count, records)
         if parts is not None:
@@ -233,6 +249,7 @@ class ShadowPass(Owner):
         if stale:
             self._anchor.update(frame.placement, frame.buffers.order)
 
+        @cache
         def variant(group: Group) -> Variant:
             key = frame.materials.keys[group.material + 1]
             return _variant(key, group.posed, group.material in spec.colored)
