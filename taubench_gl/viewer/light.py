@@ -20,6 +20,7 @@ from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, PREVIEWED, Settings
+from taubench_gl.srgb import srgb_encode
 from taubench_gl.viewer.feeds import SceneFeed, Shot
 from taubench_gl.viewer.state import MAX_THRESHOLD, ViewerState
 
@@ -115,8 +116,8 @@ class CoarseLight(GpuOwner):
 class Refiner(GpuOwner):
     """Path-traced light of one frame, the mean of as many samples as were traced so far.
 
-    ``better``: its noise is smaller than the error of the light method, both root mean squares of radiance times
-    exposure, clipped as a display does.  Twice as many samples move the mean by as much as its noise, because the
+    ``better``: its noise is smaller than the error of the light method, both root mean squares of displayed values:
+    sRGB of radiance times exposure, clipped.  Twice as many samples move the mean by as much as its noise, because the
     second half is as noisy as the first and independent; the squared distance to the light method is the sum of both
     squared errors.  Compared at 2, 4, 8, ... samples until it is.
     """
@@ -168,7 +169,7 @@ class Refiner(GpuOwner):
         exposure = self._feed.settings.lighting.exposure_factor
 
         def image(source: RasterSource) -> Array:
-            return np.clip(exposure * sum(source.read(name)[..., :3] for name in names), 0.0, 1.0)
+            return srgb_encode(np.clip(exposure * sum(source.read(name)[..., :3] for name in names), 0.0, 1.0))
 
         mean = image(self.source)
         if self.samples > 1:
