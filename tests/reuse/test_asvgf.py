@@ -96,7 +96,7 @@ def test_light_that_is_switched_off_does_not_lag(gpu):
     after = reshaded_steps(still[8:9], np.full((h, w), 0.1)) + reshaded_steps(still[9:], np.ones((h, w)))
     left = {}
     for name in ("svgf", "asvgf"):
-        result = play(gpu, name, before + after, {"taa_alpha": 1.0})[8][..., :3]
+        result = play(gpu, name, before + after)[8][..., :3]
         surface = still[8].inputs["position"][..., 3] > 0
         left[name] = float(np.abs(result - 0.06)[surface].mean() / 0.54)
     assert left["svgf"] > 0.6 and left["asvgf"] < 0.25, left
@@ -126,10 +126,10 @@ def test_path_traced_light_that_moves_away(gpu):
     scene = b.build()
     request = InputRequest(gpu, scene, choose_camera(scene), settings(width=48, height=36, indirect="auto"),
                            parse_input("path-traced@1"))  # fmt: skip
-    names = {"svgf": {"taa_alpha": 1.0}, "asvgf": {"taa_alpha": 1.0}}
+    names = ("svgf", "asvgf")
     reads = {name for method in names for name in load_method(method).reads}
     inputs = RasterInputs(request, tuple(reads))
-    runners = {name: MethodRunner(gpu, name, inputs.size, values) for name, values in names.items()}
+    runners = {name: MethodRunner(gpu, name, inputs.size) for name in names}
     try:
         means = []
         for index in range(9):

@@ -75,7 +75,7 @@ from references.reuse_methods.svgf import (
     depth_slope,
     moments_variance,
     smoothed_variance,
-    spatial_estimate,
+    spatial_variance,
 )
 from references.reuse_methods.svgf_frames import (
     Svgf,
@@ -176,7 +176,7 @@ __all__ = [
     "shaded_neighbors",
     "shifted",
     "smoothed_variance",
-    "spatial_estimate",
+    "spatial_variance",
     "tangents",
     "timewarp_px",
     "tone_mapped",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from references.reuse_methods.history import shifted
-from references.reuse_methods.svgf import KERNEL, LUMINANCE_FLOOR, EdgeStopping, depth_slope
+from references.reuse_methods.svgf import KERNEL, LUMINANCE_FLOOR, EdgeStopping, depth_slope, inverse_depth
 from references.reuse_methods.svgf_frames import Svgf, new_weight
 from taubench_gl.srgb import LUMINANCE
 
@@ -64,7 +64,7 @@ class BlockEdges:
     def weights(self, dx: int, dy: int) -> Array:
         """Between each block and the one at (dx, dy), rows up; 0 where that is outside.  -> (m, n)."""
         depth = self.inputs["position"][..., 3].astype(np.float64)
-        slope = _of_blocks(depth_slope(depth)) * [1, -1]  # rows up
+        slope = _of_blocks(depth_slope(inverse_depth(depth))) * [1, -1]  # rows up
         place = np.stack(np.meshgrid(*(np.arange(n) for n in depth.shape[::-1])), axis=-1)
         place = place * [1, -1] + [0, depth.shape[0] - 1]
         p, (q, _) = _of_blocks(place), shifted(_of_blocks(place), dx, dy)

@@ -64,7 +64,7 @@ void reuse(ivec2 p) {
     History h = history_of(p, surface);
     report(p, surface, h);
     float count = frames_left(p, h.direct.a) + 1.0;
-    float share = h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;
+    float share = temporal_filter && h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;
     float share_moments = h.total > 0.0 ? new_weight(p, h.direct.a, alpha_moments) : 1.0;
     float l_d = luminance(direct), l_i = luminance(indirect);
     vec4 moments = mix(h.moments, vec4(l_d, l_d * l_d, l_i, l_i * l_i), share_moments);
