@@ -280,7 +280,7 @@ def flip_notes(summary: Summary) -> tuple[str, ...]:
         return ()
     return (
         f"Warning: FLIP sees {width} pixels at {FLIP_PIXELS_PER_DEGREE:g} pixels per degree as an image {degrees:.1f} "
-        f"degrees wide, less than {FLIP_DEGREES:g}: noise of single pixels counts little, errors of whole surfaces much.",
+        f"degrees wide, less than {FLIP_DEGREES:g}: noise of single pixels counts little there.",
     )
 
 

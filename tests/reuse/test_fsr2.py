@@ -243,7 +243,7 @@ def test_an_unstable_luminance_has_a_wide_box():
 
 
 def test_motion_divergence_of_closed_forms():
-    """One motion everywhere: 0.  Two opposite ones meet: 1 beside the edge.  Half as fast before: 1/2, from 20 pixels on."""
+    """One motion: 0.  Two opposite ones: 1 beside the edge.  Half as fast before: 1/2, from 20 pixels on."""
     grids = Grids((40, 24), (80, 48))
     depth, flat = np.full((24, 40), 2.0), np.tile([10.0, 0.0], (24, 40, 1))
     opposite = np.where((np.arange(40) < 20)[None, :, None], flat, -flat)
