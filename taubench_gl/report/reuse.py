@@ -276,7 +276,8 @@ def flip_notes(summary: Summary) -> tuple[str, ...]:
     """A warning where FLIP sees an image narrower than FLIP_DEGREES degrees of visual angle."""
     width = summary["settings"]["width"]
     degrees = width / FLIP_PIXELS_PER_DEGREE
-    if degrees >= FLIP_DEGREES or all(method["mean"].get("flip") is None for method in summary["methods"].values()):
+    means = [method["mean"] for method in summary["methods"].values() if not method["failed"]]
+    if degrees >= FLIP_DEGREES or all(mean.get("flip") is None for mean in means):
         return ()
     return (
         f"Warning: FLIP sees {width} pixels at {FLIP_PIXELS_PER_DEGREE:g} pixels per degree as an image {degrees:.1f} "
