@@ -52,6 +52,9 @@ MOST_PAIRS = 15
 
 NO_PIXEL = "no such pixel"
 
+FLIP_PIXELS_PER_DEGREE, FLIP_DEGREES = 67.0, 10.0
+"""FLIP's viewing distance (Andersson et al. 2020); width of an image below which its filters cover much of it."""
+
 _PIXELS = {
     "not_classified": "not classified", "frustum": "off-screen pixels", "disoccluded": "disoccluded pixels",
     "occluding": "newly occluding pixels", "geometry": "other changed geometry", "lit": "brightened pixels",
@@ -266,7 +269,20 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()
     floor = (f"Noise floor, standard error of the reference: {reference['noise']}.",) if reference.get("noise") else ()
-    return (first, *floor, *lighting, *light["notes"])
+    return (first, *floor, *flip_notes(summary), *lighting, *light["notes"])
+
+
+def flip_notes(summary: Summary) -> tuple[str, ...]:
+    """A warning where FLIP sees an image narrower than FLIP_DEGREES degrees of visual angle."""
+    width = summary["settings"]["width"]
+    degrees = width / FLIP_PIXELS_PER_DEGREE
+    means = [method["mean"] for method in summary["methods"].values() if not method["failed"]]
+    if degrees >= FLIP_DEGREES or all(mean.get("flip") is None for mean in means):
+        return ()
+    return (
+        f"Warning: FLIP sees {width} pixels at {FLIP_PIXELS_PER_DEGREE:g} pixels per degree as an image {degrees:.1f} "
+        f"degrees wide, less than {FLIP_DEGREES:g}: noise of single pixels counts little there.",
+    )
 
 
 def fit_table(fit: Summary) -> Table:

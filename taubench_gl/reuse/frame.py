@@ -117,6 +117,7 @@ INPUTS: dict[str, InputInfo] = {
             "block of pixels: moved with its surface to this frame, in this frame's light, with its random numbers of "
             "the previous frame; a: 1 at the pixel of the sample, 0 elsewhere",
         ),
+        InputInfo("reshaded_direct", 4, "f4", RADIANCE_UNIT, "rgb: the direct light in reshaded; a: as reshaded"),
         InputInfo(
             "reshaded_before", 4, "f4", RADIANCE_UNIT,
             "rgb: light of the same sample in the previous frame; a: as reshaded",

@@ -25,7 +25,7 @@ from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.reuse.frame import input_texture, texture_bytes
 from taubench_gl.settings import Settings
 
-RESHADED = ("reshaded", "reshaded_before")
+RESHADED = ("reshaded", "reshaded_direct", "reshaded_before")
 BLOCK = 3
 """Pixels along the sides of a block, which has one re-shaded sample."""
 

@@ -154,7 +154,7 @@ def _light(now: Mapping[str, Array], radiance: Array, noise: float) -> dict[str,
     out |= {"material": now["material"], "hit_distance": now["hit_distance"], "sample_count": shaded}
     out["variance"] = (noise * light @ LUMINANCE)[..., None] ** 2
     out |= {name: np.zeros_like(shaded) for name in ("reactive", "transparency")}
-    return out | {name: np.zeros_like(radiance) for name in ("reshaded", "reshaded_before")}
+    return out | {name: np.zeros_like(radiance) for name in ("reshaded", "reshaded_direct", "reshaded_before")}
 
 
 def _inputs(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from copy import deepcopy
 
-from taubench_gl.report.reuse import verdict
+import pytest
+
+from taubench_gl.report.reuse import flip_notes, verdict
 
 
 def method(flip: float, *, disoccluded: float, lit: float, rest: float, yardstick: str | None = None) -> dict:
@@ -65,3 +67,14 @@ def test_one_method_has_no_verdict():
     summary = deepcopy(SUMMARY)
     summary["methods"] = {name: summary["methods"][name] for name in ("blend", "cheat")}
     assert verdict(summary) is None
+
+
+@pytest.mark.parametrize(("width", "notes"), [(96, 1), (669, 1), (670, 0), (1920, 0)])
+def test_a_warning_where_flip_sees_less_than_ten_degrees(width, notes):
+    """67 pixels are a degree: 670 pixels are ten; without FLIP there is nothing to warn of."""
+    summary = SUMMARY | {"settings": {"width": width}}
+    assert len(flip_notes(summary)) == notes and all(
+        f"{width / 67:.1f} degrees" in note for note in flip_notes(summary)
+    )
+    without = {name: method | {"mean": {"flip": None}} for name, method in SUMMARY["methods"].items()}
+    assert not flip_notes(summary | {"methods": without})

@@ -27,6 +27,7 @@ ROUNDING = 2e-3
 
 BYPASSES = {
     "gradient_samples": ("gradient.glsl", "vec3(now - then, max(now, then), 1.0)", "vec3(0.0, max(now, then), 1.0)"),
+    "gradient_budget": ("budget.glsl", "gradient_budget && fetch_reshaded(p).a > 0.5;", "false;"),
     "gradient_reconstruction": ("gradient_atrous.glsl", "if (other.z <= 0.0) continue;",
                                 "if (other.z <= 0.0 || c != b) continue;"),
     "adaptive_alpha": ("share.glsl", "return g.y > 0.0 ? min(abs(g.x) / g.y, 1.0) : 0.0;", "return 0.0;"),
@@ -39,14 +40,14 @@ def reshaded_steps(steps, change: np.ndarray, share: float = 0.8, seed: int = 3)
     out = []
     for step in steps:
         h, w = step.clean.shape[:2]
-        then, sampled = step.inputs["direct"][..., :3] * (0.5 + rng.random((h, w, 1))), np.zeros((h, w, 1))
+        now, sampled = step.inputs["radiance"][..., :3] * (0.5 + rng.random((h, w, 1))), np.zeros((h, w, 1))
         for up in range(0, h, 3):
             for x in range(0, w, 3):
                 if step.index > 0 and rng.random() < share:
                     sampled[h - 1 - rng.integers(up, min(up + 3, h)), rng.integers(x, min(x + 3, w))] = 1
+        lights = {"reshaded": now, "reshaded_direct": 0.5 * now, "reshaded_before": now / change[..., None]}
         inputs = {
-            "reshaded": np.concatenate([then * change[..., None] * sampled, sampled], axis=-1).astype(np.float32),
-            "reshaded_before": np.concatenate([then * sampled, sampled], axis=-1).astype(np.float32),
+            n: np.concatenate([light * sampled, sampled], axis=-1).astype(np.float32) for n, light in lights.items()
         }
         out.append(replace(step, inputs=step.inputs | inputs))
     return out
@@ -83,8 +84,22 @@ def test_a_bypassed_stage_is_noticed(gpu, steps, expected, stage, tmp_path):
 
 def test_without_change_it_is_svgf(gpu):
     steps = reshaded_steps(noisy_steps(SIZE), np.ones(SIZE[::-1]))
-    for adaptive, plain in zip(play(gpu, "asvgf", steps, SETTINGS), play(gpu, "svgf", steps, {"levels": 2})):
-        np.testing.assert_array_equal(adaptive, plain)
+    adaptive = play(gpu, "asvgf", steps, SETTINGS | {"gradient_budget": False})
+    for got, plain in zip(adaptive, play(gpu, "svgf", steps, {"levels": 2})):
+        np.testing.assert_array_equal(got, plain)
+
+
+def test_no_pixel_uses_two_samples(gpu, steps):
+    """Where a gradient sample is, the light of the pixel itself changes nothing: the budget is that of SVGF."""
+    other = []
+    for step in steps:
+        again = step.inputs["reshaded"][..., 3:] > 0.5
+        lights = {n: np.where(again, 7.0, step.inputs[n]).astype(np.float32) for n in ("radiance", "direct")}
+        other.append(replace(step, inputs=step.inputs | lights))
+    for within, got in zip(play(gpu, "asvgf", steps, SETTINGS), play(gpu, "asvgf", other, SETTINGS), strict=True):
+        np.testing.assert_array_equal(got, within)
+    more = SETTINGS | {"gradient_budget": False}
+    assert not np.array_equal(play(gpu, "asvgf", steps, more), play(gpu, "asvgf", other, more))
 
 
 def test_light_that_is_switched_off_does_not_lag(gpu):
@@ -96,7 +111,7 @@ def test_light_that_is_switched_off_does_not_lag(gpu):
     after = reshaded_steps(still[8:9], np.full((h, w), 0.1)) + reshaded_steps(still[9:], np.ones((h, w)))
     left = {}
     for name in ("svgf", "asvgf"):
-        result = play(gpu, name, before + after, {"taa_alpha": 1.0})[8][..., :3]
+        result = play(gpu, name, before + after)[8][..., :3]
         surface = still[8].inputs["position"][..., 3] > 0
         left[name] = float(np.abs(result - 0.06)[surface].mean() / 0.54)
     assert left["svgf"] > 0.6 and left["asvgf"] < 0.25, left
@@ -105,7 +120,7 @@ def test_light_that_is_switched_off_does_not_lag(gpu):
 def test_gradient_is_the_relative_change():
     """A constant change of every sample is the lambda of every pixel."""
     step = noisy_steps(SIZE, moving=2, still=0)[1]
-    lit = replace(step, inputs=step.inputs | {"direct": np.ones_like(step.inputs["direct"])})
+    lit = replace(step, inputs=step.inputs | {"radiance": np.ones_like(step.inputs["radiance"])})
     (step,) = reshaded_steps([lit], np.full(SIZE[::-1], 0.25), share=1.0)
     gradient, _ = gradient_samples(step.inputs)
     np.testing.assert_allclose(gradient_lambda(gradient, SIZE), 0.75, atol=1e-6)
@@ -126,10 +141,11 @@ def test_path_traced_light_that_moves_away(gpu):
     scene = b.build()
     request = InputRequest(gpu, scene, choose_camera(scene), settings(width=48, height=36, indirect="auto"),
                            parse_input("path-traced@1"))  # fmt: skip
-    names = {"svgf": {"taa_alpha": 1.0}, "asvgf": {"taa_alpha": 1.0}}
-    reads = {name for method in names for name in load_method(method).reads}
+    more = {"gradient_budget": False}
+    names = {"svgf": ("svgf", {}), "asvgf": ("asvgf", {}), "additional": ("asvgf", more)}
+    reads = {name for method, _ in names.values() for name in load_method(method).reads}
     inputs = RasterInputs(request, tuple(reads))
-    runners = {name: MethodRunner(gpu, name, inputs.size, values) for name, values in names.items()}
+    runners = {label: MethodRunner(gpu, name, inputs.size, values) for label, (name, values) in names.items()}
     try:
         means = []
         for index in range(9):
@@ -145,4 +161,4 @@ def test_path_traced_light_that_moves_away(gpu):
     assert before > 2 * after > 0
     left = {name: (means[8][name] - after) / (before - after) for name in names}
     assert left["svgf"] > 0.6 and left["asvgf"] < 0.3, left
-    assert means[7]["asvgf"] == pytest.approx(means[7]["svgf"], rel=1e-6), "no gradient while nothing changes"
+    assert means[7]["additional"] == pytest.approx(means[7]["svgf"], rel=1e-6), "no gradient while nothing changes"

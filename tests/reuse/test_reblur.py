@@ -14,7 +14,7 @@ from taubench_gl.reuse.loading import load_method
 
 SIZE = (64, 36)
 SETTINGS = {"preblur_radius": 90.0, "max_radius": 90.0, "min_radius": 10.0, "fix_stride": 60.0, "clamp_sigma": 0.5,
-            "fast_frames": 1, "fast_sigma": 0.5, "firefly_sigma": 1.0}  # fmt: skip
+            "fast_frames": 1, "fast_sigma": 0.5, "firefly_sigma": 1.0, "disocclusion": 0.02}  # fmt: skip
 ROUNDING = 0.01
 """Share of pixels with a tap at the border of two pixels, which may fall either way, and of those blurred with them."""
 
@@ -25,7 +25,11 @@ BYPASSES = {
     "pre_blur": [("preblur.glsl", "float radius = preblur_radius", "float radius = 0.0 * preblur_radius")],
     "temporal_accumulation": [("accumulate.glsl", STILL, "return found;")],
     "disocclusion": [("accumulate.glsl", "<= disocclusion * frustum_size(depth);", "<= 1.0e9;")],
-    "virtual_motion": [("accumulate.glsl", "normalize(now) * hit * dominant", "normalize(now) * 0.0")],
+    "virtual_motion": [("accumulate.glsl", "normalize(now) * hit * dominant_factor(rough)", "normalize(now) * 0.0")],
+    "virtual_confidence": [("accumulate.glsl", "if (!virtual_history || !(confidence > 0.0)) confidence = 0.0;",
+                            "confidence = float(seen.total > 0.0);")],
+    "surface_frames": [("accumulate.glsl", "/ (1.0 + dominant * min(distance(at, virtual_at), 1.0e3));", ";")],
+    "catmull_rom": [("accumulate.glsl", "if (catmull_rom && total > 0.0", "if (false")],
     "history_fix": [("history_fix.glsl", "if (!(position.w > 0.0) ||", "if (true ||")],
     "blur": [("blur.glsl", "if (iteration == 1) radius *= post_scale;",
               "radius *= iteration == 1 ? post_scale : 0.0;")],
@@ -85,7 +89,7 @@ def expected(steps):
 
 def test_it_is_its_reference(gpu, steps):
     settings = {"max_frames": 2, "fix_frames": 1, "stable_frames": 0, "post_scale": 0.5, "normal_limit": 1.0}
-    settings |= {"roughness_limit": 2.0, "hit_limit": 0.2, "max_radius": 100.0}
+    settings |= {"roughness_limit": 2.0, "hit_limit": 0.2, "max_radius": 100.0, "catmull_rom": False}
     for got, image in zip(play(gpu, "reblur-class", steps, settings), reference(steps, **settings)):
         assert differing(got, image) <= ROUNDING
         assert (np.abs(got[..., 3] - image[..., 3]) > 1e-3).mean() <= ROUNDING

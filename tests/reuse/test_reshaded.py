@@ -17,7 +17,7 @@ from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
 SIZE = (42, 30)
-READS = ("reshaded", "reshaded_before", "radiance", "motion", "mask")
+READS = ("reshaded", "reshaded_before", "reshaded_direct", "radiance", "direct", "motion", "mask")
 KINDS = ["path-traced@1", "noisy"]
 
 
@@ -69,6 +69,7 @@ def test_a_still_scene_has_exactly_no_gradient(gpu, kind):
     # The light that the samples had is that of the previous frame: its radiance, as nothing here emits.
     _, chosen = gradients(frames[2])
     np.testing.assert_array_equal(frames[2]["reshaded_before"][chosen][:, :3], frames[1]["radiance"][chosen][:, :3])
+    np.testing.assert_array_equal(frames[2]["reshaded_direct"][chosen][:, :3], frames[1]["direct"][chosen][:, :3])
 
 
 @pytest.mark.parametrize("kind", KINDS)

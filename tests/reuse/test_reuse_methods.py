@@ -250,9 +250,9 @@ def test_svgf_tests_each_feature_separately(gpu, setting, spoil):
     else:
         half[...] += 7
     steps = [step[0], replace(step[1], inputs=step[1].inputs | {spoil: spoiled})]
-    kept = play(gpu, "svgf", steps, {"taa_alpha": 1.0})[1][..., 3]
+    kept = play(gpu, "svgf", steps)[1][..., 3]
     assert (kept[left] == 0).all() and (kept[right] > 0.4).all()
     lax = {"depth_limit": 1.0, "normal_limit": 0.0, "check_ids": False}[setting]
-    kept = play(gpu, "svgf", steps, {setting: lax, "taa_alpha": 1.0})[1][..., 3]
+    kept = play(gpu, "svgf", steps, {setting: lax})[1][..., 3]
     # Opposite normals have cosine -1, which even the laxest limit of 0 refuses.
     assert (kept[left] == 0).all() if spoil == "history_normal" else (kept[left] > 0.4).all()

@@ -2,39 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from references.reuse_methods import Svgf
+from references.reuse_methods import EdgeStopping, Svgf
 from reuse_tools import bypassed, play
 from stage_tools import differing, noisy_steps
 
 from taubench_gl.reuse.loading import load_method
 
 SIZE = (64, 36)
-EXPOSURE, SETTINGS = 0.5, {"levels": 2}
+EXPOSURE, SETTINGS = 0.5, {"levels": 2, "taa": True}
 ROUNDING = 2e-3
 """Share of pixels at a threshold, which may fall either way."""
 
 BYPASSES = {
     "demodulation": [("temporal.glsl", "vec3 albedo = albedo_of(fetch_base_color(p))", "vec3 albedo = vec3(1.0)")],
-    "temporal_filter": [("temporal.glsl", "float share = h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;",
+    "temporal_filter": [("temporal.glsl",
+                         "float share = temporal_filter && h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;",
                          "float share = 1.0;")],
     "temporal_variance": [("temporal.glsl", "vec2 variance = variance_of(moments.xz, moments.yw);",
                            "vec2 variance = vec2(0.0);")],
-    "spatial_variance": [("variance.glsl", "if (count > 3.5) {", "if (true) {")],
-    "variance_prefilter": [("atrous.glsl", "variance = smoothed_variance(p);",
+    "spatial_variance": [("variance.glsl", "if (spatial_variance && fetch_frames(p).x < 3.5) {", "if (false) {")],
+    "variance_prefilter": [("atrous.glsl",
+                            "variance = variance_prefilter ? smoothed_variance(p) : vec2(direct.a, indirect.a);",
                             "variance = vec2(direct.a, indirect.a);")],
     "atrous": [("atrous.glsl", "if (w == 0.0) continue;", "continue;")],
-    "depth_edges": [("edges.glsl", "return w_z * w_n;", "return w_n;")],
-    "normal_edges": [("edges.glsl", "return w_z * w_n;", "return w_z;")],
+    "depth_edges": [("edges.glsl", "return (depth_edges ? w_z : 1.0) * (normal_edges ? w_n : 1.0);", "return w_n;")],
+    "normal_edges": [("edges.glsl", "return (depth_edges ? w_z : 1.0) * (normal_edges ? w_n : 1.0);", "return w_z;")],
     "luminance_edges": [("edges.glsl", "return exp(-abs(l_p - l_q) / (sigma_l * sqrt(max(variance, 0.0)) + 1.0e-6));",
                          "return 1.0;")],
-    "feedback": [("atrous.glsl", "write_direct_light(p, vec4(direct.rgb,",
-                  "write_direct_light(p, vec4(fetch_direct_filtered(p).rgb,")],
+    "feedback": [("atrous.glsl", "vec3 kept = feedback ? direct.rgb : fetch_direct_filtered(p).rgb;",
+                  "vec3 kept = fetch_direct_filtered(p).rgb;"),
+                 ("atrous.glsl", "feedback ? indirect.rgb : fetch_indirect_filtered(p).rgb",
+                  "fetch_indirect_filtered(p).rgb")],
     "modulation": [("modulate.glsl", "color * albedo_of(fetch_base_color(p))", "color")],
     "tone_map": [("tone.glsl", "return c / (1.0 + c);", "return c;"),
                  ("tone.glsl", "c = clamp(c, 0.0, 0.999999);\n    return c / (1.0 - c);", "return c;")],
-    "taa": [("antialias.glsl", "if (frame.has_history == 1u && inside(at)) {", "if (false) {")],
+    "taa": [("antialias.glsl", "if (taa && frame.has_history == 1u && inside(at)) {", "if (false) {")],
 }  # fmt: skip
 
 
@@ -56,8 +62,8 @@ def expected(steps):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"levels": 1, "taa_alpha": 1.0},
-        {"levels": 3, "sigma_l": 1.0, "alpha": 0.5, "check_ids": False, "taa_filtering": "bilinear"},
+        {"levels": 1},
+        {"levels": 3, "sigma_l": 1.0, "alpha": 0.5, "check_ids": False, "taa": True, "taa_filtering": "bilinear"},
     ],
 )
 def test_svgf_is_its_reference(gpu, steps, settings):
@@ -76,3 +82,29 @@ def test_a_bypassed_stage_is_noticed(gpu, steps, expected, stage, tmp_path):
     method = bypassed(tmp_path / "svgf", "svgf", *BYPASSES.get(stage, ()))
     worst = max(map(differing, play(gpu, method, steps, SETTINGS, exposure=EXPOSURE), expected))
     assert (worst <= ROUNDING) if stage is None else (worst > 10 * ROUNDING), worst
+
+
+SWITCHES = [name for name in BYPASSES if name in load_method("svgf").settings and name != "demodulation"]
+
+
+@pytest.mark.parametrize("stage", SWITCHES)
+def test_a_stage_that_is_switched_off_is_bypassed(gpu, steps, stage, tmp_path):
+    method = bypassed(tmp_path / "svgf", "svgf", *BYPASSES[stage])
+    off, gone = (play(gpu, m, steps, s) for m, s in (("svgf", SETTINGS | {stage: False}), (method, SETTINGS)))
+    assert max(map(differing, off, gone)) <= ROUNDING
+
+
+def test_without_demodulation_every_surface_is_white(gpu, steps):
+    white = [replace(s, inputs=s.inputs | {"base_color": np.ones_like(s.inputs["base_color"])}) for s in steps]
+    off, expected = play(gpu, "svgf", steps, SETTINGS | {"demodulation": False}), play(gpu, "svgf", white, SETTINGS)
+    np.testing.assert_array_equal(off, expected)
+
+
+def test_depth_edges_take_a_plane_for_a_plane():
+    """Eq. (3): clip-space depth is linear over the image of a plane, so w_z is exp(-1 / sigma_z) at any distance."""
+    rows, columns = np.mgrid[:36, :64]
+    depth = 1.0 / (0.05 + 0.004 * rows + 0.001 * columns)  # the image of a plane in perspective
+    edges = EdgeStopping(depth, np.broadcast_to([0.0, 0.0, 1.0], (*depth.shape, 3)), sigma_z=2.0)
+    for level in range(4):
+        weight = edges.geometry_weight(0, 2 << level)[: 36 - (2 << level)]
+        assert weight.min() > 0.98 * np.exp(-0.5) and weight.max() < 1.15 * np.exp(-0.5)

@@ -11,7 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from references.reuse_methods.history import shifted
-from references.reuse_methods.svgf import KERNEL, LUMINANCE_FLOOR, EdgeStopping, depth_slope
+from references.reuse_methods.svgf import (
+    KERNEL,
+    LUMINANCE_FLOOR,
+    EdgeStopping,
+    depth_slope,
+    inverse_depth,
+    moments_variance,
+)
 from references.reuse_methods.svgf_frames import Svgf, new_weight
 from taubench_gl.srgb import LUMINANCE
 
@@ -19,19 +26,29 @@ Array = np.ndarray
 BLOCK = 3
 
 
-def gradient_samples(inputs: Mapping[str, Array]) -> tuple[Array, Array]:
+def gradient_budget(inputs: Mapping[str, Array], exposure: float) -> dict[str, Array]:
+    """``inputs`` whose radiance and direct light are those of the gradient sample where there is one."""
+    again = inputs["reshaded"][..., 3:] > 0.5
+    light = {"radiance": inputs["reshaded"][..., :3] + exposure * inputs["emission"][..., :3],
+             "direct": inputs["reshaded_direct"][..., :3]}  # fmt: skip
+    return dict(inputs) | {name: np.where(again, rgb, inputs[name][..., :3]) for name, rgb in light.items()}
+
+
+def gradient_samples(inputs: Mapping[str, Array], exposure: float = 1.0) -> tuple[Array, Array]:
     """Gradient, normalization and weight of every block, and mean and variance of the luminance of its pixels.
 
     gradient = luminance now - luminance then of a sample that is shaded again; normalization: the larger of both.
-    ``inputs``: radiance, reshaded, reshaded_before.  -> (m, n, 3), (m, n, 2).
+    ``inputs``: radiance, emission, reshaded, reshaded_before.  The luminance of the pixels is without emission.
+     -> (m, n, 3), (m, n, 2).
     """
     now, then = (inputs[n][..., :3].astype(np.float64) @ LUMINANCE for n in ("reshaded", "reshaded_before"))
     sampled = inputs["reshaded"][..., 3] > 0.5
     sample = np.stack([now - then, np.maximum(now, then), np.ones_like(now)], axis=-1) * sampled[..., None]
-    luminance = inputs["radiance"][..., :3].astype(np.float64) @ LUMINANCE
+    light = inputs["radiance"][..., :3].astype(np.float64) - exposure * inputs["emission"][..., :3]
+    luminance = light @ LUMINANCE
     moments = _block_sums(np.stack([luminance, luminance**2, np.ones_like(luminance)], axis=-1))
     mean, square = moments[..., 0] / moments[..., 2], moments[..., 1] / moments[..., 2]
-    return _block_sums(sample), np.stack([mean, np.maximum(square - mean**2, 0.0)], axis=-1)
+    return _block_sums(sample), np.stack([mean, moments_variance(mean, square)], axis=-1)
 
 
 def _block_sums(values: Array) -> Array:
@@ -64,7 +81,7 @@ class BlockEdges:
     def weights(self, dx: int, dy: int) -> Array:
         """Between each block and the one at (dx, dy), rows up; 0 where that is outside.  -> (m, n)."""
         depth = self.inputs["position"][..., 3].astype(np.float64)
-        slope = _of_blocks(depth_slope(depth)) * [1, -1]  # rows up
+        slope = _of_blocks(depth_slope(inverse_depth(depth))) * [1, -1]  # rows up
         place = np.stack(np.meshgrid(*(np.arange(n) for n in depth.shape[::-1])), axis=-1)
         place = place * [1, -1] + [0, depth.shape[0] - 1]
         p, (q, _) = _of_blocks(place), shifted(_of_blocks(place), dx, dy)
@@ -125,10 +142,13 @@ def adaptive_weight(weight: Array, change: Array) -> Array:
 class Asvgf(Svgf):
     """Frames of A-SVGF in order."""
 
+    gradient_budget: bool = True
     gradient_levels: int = 5
 
     def frame(self, inputs: Mapping[str, Array], prev_forward: Array, exposure: float = 1.0) -> Array:
-        gradient, luminance = gradient_samples(inputs)
+        if self.gradient_budget:
+            inputs = gradient_budget(inputs, exposure)
+        gradient, luminance = gradient_samples(inputs, exposure)
         edges = BlockEdges(inputs, luminance, self.sigma_z, self.sigma_n, self.sigma_l)
         for level in range(self.gradient_levels):
             gradient = gradient_level(gradient, edges, level)

@@ -6,7 +6,7 @@ Unlike in the other modules, row 0 of images and points is at the bottom and y p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,9 @@ MOST_MOVING, MEAN_WEIGHT, FLICKER = 3.0, 0.74, 1 / 255
 
 FLICKER_BOX, STEADY = 0.1 * FLICKER ** (1 / 6), 0.1
 """Smallest deviation of an unstable luminance; most disocclusion, composition and shading change of a steady pixel."""
+
+STILL_PX, FULL_SHARE = 0.01, 0.01
+"""Motion of a still pixel, input pixels; motion at which its divergence in the image counts fully, of the image."""
 
 TRUST_WEIGHT = 12.0
 """Weight of upsampled colors after which a lock is fully trusted."""
@@ -144,6 +147,39 @@ def fsr2_depth_clip(at: Array, expected: Array, before: Array, tolerance: float)
         sums += weight * clear
         total += weight
     return sums / np.where(total > 0, total, 1.0)
+
+
+def fsr2_motion_divergence(motion: Array, dilated: Mapping[str, Array], before: Array | None, grids: Grids) -> Array:
+    """Depth clip of AMD's shader: divergence of the motion in the image and in time, (h, w) in 0 .. 1.
+
+    ``motion`` (h, w, 2) input pixels; ``dilated``: motion and depth of fsr2_dilate; ``before``: dilated motion of the
+    previous frame, None without history.
+    """
+    share = motion / np.array(grids.inputs)
+    most, least = np.linalg.norm(share, axis=-1), np.ones(motion.shape[:2])
+    for other in _around(share):
+        most = np.maximum(most, np.linalg.norm(other, axis=-1))
+        least = np.minimum(least, (other * share).sum(axis=-1) / np.maximum(most, 1e-12) ** 2)
+    space = np.clip(1 - least, 0, 1) * np.clip(most / FULL_SHARE, 0, 1)
+    space = np.where(np.linalg.norm(motion, axis=-1) > STILL_PX, space, 0.0)
+    if before is None:
+        return space
+    moved = dilated["motion"]
+    at = np.clip(pixels(grids.inputs) + moved, 0, np.array(grids.inputs) - 1)
+    lengths = [np.linalg.norm(m / np.array(grids.inputs), axis=-1) for m in (bilinear(before, at), moved)]
+    slower = np.clip(lengths[0] / np.maximum(lengths[1], 1e-12), 0, 1)
+    distance = np.linalg.norm(moved * grids.scale, axis=-1)
+    time = np.where(distance > 1, (1 - slower) * np.clip((distance / 20) ** 3, 0, 1), 0.0)
+    depths = np.stack(list(_around(dilated["depth"])))
+    step = np.where((depths > 0).all(axis=0), 1 - depths.min(axis=0) / np.maximum(depths.max(axis=0), 1e-12), 0.0)
+    return np.maximum(space, np.clip(time - step, 0, 1))
+
+
+def _around(values: Array) -> Iterator[Array]:
+    """Those of the 3x3 pixels around each pixel, rows from the bottom, the border repeated."""
+    own = pixels(values.shape[1::-1])
+    for i in range(9):
+        yield fetch(values, own + [i % 3 - 1, i // 3 - 1])
 
 
 def fsr2_thin_features(luminance: Array, ratio: float) -> Array:

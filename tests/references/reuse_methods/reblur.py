@@ -6,7 +6,7 @@ turned by a hash of the pixel; ``Reblur.frame`` takes and gives images with row 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,7 @@ from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
+Accept = Callable[[Array, Array], Array]
 TAPS, LOBES = 8, ("diffuse", "specular")
 OUTSIDE_PX = -1.0e6
 
@@ -95,6 +96,8 @@ class Reblur:
     post_scale: float = 2.0
     max_frames: int = 30
     disocclusion: float = 0.01
+    virtual_history: bool = True
+    catmull_rom: bool = True
     plane_limit: float = 0.02
     normal_limit: float = 0.2
     hit_limit: float = 1.0
@@ -196,7 +199,25 @@ class Reblur:
         """
         h, w = self._surface.shape
         place = np.stack(np.meshgrid(np.arange(w), np.arange(h)), axis=-1)
-        ats = place + f["motion"], virtual_px(f, pair, lights[1][..., 3], f["material"][..., 1])
+        at, virtual_at = place + f["motion"], virtual_px(f, pair, lights[1][..., 3], f["material"][..., 1])
+        kept = [self.history(f, at, 0), self.specular_history(f, at, virtual_at, lights[1])]
+        out, count, fast = [], np.zeros((h, w, 2)), np.zeros((h, w, 2))
+        for lobe, (light, (old, frames, few)) in enumerate(zip(lights, (k[:3] for k in kept))):
+            n = np.minimum(frames, self.max_frames) + 1.0
+            out.append(np.where(self._surface[..., None], old + (light - old) / n[..., None], light))
+            count[..., lobe] = np.where(self._surface, n, 0.0)
+            few = few + (light[..., :3] @ LUMINANCE - few) / np.minimum(n, self.fast_frames + 1.0)
+            fast[..., lobe] = np.where(self._surface, few, 0.0)
+        return out, count, fast
+
+    def history(self, f: Mapping[str, Array], at: Array, lobe: int) -> tuple[Array, Array, Array, Array]:
+        """History of a lobe at points ``at`` (h, w, 2), y up, tap by tap.
+
+        -> light (h, w, 4); frames times the accepted weight, luminance of the last few, accepted weight, (h, w) each.
+        """
+        h, w = self._surface.shape
+        if not self.state:
+            return np.zeros((h, w, 4)), np.zeros((h, w)), np.zeros((h, w)), np.zeros((h, w))
         normal, then = f["normal"][..., :3], f["prev_position"][..., :3]
 
         def accept(row: Array, column: Array) -> Array:
@@ -204,23 +225,55 @@ class Reblur:
             apart = np.abs((normal * (there[..., :3] - then)).sum(axis=-1))
             return (there[..., 3] > 0) & (apart <= self.disocclusion * self._frustum)
 
-        out, count, fast = [], np.zeros((h, w, 2)), np.zeros((h, w, 2))
-        for lobe, (light, at) in enumerate(zip(lights, ats)):
-            kept, frames, few = np.zeros_like(light), np.zeros((h, w)), np.zeros((h, w))
-            if self.state:
-                seen = inside(at, (w, h)) & self._surface
-                sums = [self.state[name][..., lobe, None] for name in ("frames", "fast")]
-                before = np.concatenate([self.state[f"{LOBES[lobe]} light"], *sums], axis=-1)
-                blend, total = consistent_blend(before, np.where(seen[..., None], at, 0.0), accept)
-                kept = np.where(seen[..., None], blend[..., :4], 0.0)
-                frames = np.where(seen, blend[..., 4] * total, 0.0)
-                few = np.where(seen, blend[..., 5], 0.0)
-            n = np.minimum(frames, self.max_frames) + 1.0
-            out.append(np.where(self._surface[..., None], kept + (light - kept) / n[..., None], light))
-            count[..., lobe] = np.where(self._surface, n, 0.0)
-            few = few + (light[..., :3] @ LUMINANCE - few) / np.minimum(n, self.fast_frames + 1.0)
-            fast[..., lobe] = np.where(self._surface, few, 0.0)
-        return out, count, fast
+        seen = inside(at, (w, h)) & self._surface
+        at = np.where(seen[..., None], at, 0.0)
+        light = self.state[f"{LOBES[lobe]} light"]
+        sums = [self.state[name][..., lobe, None] for name in ("frames", "fast")]
+        blend, total = consistent_blend(np.concatenate([light, *sums], axis=-1), at, accept)
+        if self.catmull_rom:
+            sharp = sample_history(light[::-1], at * [1, -1] + [0, h - 1], "catmull_rom")[..., :3]
+            whole = (total > 0) & self._wide(at, accept)
+            blend[..., :3] = np.where(whole[..., None], np.maximum(sharp, 0.0), blend[..., :3])
+        found = np.where(seen[..., None], blend, 0.0)
+        total = np.where(seen, total, 0.0)
+        return found[..., :4], found[..., 4] * total, found[..., 5], total
+
+    def _wide(self, at: Array, accept: Accept) -> Array:
+        """Whether 4x4 taps without the corners are inside the image and accepted.  -> (h, w) bool."""
+        h, w = self._surface.shape
+        base, good = np.floor(at).astype(np.int64), np.ones((h, w), dtype=bool)
+        for dy in range(-1, 3):
+            for dx in range(-1, 3):
+                if dx in (-1, 2) and dy in (-1, 2):
+                    continue
+                column, row = base[..., 0] + dx, base[..., 1] + dy
+                there = (column >= 0) & (column < w) & (row >= 0) & (row < h)
+                good &= there & accept(np.clip(row, 0, h - 1), np.clip(column, 0, w - 1))
+        return good
+
+    def specular_history(
+        self, f: Mapping[str, Array], at: Array, virtual_at: Array, specular: Array
+    ) -> tuple[Array, Array, Array]:
+        """Specular history along the surface and along what it reflects, by the confidence in the latter.
+
+        -> light (h, w, 4), frames (h, w), luminance of the last few (h, w).
+        """
+        h, w = self._surface.shape
+        dominant = dominant_factor(f["material"][..., 1])
+        light, frames, few, total = self.history(f, at, 1)
+        seen_light, seen_frames, seen_few, seen_total = self.history(f, virtual_at, 1)
+        column, row = np.moveaxis(np.floor(virtual_at + 0.5).astype(np.int64), -1, 0)
+        normal = f["history_normal"][np.clip(row, 0, h - 1), np.clip(column, 0, w - 1), :3]
+        turn = 1.0 - (normal * f["normal"][..., :3]).sum(axis=-1)
+        near = np.maximum(1.0 - turn / (self.normal_limit * np.maximum(self._width[1], 0.05)), 0.0)
+        hits = np.stack([specular[..., 3], seen_light[..., 3]])
+        alike = np.exp(-np.abs(hits[0] - hits[1]) / (self.hit_limit * hits.max(axis=0) + 1e-6))
+        confidence = dominant * seen_total * alike * near * self.virtual_history
+        apart = np.minimum(np.linalg.norm(at - virtual_at, axis=-1), 1e3)
+        frames = np.minimum(frames, self.max_frames) / (1.0 + dominant * apart)
+        frames = frames + confidence * (seen_frames - frames)
+        part = np.where(total > 0, confidence, confidence > 0)
+        return light + part[..., None] * (seen_light - light), frames, few + part * (seen_few - few)
 
     def fixed(self, f: Mapping[str, Array], lights: list[Array], count: Array) -> list[Array]:
         """History fix: sparse 5x5 taps for pixels with few frames."""

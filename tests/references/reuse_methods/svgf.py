@@ -16,7 +16,7 @@ KERNEL = (3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0)
 """B3 spline: weights at distance 0, 1 and 2 (section 4.3)."""
 
 DEPTH_FLOOR = 1e-3
-"""Relative depth tolerance of Eq. (3): keeps it finite on surfaces that face the camera."""
+"""Relative tolerance of Eq. (3) in inverse depth: keeps it finite on surfaces that face the camera."""
 
 LUMINANCE_FLOOR = 1e-6
 
@@ -26,8 +26,13 @@ def moments_variance(first: Array, second: Array) -> Array:
     return np.maximum(second - first**2 - 1e-6 * second, 0.0)
 
 
+def inverse_depth(depth: Array) -> Array:
+    """1 / depth, which is linear over the image of a plane as clip-space depth is; 0 = sky."""
+    return np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), 0.0)
+
+
 def depth_slope(depth: Array) -> Array:
-    """Depth change per pixel to the right and down: the smaller of both one-sided differences.  -> (h, w, 2)."""
+    """Change of a depth per pixel to the right and down: the smaller of both one-sided differences.  -> (h, w, 2)."""
     slope = np.zeros((*depth.shape, 2))
     for axis, (dx, dy) in enumerate(((1, 0), (0, 1))):
         after, there = shifted(depth, dx, dy)
@@ -54,17 +59,17 @@ class EdgeStopping:
 
     @cached_property
     def slope(self) -> Array:
-        """(h, w, 2), ``depth_slope`` of the depth."""
-        return depth_slope(self.depth)
+        """(h, w, 2), ``depth_slope`` of the inverse depth."""
+        return depth_slope(inverse_depth(self.depth))
 
     def geometry(self, other: Array, other_normal: Array, expected: Array) -> Array:
         """Eqs. (3) and (4) between each pixel and another of depth ``other``.
 
-        ``expected``: change of depth along the slope, at least 0.  (h, w), (h, w, 3), (h, w) -> (h, w).
+        ``expected``: change of inverse depth along the slope, at least 0.  (h, w), (h, w, 3), (h, w) -> (h, w).
         """
-        depth = self.depth
+        depth, inverse = self.depth, inverse_depth(self.depth)
         with np.errstate(divide="ignore", invalid="ignore"):
-            w_z = np.exp(-np.abs(depth - other) / (self.sigma_z * expected + DEPTH_FLOOR * depth))
+            w_z = np.exp(-np.abs(inverse - inverse_depth(other)) / (self.sigma_z * expected + DEPTH_FLOOR * inverse))
         w_n = np.maximum((self.normal * other_normal).sum(axis=-1), 0.0) ** self.sigma_n
         surface = depth > 0
         return np.where(surface == (other > 0), np.where(surface, w_z * w_n, 1.0), 0.0)
@@ -95,20 +100,16 @@ def smoothed_variance(variance: Array) -> Array:
     return out
 
 
-def spatial_estimate(color: Array, moments: Array, edges: EdgeStopping, count: Array) -> tuple[Array, Array]:
-    """Section 4.2, for pixels with few frames: 7x7 means weighted by Eqs. (3) and (4), variance times 4 / ``count``.
-
-    -> color (h, w, 3), variance (h, w).
-    """
-    sums, m, total = np.zeros_like(color), np.zeros_like(moments), np.zeros(edges.depth.shape)
+def spatial_variance(moments: Array, edges: EdgeStopping) -> Array:
+    """Section 4.2, for pixels with few frames: variance of 7x7 moments weighted by Eqs. (3) and (4).  -> (h, w)."""
+    m, total = np.zeros_like(moments), np.zeros(edges.depth.shape)
     for dy in range(-3, 4):
         for dx in range(-3, 4):
             w = edges.geometry_weight(dx, dy)
-            sums += w[..., None] * shifted(color, dx, dy)[0]
             m += w[..., None] * shifted(moments, dx, dy)[0]
             total += w
     m /= total[..., None]
-    return sums / total[..., None], moments_variance(m[..., 0], m[..., 1]) * 4.0 / count
+    return moments_variance(m[..., 0], m[..., 1])
 
 
 def atrous_level(color: Array, variance: Array, edges: EdgeStopping, level: int) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from references.reuse_methods.history import (
     sample_history,
 )
 from references.reuse_methods.means import exponential_average
-from references.reuse_methods.svgf import EdgeStopping, atrous_level, moments_variance, spatial_estimate
+from references.reuse_methods.svgf import EdgeStopping, atrous_level, moments_variance, spatial_variance
 from references.reuse_methods.taa import clip_to_box, neighborhood_box, rgb_from_ycocg, ycocg_from_rgb
 from taubench_gl.metrics.color import TONE_MAPS
 from taubench_gl.srgb import LUMINANCE
@@ -165,6 +165,7 @@ class Svgf:
     depth_limit: float = 0.02
     normal_limit: float = 0.9
     check_ids: bool = True
+    taa: bool = False
     taa_alpha: float = 0.1
     taa_filtering: str = "catmull_rom"
     state: dict[str, Array] = field(default_factory=dict)
@@ -213,9 +214,7 @@ class Svgf:
         edges = EdgeStopping(position[..., 3], normal[..., :3], self.sigma_z, self.sigma_n, self.sigma_l)
         few, out = count <= 3.5, []
         for name, light, moment in zip(("direct", "indirect"), lights, moments):
-            spatial, spatial_variance = spatial_estimate(light, moment, edges, count)
-            light = np.where(few[..., None], spatial, light)
-            variance = np.where(few, spatial_variance, moments_variance(moment[..., 0], moment[..., 1]))
+            variance = np.where(few, spatial_variance(moment, edges), moments_variance(moment[..., 0], moment[..., 1]))
             for level in range(self.levels):
                 light, variance = atrous_level(light, variance, edges, level)
                 if level == 0:
@@ -229,7 +228,8 @@ class Svgf:
         """Modulation, tone map and final anti-aliasing.  -> (h, w, 4)."""
         mapped = tone_mapped(modulated(inputs, lights[0] + lights[1], exposure))
         before = self.state.get("antialiased", np.zeros_like(mapped))
-        color, used = antialiased(mapped, before, inputs, self.taa_alpha, has_history, self.taa_filtering)
+        had = has_history and self.taa
+        color, used = antialiased(mapped, before, inputs, self.taa_alpha, had, self.taa_filtering)
         self.state["antialiased"] = color
         share = np.where(used, share * self.taa_alpha, share)
         return np.concatenate([tone_unmapped(color), 1.0 - share[..., None]], axis=-1)

@@ -3,7 +3,8 @@
 // Paper    Schied, Peters, Dachsbacher 2018: one surface sample of the previous frame per 3x3 block is projected forward
 //          and shaded again with its old random numbers; gradient = luminance now - luminance then, normalization =
 //          max(now, then).   Reference  references.reuse_methods.gradient_samples
-// Departs  The samples are additional; in the paper they replace a part of the frame's samples.
+#include "moments.glsl"
+
 void reuse(ivec2 b) {
     vec4 gradient = vec4(0.0); // x: gradient, y: normalization, z: weight
     vec3 moments = vec3(0.0);
@@ -16,10 +17,10 @@ void reuse(ivec2 b) {
                 float now = luminance(again.rgb), then = luminance(fetch_reshaded_before(p).rgb);
                 gradient.xyz += vec3(now - then, max(now, then), 1.0);
             }
-            float l = luminance(fetch_radiance(p).rgb);
+            float l = luminance(fetch_sampled_light(p).rgb);
             moments += vec3(l, l * l, 1.0);
         }
     moments.xy /= max(moments.z, 1.0);
     write_gradient(b, gradient);
-    write_blocks(b, vec2(moments.x, max(moments.y - moments.x * moments.x, 0.0)));
+    write_blocks(b, vec2(moments.x, variance_of(moments.xx, moments.yy).x));
 }

@@ -14,4 +14,7 @@ float lambda_of(ivec2 p) {
 
 float frames_left(ivec2 p, float frames) { return (1.0 - lambda_of(p)) * frames; }
 
+// Gradient samples are blended, not the input.
+void report_input(ivec2 p) { write_blend_input(p, vec4(new_light(p) + frame.exposure * fetch_emission(p).rgb, 1.0)); }
+
 float new_weight(ivec2 p, float frames, float least) { return mix(max(1.0 / (frames + 1.0), least), 1.0, lambda_of(p)); }

@@ -6,6 +6,7 @@
 //          the previous frame with atomics.  Its tolerance is a fraction of the depth (depth_tolerance), not Akeley's separation of
 //          a depth buffer: depth here is planar and in float32.
 #include "tone.glsl"
+#include "divergence.glsl"
 
 // The fraction of the bilinear footprint at ``at`` in the previous frame that did not hide a surface of depth ``expected``
 // (0: sky) behind a nearer one; 0 outside the image.
@@ -60,6 +61,6 @@ void reuse(ivec2 p) {
             reactive_most = max(reactive_most, fetch_reactive(p + ivec2(x, y)));
             transparency_most = max(transparency_most, fetch_transparency(p + ivec2(x, y)));
         }
-    write_masks(p, vec2(reactive_most, transparency_most));
+    write_masks(p, vec2(reactive_most, max(transparency_most, motion_divergence(p, motion))));
     write_prepared(p, vec4(tone_mapped(p), thin_feature(p)));
 }

@@ -27,7 +27,7 @@ void reuse(ivec2 p) {
     vec3 color = fetch_mapped(p).rgb;
     vec2 at = vec2(p) + fetch_motion(nearest_surface(p));
     float share = fetch_frames(p).y;
-    if (frame.has_history == 1u && inside(at)) {
+    if (taa && frame.has_history == 1u && inside(at)) {
         vec3 low, high;
         rounded_box(p, low, high);
         vec3 history = ycocg_from_rgb(sample_prev_antialiased(at, taa_filtering).rgb);

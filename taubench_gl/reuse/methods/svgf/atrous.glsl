@@ -21,7 +21,7 @@ void reuse(ivec2 p) {
     const float kernel[3] = float[3](3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0);
     vec4 direct = fetch_direct_filtered(p), indirect = fetch_indirect_filtered(p), position = fetch_position(p);
     vec3 normal = fetch_normal(p).xyz;
-    vec2 slope = depth_slope(p), variance = smoothed_variance(p);
+    vec2 slope = depth_slope(p), variance = variance_prefilter ? smoothed_variance(p) : vec2(direct.a, indirect.a);
     vec2 l = vec2(luminance(direct.rgb), luminance(indirect.rgb));
     int stride = 1 << iteration;
     float own = kernel[0] * kernel[0];
@@ -30,7 +30,7 @@ void reuse(ivec2 p) {
     for (int y = -2; y <= 2; ++y)
         for (int x = -2; x <= 2; ++x) {
             ivec2 q = p + stride * ivec2(x, y);
-            if ((x == 0 && y == 0) || !in_image(q)) continue;
+            if (!atrous || (x == 0 && y == 0) || !in_image(q)) continue;
             float w = kernel[abs(x)] * kernel[abs(y)]
                 * geometry_weight(position, fetch_position(q), normal, fetch_normal(q).xyz, slope, vec2(q - p));
             if (w == 0.0) continue;
@@ -47,7 +47,8 @@ void reuse(ivec2 p) {
     write_direct_filtered(p, direct);
     write_indirect_filtered(p, indirect);
     if (iteration == 0) {
-        write_direct_light(p, vec4(direct.rgb, fetch_frames(p).x));
-        write_indirect_light(p, vec4(indirect.rgb, 0.0));
+        vec3 kept = feedback ? direct.rgb : fetch_direct_filtered(p).rgb;
+        write_direct_light(p, vec4(kept, fetch_frames(p).x));
+        write_indirect_light(p, vec4(feedback ? indirect.rgb : fetch_indirect_filtered(p).rgb, 0.0));
     }
 }

@@ -6,6 +6,7 @@
 // Reference references.reuse_methods.demodulated, reprojected, new_weight, luminance_moments
 #include "albedo.glsl"
 #include "consistent.glsl"
+#include "light.glsl"
 #include "moments.glsl"
 #include "share.glsl"
 
@@ -55,16 +56,17 @@ void report(ivec2 p, bool surface, History h) {
 
 void reuse(ivec2 p) {
     bool surface = fetch_position(p).w > 0.0;
-    vec3 direct = fetch_direct(p).rgb, indirect = vec3(0.0);
+    vec3 direct = new_direct(p), indirect = vec3(0.0);
     if (surface) {
         vec3 albedo = albedo_of(fetch_base_color(p));
-        indirect = (fetch_radiance(p).rgb - frame.exposure * fetch_emission(p).rgb - direct) / albedo;
+        indirect = (new_light(p) - direct) / albedo;
         direct /= albedo;
     }
     History h = history_of(p, surface);
     report(p, surface, h);
+    report_input(p);
     float count = frames_left(p, h.direct.a) + 1.0;
-    float share = h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;
+    float share = temporal_filter && h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;
     float share_moments = h.total > 0.0 ? new_weight(p, h.direct.a, alpha_moments) : 1.0;
     float l_d = luminance(direct), l_i = luminance(indirect);
     vec4 moments = mix(h.moments, vec4(l_d, l_d * l_d, l_i, l_i * l_i), share_moments);
