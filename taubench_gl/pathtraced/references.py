@@ -113,6 +113,14 @@ class Accumulated:
         total = self.sums.sum(axis=0, dtype=np.float64) / max(self.samples, 1)
         return dict(zip(LOBES, total.astype(np.float32), strict=True))
 
+    def halves(self) -> Array | None:
+        """Mean radiance of all lobes by half, (2, h, w, 3) float32, independent of each other; None: fewer than two
+        samples."""
+        if self.counts.min() == 0:
+            return None
+        total = self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
+        return total.astype(np.float32)
+
     def noise(self) -> Noise | None:
         """Of the mean, from the difference of the two halves; None with fewer than two samples."""
         if self.counts.min() == 0:
@@ -342,12 +350,14 @@ def reference_settings(settings: Settings) -> Settings:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """One frame of a reference.  ``lobes``: mean radiance without exposure, (h, w, 3) float32, row 0 at the top."""
+    """One frame of a reference.  ``lobes``: mean radiance without exposure, (h, w, 3) float32, row 0 at the top;
+    ``halves``: of ``Accumulated.halves``."""
 
     frame: int
     lobes: dict[str, Array]
     samples: int
     noise: Noise | None
+    halves: Array | None
 
     @property
     def direct(self) -> Array:
@@ -459,7 +469,7 @@ class References:
         noise = sums.noise()
         if noise is not None and (self._worst is None or noise.rms > self._worst.rms):
             self._worst = noise
-        return Reference(frame, sums.lobes(), sums.samples, noise)
+        return Reference(frame, sums.lobes(), sums.samples, noise, sums.halves())
 
     @property
     def worst_noise(self) -> Noise | None:

@@ -30,18 +30,24 @@ _REUSE = {
 }  # fmt: skip
 _BOUND = {
     "method_linear_mse": Column("linear MSE", "", 6), "linear_mse": Column("bound", "", 6),
-    "headroom_db": Column("headroom", "dB", 2), "weight": Column("weight of the bound", "", 3),
-    "blended_percent": Column("blended", "%", 2),
+    "headroom_db": Column("headroom", "dB", 2), "method_clipped_mse": Column("clipped MSE", "", 6),
+    "clipped_mse": Column("its bound", "", 6), "clipped_headroom_db": Column("its headroom", "dB", 2),
+    "weight": Column("weight of the bound", "", 3), "blended_percent": Column("blended", "%", 2),
 }  # fmt: skip
+_ROBUST = {"linear_mse": "clipped_mse", "relmse": "clipped_relmse"}
+"""Measures of Table 7, and the measure of clipped radiance that ranks in the place of each."""
 _FURTHER = {
-    "relmse_trimmed": Column("relMSE trimmed", "", 5), "flip_p50": Column("FLIP p50", "", 4),
+    "relmse_trimmed": Column("relMSE trimmed", "", 5), "clipped_relmse": Column("relMSE clipped", "", 5),
+    "flip_p50": Column("FLIP p50", "", 4),
     "flip_p95": Column("FLIP p95", "", 4), "flip_p99": Column("FLIP p99", "", 4),
     "warp_error": Column("warping error", "", 6), "hdr_flip": Column("HDR-FLIP", "", 4),
     "lpips": Column("LPIPS", "", 4), "cvvdp_jod": Column("ColorVideoVDP", "", 3),
 }  # fmt: skip
 """Measures of the last table, whose units the evaluation states."""
 
-_LABELS = {"linear_mse": "linear MSE"} | {name: column.name for name, column in (_QUALITY | _FURTHER).items()}
+_LABELS = {"linear_mse": "linear MSE", "clipped_mse": "clipped MSE"} | {
+    name: column.name for name, column in (_QUALITY | _FURTHER).items()
+}
 """Measure -> its name for readers."""
 
 _HEADLINES = ("flip", "psnr_db", "relmse")
@@ -68,6 +74,9 @@ def class_label(name: str) -> str:
 _WORTH = 0.01
 """Share of the error without reuse from which on a gain or loss in one class of pixels is named."""
 
+BELOW_NOISE = "below the reference's noise"
+"""An unbiased squared error that is not above 0."""
+
 _BOUND_NOTE = (
     "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
     "reference. A method whose every pixel is a blend of the two cannot be better; others can."
@@ -88,8 +97,80 @@ def reuse_tables(summary: Summary) -> list[Table]:
     tables.append(Table(2, "Reuse, time and memory", columns, rows, (clock, _class_source(summary))))
     tables.append(_class_table(summary))
     rows = tuple(_row(label, method, "bound", _BOUND, "bound.") for label, method in methods)
-    tables.append(Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE,)))
-    return tables + comparison_tables(summary) + _further_table(summary)
+    tables.append(
+        Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE, *_headroom_texts(summary)))
+    )
+    return tables + comparison_tables(summary) + _further_table(summary) + _linear_table(summary)
+
+
+def _headroom_texts(summary: Summary) -> list[str]:
+    """A line per method with an interval of its headroom: of clipped radiance, and of all radiance."""
+    texts = []
+    for label, method in _valid(summary).items():
+        bound = method.get("bound") or {}
+        ends = {name: _ends(entry) for name, entry in (bound.get("intervals") or {}).items()}
+        if ends.get("clipped_headroom_db"):
+            linear = f"; without clipping {ends['headroom_db']}" if ends.get("headroom_db") else ""
+            texts.append(f"Headroom of {label}, dB: {ends['clipped_headroom_db']}{linear}.")
+    return texts
+
+
+def _ends(entry: Summary) -> str:
+    """``1.2 to 3.4 (frames), 1.8 to 2.5 (seeds)``, as far as there are intervals."""
+    parts = [(entry.get("low"), entry.get("high"), "frames")]
+    if entry.get("over_seeds"):
+        parts.append((entry["over_seeds"]["low"], entry["over_seeds"]["high"], "seeds"))
+    return ", ".join(f"{low:.3g} to {high:.3g} ({of})" for low, high, of in parts if low is not None)
+
+
+def _linear_table(summary: Summary) -> list[Table]:
+    """Errors of linear radiance: unbounded and clipped, with intervals and the share of few pixels."""
+    valid, measures = _valid(summary), summary["measures"]
+    if not any(method.get("tail_percent") for method in valid.values()):
+        return []
+    names = [name for pair in _ROBUST.items() for name in pair if name in measures]
+    statistics = (summary.get("statistics") or {"measures": {}})["measures"]
+    columns: list[Column] = []
+    for name in names:
+        columns.append(Column(_LABELS[name], "", 5, measures[name]["doc"]))
+        columns += [Column("95 %", "", None), Column("in 0.1 %", "%", 1)]
+    columns.append(Column("emitters", "", 5, "linear MSE of the pixels that show an emitting surface"))
+    rows = []
+    for label, method in summary["methods"].items():
+        if method["failed"]:
+            rows.append(Row(label, (None,) * len(columns), reasons={0: method["failed"]}))
+            continue
+        cells, reasons = [], {}
+        for name in names:
+            value = method["mean"].get(name)
+            if value is not None and value < 0.0:
+                value, reasons[len(cells)] = None, BELOW_NOISE
+            interval = statistics.get(name, {}).get("means", {}).get(label, {})
+            cells += [value, _ends(interval) or None, method["tail_percent"].get(name)]
+        rows.append(Row(label, (*cells, method["emitters"]["linear_mse"]), reasons=reasons))
+    share = next(iter(valid.values()))["emitters"]["percent"]
+    seen = "It is not known which pixels show an emitting surface: all count."
+    if share is not None:
+        seen = f"Pixels that show an emitting surface, {share:.2g} % of all, are left out and have their own column."
+    notes = (
+        f"{seen} Clipped: image and reference at {summary['white']:g} times the display's white. 95 %: intervals; in "
+        "0.1 %: share of the squared error in this share of the pixels of each frame, those with the largest errors.",
+        *noise_texts(summary),
+    )
+    return [Table(7, "Errors of linear radiance", tuple(columns), tuple(rows), notes)]
+
+
+def noise_texts(summary: Summary) -> list[str]:
+    """The noise of a path-traced reference beside the scores, in dB of squared error."""
+    noise = summary["reference"].get("noise_db") or {}
+    values = [f"{_LABELS[name]} {value:.1f} dB" for name, value in noise.items() if value is not None]
+    if not values:
+        return []
+    return [
+        f"Noise of the reference, as 10 log10(1 / squared error): {', '.join(values)}. Methods whose squared errors "
+        "are closer than that are tied. All measures but linear MSE contain it, also PSNR, FLIP and relMSE; linear MSE "
+        "is the product of the errors against the two halves of the reference, without it."
+    ]
 
 
 def verdict(summary: Summary) -> str | None:
@@ -108,7 +189,8 @@ def verdict(summary: Summary) -> str | None:
     if "none" in methods and best != "none":
         text += f"; no reuse {methods['none']['mean'][name]:.{digits}f}"
     text += ")"
-    ranking = ((summary.get("statistics") or {}).get("measures") or {}).get(name, {}).get("ranking", ())
+    measures = (summary.get("statistics") or {}).get("measures") or {}
+    ranking = measures.get(measures.get(name, {}).get("ranked_by", name), {}).get("ranking", ())
     ties = [entry["method"] for entry in ranking if entry["rank"] == 1 and entry["method"] in methods]
     if ties := [label for label in ties if label != best]:
         text += f", indistinguishable from {_listed(ties)}"
@@ -158,7 +240,11 @@ def comparison_tables(summary: Summary) -> list[Table]:
     if name is None or not statistics["measures"][name]["differences"]:
         return []
     results, measure = statistics["measures"][name], summary["measures"][name]
-    every, best = results["differences"], results["ranking"][0]["method"]
+    every = results["differences"]
+    best = min(
+        (label for entry in every for label in (entry["a"], entry["b"])),
+        key=lambda label: results["means"][label]["mean"] * (-1.0 if measure["better"] == "higher" else 1.0),
+    )
     few = len(every) <= MOST_PAIRS
     entries = every if few else [entry for entry in every if best in (entry["a"], entry["b"])]
     ends = ["difference", "low", "high"]
@@ -192,10 +278,15 @@ def _interval_text(statistics: Summary, results: Summary, seeds: bool) -> str:
 def ranking_texts(summary: Summary) -> list[str]:
     """A line for each measure of Table 1, ``FLIP: 1 svgf; 2-3 taa_clamp; 2-3 none``, in the order of the means.
 
+    Those of unbounded radiance have the ranking by clipped radiance.
+
     Measures disagree, so no single one names a best method.
     """
     measures = summary["statistics"]["measures"]
-    rankings = {column.name: measures[name]["ranking"] for name, column in _QUALITY.items() if name in measures}
+    rankings = {
+        _LABELS[name]: measures[name]["ranking"]
+        for name in (*(measures.get(n, {}).get("ranked_by", n) for n in _QUALITY), "clipped_mse") if name in measures
+    }  # fmt: skip
     has_ranks = any(entry["rank"] is not None for ranking in rankings.values() for entry in ranking)
     meaning = "Ranks that remain possible after Holm's correction" if has_ranks else "Methods"
     texts = [f"{meaning}, from the best mean on; measures differ in what they count:"]
