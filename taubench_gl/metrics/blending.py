@@ -25,22 +25,23 @@ def nearest_weight(reference: Array, now: Array, history: Array) -> Array:
     return np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
 
 
-def nearest_clipped_weight(reference: Array, now: Array, history: Array, white: float) -> Array:
+def nearest_clipped_weight(reference: Array, now: Array, history: Array, white: float, weight: Array) -> Array:
     """The weight w in [0, 1] for which min(I + w (H - I), ``white``) is nearest to min(R, ``white``).
 
-    (..., 3) each -> (...) float64.  Between the weights at which a channel crosses white, the squared error is a
-    parabola in w; the smallest of the minima of its parts is that of all weights.
+    (n, m, 3) each, and ``weight`` (n, m) of ``nearest_weight`` -> (n, m) float64.  Between the weights at which a
+    channel crosses white, the squared error is a parabola in w; the smallest of its minima is that of all weights.
     """
-    reference, now, history = (np.asarray(x, dtype=np.float64) for x in (reference, now, history))
-    clipped = np.minimum(reference, white)
-    weight = nearest_weight(clipped, now, history)
-    bright = (np.maximum(now, history) > white).any(axis=-1)  # elsewhere clipping changes the reference alone
-    weight[bright] = _least_of_parts(clipped[bright], now[bright], history[bright], white)
+    bright = (np.maximum(np.maximum(now, history), reference) > white).any(
+        axis=-1
+    )  # clipping changes nothing elsewhere
+    reference, now, history = (np.asarray(x[bright], dtype=np.float64) for x in (reference, now, history))
+    weight = weight.copy()
+    weight[bright] = _least_of_parts(np.minimum(reference, white), now, history, white)
     return weight
 
 
 def _least_of_parts(reference: Array, now: Array, history: Array, white: float) -> Array:
-    """``nearest_clipped_weight`` of (n, 3) colors and a clipped reference -> (n,)."""
+    """``nearest_clipped_weight`` of (k, 3) colors and a clipped reference -> (k,)."""
     direction = history - now
     crossing = np.divide(white - now, direction, out=np.zeros_like(now), where=direction != 0.0)
     ends = np.clip(np.pad(crossing, ((0, 0), (1, 1)), constant_values=(0.0, 1.0)), 0.0, 1.0)

@@ -13,7 +13,7 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +26,7 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.folder_lock import FolderLock
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.outputs import duration_text, replacing, write_atomically
 from taubench_gl.paths import cache_folder
@@ -315,15 +316,19 @@ class SceneTracer:
 
     def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings):
         """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
-        settings = reference_settings(settings)
-        if not traced_sources(animated.scene, settings):
+        self._owner, self._animated, self._settings = owner, animated, reference_settings(settings)
+        if not traced_sources(animated.scene, self._settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
-        self._source = owner.open_source(animated, settings, extra=LOBES)
-        self.size, self._fps = self._source.size, settings.sequence.fps
+        self.size = settings.sequence.width, settings.sequence.height
         self._drawn: int | None = None
 
+    @cached_property
+    def _source(self) -> RasterSource:
+        """Opened for the first sample: the structures of its scene take seconds, and stored frames need none."""
+        return self._owner.open_source(self._animated, self._settings, extra=LOBES)
+
     def view(self, frame: int) -> View:
-        return self._source.renderer.view(frame / self._fps)[1]
+        return self._animated.view_at(frame / self._settings.sequence.fps)
 
     def trace(self, frame: int, half: int, first: int, count: int) -> dict[str, Array]:
         source = self._source

@@ -357,7 +357,10 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()
     floor = (f"Noise floor, standard error of the reference: {reference['noise']}.",) if reference.get("noise") else ()
-    return (first, *floor, *lighting, *light["notes"])
+    yardsticks = (
+        f"{n}: yardstick, not ranked: {m['yardstick']}." for n, m in _valid(summary).items() if m.get("yardstick")
+    )
+    return (first, *floor, *yardsticks, *lighting, *light["notes"])
 
 
 def fit_table(fit: Summary) -> Table:
@@ -517,8 +520,9 @@ def _time(summary: Summary, measure: str) -> Plot | None:
     for label, place in timed.items():
         style = {**styles[label].points, "linestyle": ""}
         plot.axes.plot(*([value] for value in place), label=label, markersize=8, **style)
-    front = zip(*pareto_steps(timed.values()), strict=True)
-    plot.axes.step(*front, where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
+    if usable := [place for label, place in timed.items() if not summary["methods"][label].get("yardstick")]:
+        front = zip(*pareto_steps(usable), strict=True)
+        plot.axes.step(*front, where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
     plot.axes.set(
         xscale="log",
         xlabel=f"ms per frame, median ({summary['clock']})",

@@ -118,7 +118,7 @@ def bound_of_frame(
     blended, keep = blended.masked(valid)
     shown, reference = (np.where(keep[..., None], x, 0.0) for x in (result[..., :3].astype(np.float64), reference))
     now, fetched, (image, best) = blended.now, blended.fetched, blended.best(reference)
-    clipped = blend(now, fetched, nearest_clipped_weight(reference, now, fetched, WHITE))
+    clipped = blend(now, fetched, nearest_clipped_weight(reference, now, fetched, WHITE, best))
     scored = np.full(keep.shape, True) if emitters is None or emitters.all() else ~emitters
     errors = [(x - reference)[scored] ** 2 for x in (image, shown)]
     white = np.minimum(reference, WHITE)

@@ -483,10 +483,11 @@ class _Evaluator:
         if previous is not None and not repetition:
             error = warp_error(image.colors, previous.colors, motion, reusable(mask))
             self._warp_errors += [] if error is None else [error]
-        facts = {"emitters": known.emitters, "halves": known.halves}
+        halves = None if known.halves is None else tuple(np.where(valid[..., None], half, 0.0) for half in known.halves)
+        facts = {"emitters": known.emitters, "halves": halves}
         reference = FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain, **facts)
-        if known.halves is not None and not repetition:
-            self._noise.append(half_noise(*known.halves, self._settings.lighting.tone_map, reference.scored))
+        if halves is not None and not repetition:
+            self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
         return reference
 
     def _reference_image(self, frame: int) -> ReferenceImage:
