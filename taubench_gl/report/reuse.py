@@ -124,40 +124,38 @@ def _ends(entry: Summary) -> str:
 
 
 def _linear_table(summary: Summary) -> list[Table]:
-    """Errors of linear radiance: unbounded and clipped, with intervals and the share of few pixels."""
+    """Errors of linear radiance, unbounded and clipped, with intervals and the share of few pixels: a row of each."""
     valid, measures = _valid(summary), summary["measures"]
     if not any(method.get("tail_percent") for method in valid.values()):
         return []
-    names = [name for pair in _ROBUST.items() for name in pair if name in measures]
     statistics = (summary.get("statistics") or {"measures": {}})["measures"]
-    columns: list[Column] = []
-    for name in names:
-        columns.append(Column(_LABELS[name], "", 5, measures[name]["doc"]))
-        columns += [Column("95 %", "", None), Column("in 0.1 %", "%", 1)]
-    columns.append(Column("emitters", "", 5, "linear MSE of the pixels that show an emitting surface"))
+    ends = [f"{end}, {of}" for of in ("frames", "seeds") for end in ("low", "high")]
+    columns = (*(Column(name, "", 5) for name in ("mean", *ends)), Column("in 0.1 %", "%", 1))
     rows = []
-    for label, method in summary["methods"].items():
-        if method["failed"]:
-            rows.append(Row(label, (None,) * len(columns), reasons={0: method["failed"]}))
-            continue
-        cells, reasons = [], {}
-        for name in names:
-            value = method["mean"].get(name)
-            if value is not None and value < 0.0:
-                value, reasons[len(cells)] = None, BELOW_NOISE
-            interval = statistics.get(name, {}).get("means", {}).get(label, {})
-            cells += [value, _ends(interval) or None, method["tail_percent"].get(name)]
-        rows.append(Row(label, (*cells, method["emitters"]["linear_mse"]), reasons=reasons))
+    for label, method in valid.items():
+        for name in (name for pair in _ROBUST.items() for name in pair if name in measures):
+            mean, interval = method["mean"].get(name), statistics.get(name, {}).get("means", {}).get(label, {})
+            seeds = interval.get("over_seeds") or {}
+            values = [mean, *map(interval.get, ("low", "high")), *map(seeds.get, ("low", "high"))]
+            below = mean is not None and mean < 0.0
+            why = {0: BELOW_NOISE} if below else {}
+            values = (None if below else mean, *values[1:], method["tail_percent"].get(name))
+            rows.append(Row(f"{label}, {_LABELS[name]}", values, reasons=why))
+        if (own := method["emitters"]["linear_mse"]) is not None:
+            rows.append(Row(f"{label}, emitters", (own, None, None, None, None, None)))
     share = next(iter(valid.values()))["emitters"]["percent"]
     seen = "It is not known which pixels show an emitting surface: all count."
     if share is not None:
-        seen = f"Pixels that show an emitting surface, {share:.2g} % of all, are left out and have their own column."
+        seen = (
+            f"Pixels that show an emitting surface, {share:.2g} % of all, are left out; emitters: linear MSE of them."
+        )
     notes = (
-        f"{seen} Clipped: image and reference at {summary['white']:g} times the display's white. 95 %: intervals; in "
-        "0.1 %: share of the squared error in this share of the pixels of each frame, those with the largest errors.",
+        f"{seen} Clipped: image and reference at {summary['white']:g} times the display's white. 95 % intervals over "
+        "frames, and over seeds from five on; in 0.1 %: share of the squared error in the 0.1 % of the pixels of each "
+        "frame that have most.",
         *noise_texts(summary),
     )
-    return [Table(7, "Errors of linear radiance", tuple(columns), tuple(rows), notes)]
+    return [Table(7, "Errors of linear radiance", columns, tuple(rows), notes)]
 
 
 def noise_texts(summary: Summary) -> list[str]:
