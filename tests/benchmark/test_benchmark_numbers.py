@@ -201,6 +201,13 @@ def test_ranks_respect_the_intervals(measure, expected):
     assert ranks == expected and list(ranks) == list(expected)
 
 
+def test_methods_that_are_closer_than_the_noise_of_every_reference_share_ranks():
+    values = values_of(a=1.0, b=1.1)
+    for tied, expected in (((), [(1, 1), (2, 2)]), ([("a", "b")], [(1, 2), (1, 2)])):
+        found = ranked("clipped_mse", CaseValues(values, {}, float, tied), methods_of("a", "b"), "t")
+        assert [(entry["rank"], entry["last_rank"]) for entry in found["ranking"]] == expected
+
+
 def test_failed_methods_are_last_and_others_are_not_ranked():
     methods = methods_of("a", "b", "seen", x="failed", y="failed", z="not applicable")
     methods["seen"]["yardstick"] = "reads reference"
@@ -253,6 +260,7 @@ def test_the_mean_of_errors_without_a_common_scale_is_geometric():
     assert over_cases("relmse", (0.01, 100.0)) == pytest.approx(1.0)
     assert over_cases("flip", (0.25, 0.75)) == pytest.approx(0.5)
     assert over_cases("flip", ()) is None
+    assert over_cases("linear_mse", (0.1, -1e-4)) is None  # below the noise of a reference
 
 
 def test_estimated_costs_of_known_times():
