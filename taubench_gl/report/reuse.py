@@ -34,8 +34,8 @@ _BOUND = {
     "clipped_mse": Column("its bound", "", 6), "clipped_headroom_db": Column("its headroom", "dB", 2),
     "weight": Column("weight of the bound", "", 3), "blended_percent": Column("blended", "%", 2),
 }  # fmt: skip
-_ROBUST = {"linear_mse": "clipped_mse", "relmse": "clipped_relmse"}
-"""Measures of Table 7, and the measure of clipped radiance that ranks in the place of each."""
+_LINEAR = ("linear_mse", "clipped_mse", "relmse", "clipped_relmse")
+"""Measures of Table 7."""
 _FURTHER = {
     "relmse_trimmed": Column("relMSE trimmed", "", 5), "clipped_relmse": Column("relMSE clipped", "", 5),
     "flip_p50": Column("FLIP p50", "", 4),
@@ -125,22 +125,22 @@ def _ends(entry: Summary) -> str:
 
 def _linear_table(summary: Summary) -> list[Table]:
     """Errors of linear radiance, unbounded and clipped, with intervals and the share of few pixels: a row of each."""
-    valid, measures = _valid(summary), summary["measures"]
-    if not any(method.get("tail_percent") for method in valid.values()):
+    measures = summary["measures"]
+    valid = {label: method for label, method in _valid(summary).items() if method.get("tail_percent")}
+    if not valid:
         return []
     statistics = (summary.get("statistics") or {"measures": {}})["measures"]
     ends = [f"{end}, {of}" for of in ("frames", "seeds") for end in ("low", "high")]
     columns = (*(Column(name, "", 5) for name in ("mean", *ends)), Column("in 0.1 %", "%", 1))
     rows = []
     for label, method in valid.items():
-        for name in (name for pair in _ROBUST.items() for name in pair if name in measures):
+        for name in (name for name in _LINEAR if name in measures):
             mean, interval = method["mean"].get(name), statistics.get(name, {}).get("means", {}).get(label, {})
-            seeds = interval.get("over_seeds") or {}
-            values = [mean, *map(interval.get, ("low", "high")), *map(seeds.get, ("low", "high"))]
             below = mean is not None and mean < 0.0
-            why = {0: BELOW_NOISE} if below else {}
-            values = (None if below else mean, *values[1:], method["tail_percent"].get(name))
-            rows.append(Row(f"{label}, {_LABELS[name]}", values, reasons=why))
+            values = [None if below else mean, interval.get("low"), interval.get("high")]
+            values += [(interval.get("over_seeds") or {}).get(end) for end in ("low", "high")]
+            values.append(method["tail_percent"].get(name))
+            rows.append(Row(f"{label}, {_LABELS[name]}", tuple(values), reasons={0: BELOW_NOISE} if below else {}))
         if (own := method["emitters"]["linear_mse"]) is not None:
             rows.append(Row(f"{label}, emitters", (own, None, None, None, None, None)))
     share = next(iter(valid.values()))["emitters"]["percent"]
@@ -355,6 +355,8 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()
     floor = (f"Noise floor, standard error of the reference: {reference['noise']}.",) if reference.get("noise") else ()
+    if (noise := (reference.get("noise_db") or {}).get("psnr_db")) is not None:
+        floor += (f"PSNR of the reference's noise: {noise:.1f} dB; methods whose squared errors are closer are tied.",)
     yardsticks = (
         f"{n}: yardstick, not ranked: {m['yardstick']}." for n, m in _valid(summary).items() if m.get("yardstick")
     )
