@@ -115,19 +115,18 @@ class Accumulated:
         return dict(zip(LOBES, total.astype(np.float32), strict=True))
 
     def halves(self) -> Array | None:
-        """Mean radiance of all lobes by half, (2, h, w, 3) float32, independent of each other; None: fewer than two
+        """Mean radiance of all lobes by half, (2, h, w, 3) float64, independent of each other; None with fewer than two
         samples."""
         if self.counts.min() == 0:
             return None
-        total = self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
-        return total.astype(np.float32)
+        return self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
 
     def noise(self) -> Noise | None:
         """Of the mean, from the difference of the two halves; None with fewer than two samples."""
-        if self.counts.min() == 0:
+        halves = self.halves()
+        if halves is None:
             return None
-        means = self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
-        luminance = means @ LUMINANCE
+        luminance = halves @ LUMINANCE
         # Pixels without light, such as the background, have no noise and would hide that of the others.
         lit = (luminance > 0).any(axis=0)
         if not lit.any():
