@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 PLAIN_STEPS = 10
 """Progress lines per scene if standard error is not a terminal."""
+
+LINE_SECONDS = 30.0
+"""Between two lines about the running jobs of a study if standard error is not a terminal."""
 
 
 class Bars:
@@ -112,12 +116,14 @@ class ProgressBar(Bars):
 
 
 class StudyScreen(Bars, StudyProgress):
-    """Progress of a study: on a terminal one bar for everything and one per running job; a line per event."""
+    """Progress of a study: on a terminal one bar for everything and one per running job; a line per event, elsewhere
+    also one per LINE_SECONDS."""
 
     def __init__(self, of: str = "pairs") -> None:
         """``of``: what a weight counts."""
         Bars.__init__(self)
         StudyProgress.__init__(self, self.say, of)
+        self._said = time.monotonic()
 
     def __enter__(self) -> StudyScreen:
         super().__enter__()
@@ -138,6 +144,9 @@ class StudyScreen(Bars, StudyProgress):
         if job in self._tasks:
             self.set_bar(job, self.done[job], self.total[job])
         self._show_whole()
+        if not self.on_terminal and time.monotonic() - self._said >= LINE_SECONDS:
+            self._said = time.monotonic()
+            self.say(f"{self.labels[job]}: {self.done[job]}/{self.total[job]} {self.of}{self._rate()}")
 
     def job_finished(self, job: str) -> None:
         self.remove_bar(job)

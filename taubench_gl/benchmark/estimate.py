@@ -29,17 +29,20 @@ FRAMES = 3
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Seconds to begin a unit, to begin each further seed, and per pixel of a frame."""
+    """Seconds to begin a unit, to begin each further seed, and per pixel of a frame of the first seed, which makes the
+    reference and the exact masks, and of further ones, which have them."""
 
     begin: float = 0.0
     seed: float = 0.0
+    first: float = 0.0
     pixel: float = 0.0
 
     def of(self, case: Case, traced: float = 0.0) -> Estimate:
         """Of all frames; ``traced``: seconds for the path-traced reference."""
-        frame = self.pixel * case.size[0] * case.size[1]
-        begin = self.begin + (case.request.seeds - 1) * self.seed + traced
-        return Estimate(case.id, case.request.seeds * case.frames, frame, begin=begin)
+        seeds = case.request.seeds
+        frame = (self.first + (seeds - 1) * self.pixel) / seeds * case.size[0] * case.size[1]
+        begin = self.begin + (seeds - 1) * self.seed + traced
+        return Estimate(case.id, seeds * case.frames, frame, begin=begin)
 
 
 def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[Estimate]:
@@ -82,11 +85,11 @@ def _measured(unit: BenchmarkUnit) -> Cost:
 def cost_of(times: Sequence[float], end: float, case: Case) -> Cost:
     """``times``: when the evaluation began, and when each frame of each seed was done; ``end``: when all was."""
     spent = [after - before for before, after in itertools.pairwise(times)]
-    # Of the last frames: shaders are compiled, and the reference of a second seed is in memory.
-    frame = min(spent[-(case.frames - 1) :])
+    # Of the later frames of a seed: shaders are compiled.
+    first, frame = min(spent[1 : case.frames]), min(spent[-(case.frames - 1) :])
     seed = spent[case.frames] - frame if case.request.seeds > 1 else 0.0
-    begin = spent[0] - frame + end - times[-1]
-    return Cost(max(begin, 0.0), max(seed, 0.0), frame / (case.size[0] * case.size[1]))
+    begin, pixels = spent[0] - first + end - times[-1], case.size[0] * case.size[1]
+    return Cost(max(begin, 0.0), max(seed, 0.0), first / pixels, frame / pixels)
 
 
 def _small(case: Case) -> Case:

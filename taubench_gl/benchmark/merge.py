@@ -7,6 +7,7 @@ bit for bit.  All times are in the block ``times``; what depends on machine and 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from taubench_gl.benchmark.values import (
     to_scale,
 )
 from taubench_gl.provenance import combined
-from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS
+from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS, tied
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES
 
@@ -146,7 +147,8 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
     if seeds is None:
         reasons["over_seeds"] = FEW_SEEDS
     return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
-            "classes": classes, "reuse": method["reuse"], "reasons": reasons}  # fmt: skip
+            "tail_percent": method["tail_percent"], "emitters": method["emitters"], "classes": classes,
+            "reuse": method["reuse"], "reasons": reasons}  # fmt: skip
 
 
 def _track(
@@ -158,15 +160,19 @@ def _track(
         if bad := next((case for case in cases if results[case.id]["state"] == state), None):
             return {"state": state, "reason": results[bad.id]["reason"], "case": bad.id}
     levels = {level: [c for c in cases if _level(_discarded(of_case[c.id])) == level] for level in LEVELS}
-    headroom = [results[c.id]["bound"] and results[c.id]["bound"]["headroom_db"] for c in cases]
     return {
         "state": "done",
         "reason": None,
         "mean": _means(cases, results, measures),
         "levels": {level: _means(own, results, measures) for level, own in levels.items() if own},
         "classes": _classes(cases, results),
-        "headroom_db": None if None in headroom else float(np.mean(headroom)),
+        **{name: _headroom(cases, results, name) for name in ("headroom_db", "clipped_headroom_db")},
     }
+
+
+def _headroom(cases: Sequence[Case], results: Mapping[str, Result], name: str) -> float | None:
+    values = [results[case.id]["bound"] and results[case.id]["bound"][name] for case in cases]
+    return None if None in values else float(np.mean(values))
 
 
 def _means(cases: Sequence[Case], results: Mapping[str, Result], measures: Sequence[str]) -> dict[str, Any]:
@@ -206,7 +212,17 @@ def _values(
         own = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
         if all(by_case is not None for by_case in own) and len(set(map(len, own))) == 1 and len(own[0]) >= MIN_SEEDS:
             seeds[label] = np.mean(to_scale(measure, np.array(own)), axis=0)
-    return CaseValues(values, seeds if len(seeds) == len(values) else {}, lambda value: float(of_scale(measure, value)))
+    results = [of_case[case.id] for case in cases]
+    pairs = [pair for pair in combinations(values, 2) if all(_tied(result, measure, pair) for result in results)]
+    by_seeds = seeds if len(seeds) == len(values) else {}
+    return CaseValues(values, by_seeds, lambda value: float(of_scale(measure, value)), pairs)
+
+
+def _tied(result: Result, measure: str, pair: tuple[str, str]) -> bool:
+    """Whether two methods differ in a case by less than the noise of its reference."""
+    noise = (result["reference"].get("noise_mse") or {}).get(measure)
+    values = (_mean(result, label, measure) for label in pair)
+    return tied(*(10.0 ** (-v / 10.0) if MEASURES[measure].unit == "dB" else v for v in values), noise)
 
 
 def _times(

@@ -7,7 +7,7 @@ seed.  Otherwise there is no interval, and the order is that of the means alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -27,11 +27,13 @@ MIN_CASES = 5
 @dataclass(frozen=True, slots=True)
 class CaseValues:
     """Values of one measure: ``cases``: label -> (cases,); ``seeds``: label -> (seeds,), means over the cases, empty
-    where some case has too few seeds.  ``shown``: the measure from a mean of values."""
+    where some case has too few seeds.  ``shown``: the measure from a mean of values; ``tied``: pairs of methods that
+    differ in no case by more than the noise of its reference."""
 
     cases: Mapping[str, Array]
     seeds: Mapping[str, Array]
     shown: Callable[[float], float]
+    tied: Collection[tuple[str, str]] = ()
 
 
 def ranked(measure: str, values: CaseValues, methods: Mapping[str, Any], track: str) -> dict[str, Any]:
@@ -47,7 +49,7 @@ def ranked(measure: str, values: CaseValues, methods: Mapping[str, Any], track: 
             over, samples = None, values.cases
             reason = f"fewer than {MIN_CASES} cases, and fewer than {MIN_SEEDS} seeds"
     means = {label: {"mean": float(np.mean(own))} for label, own in values.cases.items()}
-    differences = _differences(samples, over is not None)
+    differences = [d | {"tied": (d["a"], d["b"]) in values.tied} for d in _differences(samples, over is not None)]
     entries = ranking(means, differences, higher=MEASURES[measure].better == "higher")
     for entry in entries:
         seeds = values.seeds.get(entry["method"])

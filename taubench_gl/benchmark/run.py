@@ -30,7 +30,7 @@ from taubench_gl.study.store import Store
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine
 
-SCHEMA = "taubench-gl/benchmark-study/1"
+SCHEMA = "taubench-gl/benchmark-study/2"
 
 
 def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:

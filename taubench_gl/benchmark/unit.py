@@ -176,7 +176,7 @@ def evaluate_case(
     summary = done.summary
     reference = summary["reference"]
     out["input"] = {name: summary["input"][name] for name in ("kind", "light_samples", "path_samples", "size")}
-    out["reference"] = {"kind": reference["kind"], "samples": reference["samples"], "noise": reference.get("noise")}
+    out["reference"] = {n: reference.get(n) for n in ("kind", "samples", "noise", "noise_mse", "noise_db")}
     out["exposure"] = summary["settings"]["exposure"]
     provenance = summary["provenance"]
     out["provenance"] = {name: provenance[name] for name in ("version", "renderer", "driver", "git", "clock")}
@@ -189,7 +189,7 @@ def _method(done: Evaluation, label: str, method: Mapping[str, Any], diverges: s
         return {"state": FAILED, "reason": method["failed"] or diverges, **facts}
     names = ("seed", "frame", *(name for name in MEASURES))
     rows = [{name: row[name] for name in names} for row in done.rows if row["method"] == label]
-    blocks = {name: method[name] for name in ("mean", "classes", "bound", "reuse", "reasons")}
+    blocks = {n: method[n] for n in ("mean", "tail_percent", "emitters", "classes", "bound", "reuse", "reasons")}
     warmup = done.summary["warmup"]
     return {"state": "done", "reason": None, **facts, **blocks, "warmup": warmup, "rows": rows}
 

@@ -12,10 +12,10 @@ from taubench_gl.reuse.comparison import interval_over_seeds, series_of
 Array = np.ndarray
 Result = Mapping[str, Any]
 
-HEADLINES = ("flip", "psnr_db", "relmse_trimmed", "flicker")
-"""Measures that rankings and speeds are given for."""
+HEADLINES = ("flip", "psnr_db", "relmse_trimmed", "clipped_mse", "flicker")
+"""Measures that rankings and speeds are given for: none of unbounded radiance, which a few pixels decide."""
 
-GEOMETRIC = ("relmse", "relmse_trimmed", "linear_mse", "warp_error")
+GEOMETRIC = ("relmse", "relmse_trimmed", "clipped_relmse", "linear_mse", "clipped_mse", "warp_error")
 """Measures whose mean over cases is geometric: their scale differs from scene to scene."""
 
 SMALLEST = 1e-12
@@ -23,8 +23,8 @@ SMALLEST = 1e-12
 
 
 def over_cases(measure: str, values: Sequence[float]) -> float | None:
-    """The mean of a measure over cases; None for no case."""
-    if not values:
+    """The mean of a measure over cases; None for no case, and for an unbiased error below the noise of a reference."""
+    if not values or (measure in GEOMETRIC and min(values) < 0.0):
         return None
     return float(of_scale(measure, np.mean(to_scale(measure, np.array(values)))))
 

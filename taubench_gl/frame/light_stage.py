@@ -38,6 +38,8 @@ class LightStage:
     def __init__(self, renderer: Renderer, spec: FrameSpec):
         context, scene = renderer.context, renderer.scene
         self._context, self._renderer, self._spec = context, renderer, spec
+        self.seed: int | None = None
+        """Of the random numbers of the frames that follow; None: that of ``spec``."""
         self.memory: dict[str, int] = {}
         """GPU memory that the passes allocate, by name, bytes."""
         for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
@@ -77,7 +79,7 @@ class LightStage:
     def run(self, number: int = 0) -> None:
         """Light the renderer's frame.  ``number``: of the frame, for shading that differs from frame to frame."""
         frame, timer = self._renderer.frame, self._context.timer
-        frame.number = number
+        frame.number, frame.seed = number, self.seed
         frame.light_rows = self.table.update(frame.state, frame.view)
         frame.tables |= self._owned
         frame.tables["light_table"] = self._light_texture.texture

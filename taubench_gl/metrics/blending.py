@@ -25,6 +25,37 @@ def nearest_weight(reference: Array, now: Array, history: Array) -> Array:
     return np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
 
 
+def nearest_clipped_weight(reference: Array, now: Array, history: Array, white: float, weight: Array) -> Array:
+    """The weight w in [0, 1] for which min(I + w (H - I), ``white``) is nearest to min(R, ``white``).
+
+    (n, m, 3) each, and ``weight`` (n, m) of ``nearest_weight`` -> (n, m) float64.  Between the weights at which a
+    channel crosses white, the squared error is a parabola in w; the smallest of its minima is that of all weights.
+    """
+    bright = (np.maximum(np.maximum(now, history), reference) > white).any(
+        axis=-1
+    )  # clipping changes nothing elsewhere
+    reference, now, history = (np.asarray(x[bright], dtype=np.float64) for x in (reference, now, history))
+    weight = weight.copy()
+    weight[bright] = _least_of_parts(np.minimum(reference, white), now, history, white)
+    return weight
+
+
+def _least_of_parts(reference: Array, now: Array, history: Array, white: float) -> Array:
+    """``nearest_clipped_weight`` of (k, 3) colors and a clipped reference -> (k,)."""
+    direction = history - now
+    crossing = np.divide(white - now, direction, out=np.zeros_like(now), where=direction != 0.0)
+    ends = np.clip(np.pad(crossing, ((0, 0), (1, 1)), constant_values=(0.0, 1.0)), 0.0, 1.0)
+    ends.sort(axis=-1)
+    best, least = np.zeros(len(now)), np.full(len(now), np.inf)
+    for low, high in zip(ends.T, ends.T[1:], strict=False):
+        varies = direction * (blend(now, history, 0.5 * (low + high)) < white)
+        square, along = (varies**2).sum(axis=-1), ((reference - now) * varies).sum(axis=-1)
+        weight = np.clip(np.divide(along, square, out=low.copy(), where=square > 0.0), low, high)
+        error = ((np.minimum(blend(now, history, weight), white) - reference) ** 2).sum(axis=-1)
+        best, least = np.where(error < least, weight, best), np.minimum(error, least)
+    return best
+
+
 def blend(now: Array, history: Array, weight: Array) -> Array:
     """I + w (H - I).  (..., 3), (..., 3), (...) -> (..., 3) float64."""
     now = np.asarray(now, dtype=np.float64)

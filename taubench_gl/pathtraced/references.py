@@ -13,7 +13,7 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +26,7 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.folder_lock import FolderLock
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.outputs import duration_text, replacing, write_atomically
 from taubench_gl.paths import cache_folder
@@ -113,12 +114,19 @@ class Accumulated:
         total = self.sums.sum(axis=0, dtype=np.float64) / max(self.samples, 1)
         return dict(zip(LOBES, total.astype(np.float32), strict=True))
 
-    def noise(self) -> Noise | None:
-        """Of the mean, from the difference of the two halves; None with fewer than two samples."""
+    def halves(self) -> Array | None:
+        """Mean radiance of all lobes by half, (2, h, w, 3) float64, independent of each other; None with fewer than two
+        samples."""
         if self.counts.min() == 0:
             return None
-        means = self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
-        luminance = means @ LUMINANCE
+        return self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
+
+    def noise(self) -> Noise | None:
+        """Of the mean, from the difference of the two halves; None with fewer than two samples."""
+        halves = self.halves()
+        if halves is None:
+            return None
+        luminance = halves @ LUMINANCE
         # Pixels without light, such as the background, have no noise and would hide that of the others.
         lit = (luminance > 0).any(axis=0)
         if not lit.any():
@@ -307,15 +315,19 @@ class SceneTracer:
 
     def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings):
         """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
-        settings = reference_settings(settings)
-        if not traced_sources(animated.scene, settings):
+        self._owner, self._animated, self._settings = owner, animated, reference_settings(settings)
+        if not traced_sources(animated.scene, self._settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
-        self._source = owner.open_source(animated, settings, extra=LOBES)
-        self.size, self._fps = self._source.size, settings.sequence.fps
+        self.size = settings.sequence.width, settings.sequence.height
         self._drawn: int | None = None
 
+    @cached_property
+    def _source(self) -> RasterSource:
+        """Opened for the first sample: the structures of its scene take seconds, and stored frames need none."""
+        return self._owner.open_source(self._animated, self._settings, extra=LOBES)
+
     def view(self, frame: int) -> View:
-        return self._source.renderer.view(frame / self._fps)[1]
+        return self._animated.view_at(frame / self._settings.sequence.fps)
 
     def trace(self, frame: int, half: int, first: int, count: int) -> dict[str, Array]:
         source = self._source
@@ -342,12 +354,14 @@ def reference_settings(settings: Settings) -> Settings:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """One frame of a reference.  ``lobes``: mean radiance without exposure, (h, w, 3) float32, row 0 at the top."""
+    """One frame of a reference.  ``lobes``: mean radiance without exposure, (h, w, 3) float32, row 0 at the top;
+    ``halves``: of ``Accumulated.halves``."""
 
     frame: int
     lobes: dict[str, Array]
     samples: int
     noise: Noise | None
+    halves: Array | None
 
     @property
     def direct(self) -> Array:
@@ -459,7 +473,7 @@ class References:
         noise = sums.noise()
         if noise is not None and (self._worst is None or noise.rms > self._worst.rms):
             self._worst = noise
-        return Reference(frame, sums.lobes(), sums.samples, noise)
+        return Reference(frame, sums.lobes(), sums.samples, noise, sums.halves())
 
     @property
     def worst_noise(self) -> Noise | None:

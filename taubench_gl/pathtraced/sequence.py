@@ -153,6 +153,10 @@ class PathTracedSequence:
         where = f"{self.path}, frame {frame}"
         return linear_radiance(combined, self.mapping.color == "encoded", exposure, where)
 
+    def emission(self, frame: int) -> Array | None:
+        """The pass of emission of one frame, (h, w, 3) float32; None where the first frame has none."""
+        return read_pass(self._decode(frame), self.index, "emission") if "emission" in self.index else None
+
     def _decode(self, frame: int) -> ExrImage:
         """The channels of one frame.  Raises PathTracedError as ``read`` does."""
         paths = self.files[frame]

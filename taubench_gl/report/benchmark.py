@@ -19,9 +19,12 @@ from taubench_gl.report.table import Column, Row, Table, to_html
 Summary = Mapping[str, Any]
 
 SHOWN = {
-    "flip": ("FLIP", 4), "psnr_db": ("PSNR", 2), "relmse_trimmed": ("relMSE trimmed", 4), "flicker": ("flicker", 4),
+    "flip": ("FLIP", 4), "psnr_db": ("PSNR", 2), "relmse_trimmed": ("relMSE trimmed", 4),
+    "clipped_mse": ("clipped MSE", 5), "flicker": ("flicker", 4),
 }  # fmt: skip
 """Measures of the rankings: title and digits."""
+
+_HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
 
 UNITS = {"rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame"}
 AXES = {
@@ -62,7 +65,9 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
         measure = summary["measures"][name]
         columns.append(Column("rank", "", None, f"ranks by {title} that the intervals allow"))
         columns.append(Column(title, measure["unit"], digits, f"{measure['doc']}; {measure['better']} is better"))
-    columns.append(Column("headroom", "dB", 2, "error over that of the best blend of the method's own history"))
+    headrooms = [n for n in _HEADROOMS if any(n in m["tracks"][track] for m in summary["methods"].values())]
+    about = "error over that of the best blend of the method's own history"
+    columns += [Column(_HEADROOMS[name], "dB", 2, about) for name in headrooms]
     columns += [Column("time", "ms", 2, "median per frame"), Column("memory", "MiB", 2, "textures of the method")]
     by_label = [{entry["method"]: entry for entry in ranking["ranking"]} for ranking in rankings.values()]
     leading_measure, leading = next(iter(rankings.items()))
@@ -73,7 +78,7 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
         cells: list[Any] = []
         for name, entry in zip(rankings, entries, strict=True):
             cells += [None if entry is None else ranks(entry), state.get("mean", {}).get(name)]
-        cells += [state.get("headroom_db"), summary["times"]["methods"][label][track],
+        cells += [*map(state.get, headrooms), summary["times"]["methods"][label][track],
                   None if memory is None else memory / 2**20]  # fmt: skip
         why = leading["not_ranked"].get(label) if entries[0] is None else entries[0]["reason"]
         rows.append(Row(label, tuple(cells), reasons={0: why} if why else {}))
@@ -168,6 +173,8 @@ def _cases(summary: Summary) -> Table:
     for name, case in summary["cases"].items():
         reference = case["reference"] or {}
         text = f"{reference.get('kind')}, {reference.get('samples')}" if reference else None
+        if noise := (reference.get("noise_db") or {}).get("psnr_db"):
+            text += f", noise {noise:.1f} dB"
         hashes = (case["scene_sha256"][:8], case["sha256"][:8])
         facts = (case["track"], case["seeds"], text, case["discarded_percent"], case["level"])
         rows.append(Row(name, (*facts, *hashes, summary["times"]["seconds"][name])))

@@ -30,18 +30,24 @@ _REUSE = {
 }  # fmt: skip
 _BOUND = {
     "method_linear_mse": Column("linear MSE", "", 6), "linear_mse": Column("bound", "", 6),
-    "headroom_db": Column("headroom", "dB", 2), "weight": Column("weight of the bound", "", 3),
-    "blended_percent": Column("blended", "%", 2),
+    "headroom_db": Column("headroom", "dB", 2), "method_clipped_mse": Column("clipped MSE", "", 6),
+    "clipped_mse": Column("its bound", "", 6), "clipped_headroom_db": Column("its headroom", "dB", 2),
+    "weight": Column("weight of the bound", "", 3), "blended_percent": Column("blended", "%", 2),
 }  # fmt: skip
+_LINEAR = ("linear_mse", "clipped_mse", "relmse", "clipped_relmse")
+"""Measures of Table 7."""
 _FURTHER = {
-    "relmse_trimmed": Column("relMSE trimmed", "", 5), "flip_p50": Column("FLIP p50", "", 4),
+    "relmse_trimmed": Column("relMSE trimmed", "", 5), "clipped_relmse": Column("relMSE clipped", "", 5),
+    "flip_p50": Column("FLIP p50", "", 4),
     "flip_p95": Column("FLIP p95", "", 4), "flip_p99": Column("FLIP p99", "", 4),
     "warp_error": Column("warping error", "", 6), "hdr_flip": Column("HDR-FLIP", "", 4),
     "lpips": Column("LPIPS", "", 4), "cvvdp_jod": Column("ColorVideoVDP", "", 3),
 }  # fmt: skip
 """Measures of the last table, whose units the evaluation states."""
 
-_LABELS = {"linear_mse": "linear MSE"} | {name: column.name for name, column in (_QUALITY | _FURTHER).items()}
+_LABELS = {"linear_mse": "linear MSE", "clipped_mse": "clipped MSE"} | {
+    name: column.name for name, column in (_QUALITY | _FURTHER).items()
+}
 """Measure -> its name for readers."""
 
 _HEADLINES = ("flip", "psnr_db", "relmse")
@@ -71,6 +77,9 @@ def class_label(name: str) -> str:
 _WORTH = 0.01
 """Share of the error without reuse from which on a gain or loss in one class of pixels is named."""
 
+BELOW_NOISE = "below the reference's noise"
+"""An unbiased squared error that is not above 0."""
+
 _BOUND_NOTE = (
     "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
     "reference. A method whose every pixel is a blend of the two cannot be better; others can."
@@ -91,8 +100,78 @@ def reuse_tables(summary: Summary) -> list[Table]:
     tables.append(Table(2, "Reuse, time and memory", columns, rows, (clock, _class_source(summary))))
     tables.append(_class_table(summary))
     rows = tuple(_row(label, method, "bound", _BOUND, "bound.") for label, method in methods)
-    tables.append(Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE,)))
-    return tables + comparison_tables(summary) + _further_table(summary)
+    tables.append(
+        Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE, *_headroom_texts(summary)))
+    )
+    return tables + comparison_tables(summary) + _further_table(summary) + _linear_table(summary)
+
+
+def _headroom_texts(summary: Summary) -> list[str]:
+    """A line per method with an interval of its headroom: of clipped radiance, and of all radiance."""
+    texts = []
+    for label, method in _valid(summary).items():
+        bound = method.get("bound") or {}
+        ends = {name: _ends(entry) for name, entry in (bound.get("intervals") or {}).items()}
+        if ends.get("clipped_headroom_db"):
+            linear = f"; without clipping {ends['headroom_db']}" if ends.get("headroom_db") else ""
+            texts.append(f"Headroom of {label}, dB: {ends['clipped_headroom_db']}{linear}.")
+    return texts
+
+
+def _ends(entry: Summary) -> str:
+    """``1.2 to 3.4 (frames), 1.8 to 2.5 (seeds)``, as far as there are intervals."""
+    parts = [(entry.get("low"), entry.get("high"), "frames")]
+    if entry.get("over_seeds"):
+        parts.append((entry["over_seeds"]["low"], entry["over_seeds"]["high"], "seeds"))
+    return ", ".join(f"{low:.3g} to {high:.3g} ({of})" for low, high, of in parts if low is not None)
+
+
+def _linear_table(summary: Summary) -> list[Table]:
+    """Errors of linear radiance, unbounded and clipped, with intervals and the share of few pixels: a row of each."""
+    measures = summary["measures"]
+    valid = {label: method for label, method in _valid(summary).items() if method.get("tail_percent")}
+    if not valid:
+        return []
+    statistics = (summary.get("statistics") or {"measures": {}})["measures"]
+    ends = [f"{end}, {of}" for of in ("frames", "seeds") for end in ("low", "high")]
+    columns = (*(Column(name, "", 5) for name in ("mean", *ends)), Column("in 0.1 %", "%", 1))
+    rows = []
+    for label, method in valid.items():
+        for name in (name for name in _LINEAR if name in measures):
+            mean, interval = method["mean"].get(name), statistics.get(name, {}).get("means", {}).get(label, {})
+            below = mean is not None and mean < 0.0
+            values = [None if below else mean, interval.get("low"), interval.get("high")]
+            values += [(interval.get("over_seeds") or {}).get(end) for end in ("low", "high")]
+            values.append(method["tail_percent"].get(name))
+            rows.append(Row(f"{label}, {_LABELS[name]}", tuple(values), reasons={0: BELOW_NOISE} if below else {}))
+        if (own := method["emitters"]["linear_mse"]) is not None:
+            rows.append(Row(f"{label}, emitters", (own, None, None, None, None, None)))
+    share = next(iter(valid.values()))["emitters"]["percent"]
+    seen = "It is not known which pixels show an emitting surface: all count."
+    if share is not None:
+        seen = (
+            f"Pixels that show an emitting surface, {share:.2g} % of all, are left out; emitters: linear MSE of them."
+        )
+    notes = (
+        f"{seen} Clipped: image and reference at {summary['white']:g} times the display's white. 95 % intervals over "
+        "frames, and over seeds from five on; in 0.1 %: share of the squared error in the 0.1 % of the pixels of each "
+        "frame that have most.",
+        *noise_texts(summary),
+    )
+    return [Table(7, "Errors of linear radiance", columns, tuple(rows), notes)]
+
+
+def noise_texts(summary: Summary) -> list[str]:
+    """The noise of a path-traced reference beside the scores, in dB of squared error."""
+    noise = summary["reference"].get("noise_db") or {}
+    values = [f"{_LABELS[name]} {value:.1f} dB" for name, value in noise.items() if value is not None]
+    if not values:
+        return []
+    return [
+        f"Noise of the reference, as 10 log10(1 / squared error): {', '.join(values)}. Methods whose squared errors "
+        "are closer than that are tied. All measures but linear MSE contain it, also PSNR, FLIP and relMSE; linear MSE "
+        "is the product of the errors against the two halves of the reference, without it."
+    ]
 
 
 def verdict(summary: Summary) -> str | None:
@@ -111,7 +190,8 @@ def verdict(summary: Summary) -> str | None:
     if "none" in methods and best != "none":
         text += f"; no reuse {methods['none']['mean'][name]:.{digits}f}"
     text += ")"
-    ranking = ((summary.get("statistics") or {}).get("measures") or {}).get(name, {}).get("ranking", ())
+    measures = (summary.get("statistics") or {}).get("measures") or {}
+    ranking = measures.get(measures.get(name, {}).get("ranked_by", name), {}).get("ranking", ())
     ties = [entry["method"] for entry in ranking if entry["rank"] == 1 and entry["method"] in methods]
     if ties := [label for label in ties if label != best]:
         text += f", indistinguishable from {_listed(ties)}"
@@ -161,7 +241,11 @@ def comparison_tables(summary: Summary) -> list[Table]:
     if name is None or not statistics["measures"][name]["differences"]:
         return []
     results, measure = statistics["measures"][name], summary["measures"][name]
-    every, best = results["differences"], results["ranking"][0]["method"]
+    every = results["differences"]
+    best = min(
+        (label for entry in every for label in (entry["a"], entry["b"])),
+        key=lambda label: results["means"][label]["mean"] * (-1.0 if measure["better"] == "higher" else 1.0),
+    )
     few = len(every) <= MOST_PAIRS
     entries = every if few else [entry for entry in every if best in (entry["a"], entry["b"])]
     ends = ["difference", "low", "high"]
@@ -195,10 +279,15 @@ def _interval_text(statistics: Summary, results: Summary, seeds: bool) -> str:
 def ranking_texts(summary: Summary) -> list[str]:
     """A line for each measure of Table 1, ``FLIP: 1 svgf; 2-3 taa_clamp; 2-3 none``, in the order of the means.
 
+    Those of unbounded radiance have the ranking by clipped radiance.
+
     Measures disagree, so no single one names a best method.
     """
     measures = summary["statistics"]["measures"]
-    rankings = {column.name: measures[name]["ranking"] for name, column in _QUALITY.items() if name in measures}
+    rankings = {
+        _LABELS[name]: measures[name]["ranking"]
+        for name in (*(measures.get(n, {}).get("ranked_by", n) for n in _QUALITY), "clipped_mse") if name in measures
+    }  # fmt: skip
     has_ranks = any(entry["rank"] is not None for ranking in rankings.values() for entry in ranking)
     meaning = "Ranks that remain possible after Holm's correction" if has_ranks else "Methods"
     texts = [f"{meaning}, from the best mean on; measures differ in what they count:"]
@@ -269,7 +358,12 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()
     floor = (f"Noise floor, standard error of the reference: {reference['noise']}.",) if reference.get("noise") else ()
-    return (first, *floor, *flip_notes(summary), *lighting, *light["notes"])
+    if (noise := (reference.get("noise_db") or {}).get("psnr_db")) is not None:
+        floor += (f"PSNR of the reference's noise: {noise:.1f} dB; methods whose squared errors are closer are tied.",)
+    yardsticks = (
+        f"{n}: yardstick, not ranked: {m['yardstick']}." for n, m in _valid(summary).items() if m.get("yardstick")
+    )
+    return (first, *floor, *yardsticks, *flip_notes(summary), *lighting, *light["notes"])
 
 
 def flip_notes(summary: Summary) -> tuple[str, ...]:
@@ -442,8 +536,9 @@ def _time(summary: Summary, measure: str) -> Plot | None:
     for label, place in timed.items():
         style = {**styles[label].points, "linestyle": ""}
         plot.axes.plot(*([value] for value in place), label=label, markersize=8, **style)
-    front = zip(*pareto_steps(timed.values()), strict=True)
-    plot.axes.step(*front, where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
+    if usable := [place for label, place in timed.items() if not summary["methods"][label].get("yardstick")]:
+        front = zip(*pareto_steps(usable), strict=True)
+        plot.axes.step(*front, where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
     plot.axes.set(
         xscale="log",
         xlabel=f"ms per frame, median ({summary['clock']})",

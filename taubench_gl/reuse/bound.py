@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.metrics.blending import blend, effective_weight, nearest_weight, on_segment, used_history
+from taubench_gl.metrics.blending import (
+    blend,
+    effective_weight,
+    nearest_clipped_weight,
+    nearest_weight,
+    on_segment,
+    used_history,
+)
+from taubench_gl.reuse.comparison import over_frames, over_seeds
+from taubench_gl.reuse.quality import WHITE, tail
 
 Array = np.ndarray
 
@@ -68,18 +77,22 @@ class Blended:
 
 @dataclass(frozen=True, slots=True)
 class BoundFrame:
-    """The bound of one frame.  Mean squared errors are means over channels and all pixels, linear radiance.
+    """The bound of one frame.  Mean squared errors are means over channels and the scored pixels, linear radiance.
 
-    ``mse`` of the bound, ``method_mse`` of the method over the same pixels; ``weight``: mean of the best weight;
-    ``blended_percent``: pixels whose result is a blend of input and history; ``effective_weight``: mean over all
-    pixels, None where the method reports no weight.
+    ``mse`` of the bound, ``method_mse`` of the method over the same pixels; ``clipped_*``: of radiance clipped at
+    WHITE, by the weights best for it; ``weight``: mean of the best weight; ``blended_percent``: pixels whose result is
+    a blend of input and history; ``effective_weight``: mean over all pixels, None where the method reports no weight;
+    ``tail``: of the bound's squared error, ``quality.tail``.
     """
 
     mse: float
     method_mse: float
+    clipped_mse: float
+    method_clipped_mse: float
     weight: float
     blended_percent: float
     effective_weight: float | None
+    tail: tuple[float, float]
 
     @property
     def row(self) -> dict[str, float | None]:
@@ -87,49 +100,89 @@ class BoundFrame:
         return {
             "bound_linear_mse": self.mse,
             "headroom_db": decibels(self.method_mse, self.mse),
+            "bound_clipped_mse": self.clipped_mse,
+            "clipped_headroom_db": decibels(self.method_clipped_mse, self.clipped_mse),
             "bound_weight": self.weight,
             "blended_percent": self.blended_percent,
             "effective_weight": self.effective_weight,
         }
 
 
-def bound_of_frame(blended: Blended, result: Array, reference: Array, valid: Array) -> BoundFrame:
-    """``result`` (h, w, 4): radiance and weight of history; ``reference`` (h, w, 3); ``valid`` (h, w) bool."""
+def bound_of_frame(
+    blended: Blended, result: Array, reference: Array, valid: Array, emitters: Array | None = None
+) -> BoundFrame:
+    """``result`` (h, w, 4): radiance and weight of history; ``reference`` (h, w, 3); ``valid`` (h, w) bool.
+
+    ``emitters`` (h, w) bool: pixels that errors leave out.
+    """
     blended, keep = blended.masked(valid)
     shown, reference = (np.where(keep[..., None], x, 0.0) for x in (result[..., :3].astype(np.float64), reference))
     now, fetched, (image, best) = blended.now, blended.fetched, blended.best(reference)
-    error = np.mean((image - reference) ** 2)
-    method_mse = np.mean((shown - reference) ** 2)
+    clipped = blend(now, fetched, nearest_clipped_weight(reference, now, fetched, WHITE, best))
+    scored = np.full(keep.shape, True) if emitters is None or emitters.all() else ~emitters
+    errors = [(x - reference)[scored] ** 2 for x in (image, shown)]
+    white = np.minimum(reference, WHITE)
+    errors += [(np.minimum(x, WHITE) - white)[scored] ** 2 for x in (clipped, shown)]
     effective = None
     if not (result[..., 3] < 0).any():
         weight = np.where(blended.has_history, result[..., 3], 0.0).astype(np.float64)
         used = used_history(shown, now, fetched, weight) if blended.used is None else blended.used
         effective = float(effective_weight(weight, now, fetched, used).mean())
     share = 100.0 * float(np.mean(on_segment(shown, now, fetched)))
-    return BoundFrame(float(error), float(method_mse), float(best.mean()), share, effective)
+    means = (float(np.mean(error)) for error in errors)
+    return BoundFrame(*means, float(best.mean()), share, effective, tail(errors[0].mean(axis=-1)))
 
 
 @dataclass(slots=True)
 class BoundRecord:
-    """Bounds of the counted frames of one method, all seeds."""
+    """Bounds of the counted frames of one method, by seed."""
 
-    frames: list[BoundFrame] = field(default_factory=list)
+    seeds: dict[int, list[BoundFrame]] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any] | None:
         """The block ``bound`` of a method in reuse.json; None where it reports no history.
 
-        ``blends``: every pixel of every frame is a blend, so the method cannot be better than its bound.
+        ``blends``: every pixel of every frame is a blend, so the method cannot be better than its bound;
+        ``tail_percent``: share of the bound's squared error in the TAIL_SHARE of the pixels of each frame with most.
         """
-        if not self.frames:
+        frames = [frame for own in self.seeds.values() for frame in own]
+        if not frames:
             return None
-        bound, method_mse = (float(np.mean([getattr(f, name) for f in self.frames])) for name in ("mse", "method_mse"))
-        share = float(np.mean([f.blended_percent for f in self.frames]))
+
+        def mean(name: str) -> float:
+            return float(np.mean([getattr(f, name) for f in frames]))
+
+        most, whole = (sum(f.tail[k] for f in frames) for k in (0, 1))
+        bound, method_mse = mean("mse"), mean("method_mse")
         return {
             "linear_mse": bound,
             "method_linear_mse": method_mse,
             "headroom_linear_mse": method_mse - bound,
             "headroom_db": decibels(method_mse, bound),
-            "weight": float(np.mean([f.weight for f in self.frames])),
-            "blended_percent": share,
-            "blends": all(f.blended_percent == 100.0 for f in self.frames),
+            "clipped_mse": mean("clipped_mse"),
+            "method_clipped_mse": mean("method_clipped_mse"),
+            "clipped_headroom_db": decibels(mean("method_clipped_mse"), mean("clipped_mse")),
+            "tail_percent": 100.0 * most / whole if whole > 0 else None,
+            "intervals": {
+                "linear_mse": self._interval("mse"),
+                "clipped_mse": self._interval("clipped_mse"),
+                "headroom_db": self._interval("method_mse", "mse"),
+                "clipped_headroom_db": self._interval("method_clipped_mse", "clipped_mse"),
+            },
+            "weight": mean("weight"),
+            "blended_percent": mean("blended_percent"),
+            "blends": all(f.blended_percent == 100.0 for f in frames),
         }
+
+    def _interval(self, *names: str) -> dict[str, Any]:
+        """Over frames and over seeds: of the mean of one value, or of 10 log10 of the ratio of two means."""
+        table = np.array([[[getattr(f, n) for n in names] for f in own] for own in self.seeds.values()])
+        if len(names) == 2 and not (table > 0).all():
+            return over_frames(table[0, :0], len, table) | over_seeds(table[0, :0])  # no ratio, no interval
+
+        def statistic(means: Array) -> Array:
+            return means[..., 0] if len(names) == 1 else 10.0 * np.log10(means[..., 0] / means[..., 1])
+
+        columns = table.mean(axis=0)
+        series = columns[:, 0] if len(names) == 1 else np.log(columns[:, 0] / columns[:, 1])
+        return over_frames(columns, statistic, series) | over_seeds(statistic(table.mean(axis=1)))

@@ -7,8 +7,8 @@ together.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -24,7 +24,7 @@ from taubench_gl.metrics.bootstrap import (
     student_interval,
 )
 from taubench_gl.metrics.significance import holm_adjusted
-from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.reuse.quality import MEASURES, ROBUST
 
 Array = np.ndarray
 Row = Mapping[str, Any]
@@ -64,11 +64,19 @@ class Series:
         return self.of_mean(self.values[label].mean(axis=1))
 
 
-def compare_methods(rows: Sequence[Row], frames: Collection[int], cuts: Collection[int] = ()) -> dict[str, Any]:
+def compare_methods(
+    rows: Sequence[Row],
+    frames: Collection[int],
+    cuts: Collection[int] = (),
+    *,
+    yardsticks: Collection[str] = (),
+    noise: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
     """The block ``statistics`` of reuse.json.
 
     ``rows``: of all methods that have not failed; ``frames``: those that means are over; ``cuts``: frames declared to
-    have no history.
+    have no history; ``yardsticks``: methods that have means and intervals, and are in no difference and no ranking;
+    ``noise``: of the reference, as of ``quality.half_noise``.
     """
     counted = [row for row in rows if row["frame"] in set(frames)]
     seeds = sorted({row["seed"] for row in rows})
@@ -76,7 +84,7 @@ def compare_methods(rows: Sequence[Row], frames: Collection[int], cuts: Collecti
     for name in MEASURES:
         series = series_of(counted, name)
         if series.values:
-            measures[name] = _measure(series)
+            measures[name] = _measure(series, yardsticks, (noise or {}).get(name))
     return {
         "rule": RULE,
         "confidence": CONFIDENCE,
@@ -105,42 +113,59 @@ def series_of(rows: Sequence[Row], measure: str) -> Series:
     return Series(measure, values, decibels, tuple(left_out))
 
 
-def _measure(series: Series) -> dict[str, Any]:
-    """Intervals, differences and ranking of one measure."""
+def _measure(series: Series, yardsticks: Collection[str], noise: float | None) -> dict[str, Any]:
+    """Intervals, differences and ranking of one measure; unbounded radiance has the ranking of clipped radiance."""
     means = {
         label: {"mean": float(series.of_mean(values.mean()))} | _over_frames(series, label) | _over_seeds(series, label)
         for label, values in series.values.items()
     }
-    differences = _differences(series)
+    ranked = replace(series, values={n: v for n, v in series.values.items() if n not in yardsticks})
+    differences = _differences(ranked, noise)
     frames = next(iter(series.values.values())).shape[1]
     return {
         "reason": None if frames >= MIN_FRAMES else FEW_FRAMES,
         "left_out": dict.fromkeys(series.left_out, NO_VALUE),
         "means": means,
         "differences": differences,
-        "ranking": ranking(means, differences, higher=MEASURES[series.measure].better == "higher"),
-    }
+        "ranked_by": ROBUST.get(series.measure, series.measure),
+        "ranking": [] if series.measure in ROBUST else ranking(
+            {label: means[label] for label in ranked.values}, differences,
+            higher=MEASURES[series.measure].better == "higher"),
+    }  # fmt: skip
 
 
 def _over_frames(series: Series, *labels: str) -> dict[str, Any]:
-    """Interval over frames of one method, or of the difference of two; its block length, frames, and p-value of 0."""
+    """``over_frames`` of one method, or of the difference of two."""
     columns = np.stack([series.values[label].mean(axis=0) for label in labels], axis=-1)
-    if len(columns) < MIN_FRAMES:
-        return {"low": None, "high": None, "p_value": None, "block_length": None}
 
     def statistic(means: Array) -> Array:
         values = series.of_mean(means)
         return values[..., 0] if len(labels) == 1 else values[..., 0] - values[..., 1]
 
-    length = block_length(columns[:, 0] if len(labels) == 1 else columns[:, 0] - columns[:, 1])
+    return over_frames(columns, statistic, columns[:, 0] if len(labels) == 1 else columns[:, 0] - columns[:, 1])
+
+
+def over_frames(columns: Array, statistic: Callable[[Array], Array], series: Array) -> dict[str, Any]:
+    """Interval over frames of ``statistic`` of the means of ``columns`` (frames, k), its p-value of 0 and block length.
+
+    ``series`` (frames,): the values whose correlation gives the length.
+    """
+    if len(columns) < MIN_FRAMES:
+        return {"low": None, "high": None, "p_value": None, "block_length": None}
+    length = block_length(series)
     bounds = interval(columns, statistic, length)
     return {"low": bounds.low, "high": bounds.high, "p_value": bounds.p_value, "block_length": length}
 
 
 def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
-    """Mean and interval over seeds, each seed averaged over frames: what other random numbers would change."""
+    """``over_seeds`` of one method, or of the difference of two."""
     by_seed = [series.by_seed(label) for label in labels]
-    bounds = interval_over_seeds(by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1])
+    return over_seeds(by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1])
+
+
+def over_seeds(values: Array) -> dict[str, Any]:
+    """Mean and interval of values (seeds,), each averaged over frames: what other random numbers would change."""
+    bounds = interval_over_seeds(values)
     if bounds is None:
         return {"over_seeds": None, "over_seeds_reason": FEW_SEEDS}
     return {"over_seeds": {"mean": bounds.estimate, "low": bounds.low, "high": bounds.high}, "over_seeds_reason": None}
@@ -151,14 +176,25 @@ def interval_over_seeds(values: Array) -> Interval | None:
     return student_interval(values) if len(values) >= MIN_SEEDS else None
 
 
-def _differences(series: Series) -> list[dict[str, Any]]:
-    """Every pair of methods: a - b, its interval, p-value with and without Holm's correction, and the verdict."""
+def _differences(series: Series, noise: float | None) -> list[dict[str, Any]]:
+    """Every pair of methods: a - b, its interval, p-value with and without Holm's correction, and the verdict.
+
+    ``tied``: the mean values differ by less than ``noise``, that of the reference.
+    """
+    plain = {label: float(values.mean()) for label, values in series.values.items()}
     mean = {label: float(series.of_mean(values.mean())) for label, values in series.values.items()}
     out = [
-        {"a": a, "b": b, "difference": mean[a] - mean[b]} | _over_frames(series, a, b) | _over_seeds(series, a, b)
+        {"a": a, "b": b, "difference": mean[a] - mean[b], "tied": tied(plain[a], plain[b], noise)}
+        | _over_frames(series, a, b)
+        | _over_seeds(series, a, b)
         for a, b in combinations(series.values, 2)
     ]
     return [entry | {"verdict": verdict(series.measure, entry)} for entry in with_holm(out)]
+
+
+def tied(a: float, b: float, noise: float | None) -> bool:
+    """Whether two squared errors differ by less than the noise of the reference adds to them."""
+    return noise is not None and abs(a - b) < noise
 
 
 def with_holm(differences: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -175,6 +211,8 @@ def verdict(measure: str, entry: Mapping[str, Any]) -> str:
     if entry["low"] is None:
         return f"no interval: {FEW_FRAMES}"
     ends = f"interval {entry['low']:.3g} to {entry['high']:.3g}{unit}"
+    if entry.get("tied"):
+        return f"tied: closer than the noise of the reference ({ends})"
     if entry["low"] <= 0.0 <= entry["high"]:
         return f"statistically indistinguishable ({ends})"
     if entry["p_holm"] >= 1.0 - CONFIDENCE:
@@ -189,8 +227,8 @@ def ranking(
 ) -> list[dict[str, Any]]:
     """Methods from the best mean on.  ``higher``: higher is better.
 
-    ``rank``: 1 + the methods that are better beyond Holm's correction; ``last_rank``: all less those that are worse;
-    ``indistinguishable``: the others.  None: there are no intervals.
+    ``rank``: 1 + the methods that are better beyond Holm's correction and the noise of the reference; ``last_rank``:
+    all less those that are worse; ``indistinguishable``: the others.  None: there are no intervals.
     """
     sign = -1.0 if higher else 1.0
     better: dict[str, int] = dict.fromkeys(means, 0)
@@ -199,7 +237,7 @@ def ranking(
     has_p_values = all(entry["p_holm"] is not None for entry in differences)
     for entry in differences if has_p_values else ():
         a, b = entry["a"], entry["b"]
-        if entry["p_holm"] < 1.0 - CONFIDENCE:
+        if entry["p_holm"] < 1.0 - CONFIDENCE and not entry.get("tied"):
             loser, winner = (a, b) if sign * entry["difference"] > 0 else (b, a)
             better[loser] += 1
             worse[winner] += 1

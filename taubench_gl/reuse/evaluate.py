@@ -37,12 +37,13 @@ from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, Inputs, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.perceptual import open_perceptual
-from taubench_gl.reuse.quality import MEASURES, display, fixed_gain, reusable, warp_error
+from taubench_gl.reuse.quality import MEASURES, WHITE, display, fixed_gain, half_noise, psnr, reusable, warp_error
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
 from taubench_gl.reuse.references import (
     FITTED,
     FileReference,
     PathTracedReference,
+    ReferenceImage,
     SupersampledReference,
     reference_samples,
 )
@@ -68,7 +69,10 @@ _EVALUATION_READS = ("mask", "motion", "exact_mask")
 """The input that the evaluation itself provides: what methods are compared with."""
 
 KEPT_REFERENCE_BYTES = 1 << 31
-"""Reference images are kept in memory for further seeds up to this size, else made again."""
+"""Reference images, and exact masks, are kept in memory for further seeds up to this size, else made again."""
+
+_EXACT_BYTES = 12
+"""Of a pixel: the exact mask and motion."""
 
 MAX_SEED = 65535
 
@@ -237,7 +241,10 @@ def evaluate_methods(
         records = [run.record for run in evaluator.runs if not run.record.failed]
         rows = [row for step in zip(*(record.rows for record in records)) for row in step]
         counted = evaluator.frames[options.warmup :]
-        statistics = {"statistics": compare_methods(rows, counted, options.cuts) if options.statistics else None}
+        yardsticks = {run.spec.label for run in evaluator.runs if run.facts["yardstick"]}
+        facts = {"yardsticks": yardsticks, "noise": evaluator.noise}
+        compared = compare_methods(rows, counted, options.cuts, **facts) if options.statistics else None
+        statistics = {"statistics": compared}
         further = {"lighting": reasons, "provenance": provenance(owner.gpu, PassTimer.clock)}
         summary = evaluator.summary() | statistics | further
     return Evaluation(summary, rows)
@@ -283,9 +290,13 @@ class _MethodRun:
             self.facts["yardstick"] = self.method.yardstick
 
     def open(self, inputs: Inputs, seed: int) -> None:
-        """The runner for ``inputs``, whose random numbers are those of ``seed``."""
+        """The runner for ``inputs``, whose random numbers are those of ``seed``; one that is open begins again."""
         gpu, size, method = inputs.gpu, inputs.output_size, self.method
+        if isinstance(self.runner, MethodRunner):
+            self.runner.reset()
+            return
         if isinstance(method, RecordedFrames):
+            self.release()
             self.runner = RecordedRunner(gpu, method, size, inputs.frames, mapping=inputs.request.mapping, seed=seed)
         else:
             values = method_settings(method, self.spec.settings)
@@ -305,7 +316,7 @@ class _MethodRun:
 
 
 class _Evaluator:
-    """The reference and, seed by seed, the inputs and the runners of one evaluation, and the loop over its frames."""
+    """The reference, the inputs and the runners of one evaluation, and the loop over its frames."""
 
     def __init__(
         self,
@@ -316,10 +327,11 @@ class _Evaluator:
         announce: Callable[[str], None] | None = None,
     ):
         """``owner``: frees everything."""
-        self._owner, self._sequence = owner, owner.own(GpuOwner(inputs.gpu))  # of one seed
+        self._owner = owner
         self._input_request, self._request, self._settings = inputs, request, inputs.settings
         self._reference_texture = None
-        self._images: dict[int, Array] = {}
+        self._images: dict[int, ReferenceImage] = {}
+        self._noise: list[dict[str, float]] = []  # of the reference, by frame
         self._shading: list[float] = []
         self._gain: float | None = None
         self._warp_errors: list[float] = []
@@ -334,7 +346,7 @@ class _Evaluator:
         traced, self._reference = reference_samples(request.reference), None
         if traced is not None:
             self._reference = owner.own(PathTracedReference(inputs, traced, request.exact_samples))
-        self._open_inputs(self.seeds[0])
+        self._open_inputs()
         self._check_frames()
         if traced is not None:
             seconds = request.reference_time if request.reference == FITTED else None
@@ -345,6 +357,8 @@ class _Evaluator:
             self._reference = owner.own(SupersampledReference(inputs, request.reference_samples))
         else:
             self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
+        for run in self.runs:
+            owner.own(run)
         self._open_runners(self.seeds[0])
         self._require(bool(self.running))
         self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
@@ -371,8 +385,8 @@ class _Evaluator:
             message = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
             raise SettingsError(message, hint="select more --frames or a smaller --warmup")
 
-    def _open_inputs(self, seed: int) -> None:
-        request = replace(self._input_request, kind=replace(self._input_request.kind, seed=seed))
+    def _open_inputs(self) -> None:
+        request = self._input_request
         method_reads = {name for run in self.runs if isinstance(run.method, Method) for name in run.method.reads}
         reads, cuts = (method_reads | set(_EVALUATION_READS)) - {REFERENCE_INPUT}, self._request.cuts
         if request.kind.files is not None:
@@ -380,8 +394,11 @@ class _Evaluator:
         else:
             exact = self._reference if request.kind.path_samples else True
             inputs = RasterInputs(request, reads, cuts=cuts, exact=exact)
-        self._inputs = self._sequence.own(inputs)
+        self._inputs = self._owner.own(inputs)
         self.frames = inputs.frames
+        width, height = inputs.output_size
+        kept = _EXACT_BYTES * width * height * len(self.frames)
+        inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
         same = inputs.size == inputs.output_size  # else methods that read the reference fail with its name
         if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
             self._reference_texture = self._owner.own(inputs.gpu.texture(inputs.size))
@@ -389,19 +406,17 @@ class _Evaluator:
     def _open_runners(self, seed: int) -> None:
         for run in self.runs:
             if run.record.failed is None:
-                self._sequence.own(run)
                 with run.isolated():
                     run.open(self._inputs, seed)
 
     def run(
         self, progress: Callable[[Progress], None] | None, on_frame: Callable[[EvaluatedFrame], None] | None
     ) -> None:
-        """All frames with every seed.  The inputs and runners of the first seed are open already."""
+        """All frames with every seed.  The runners of the first seed are open already."""
         pairs = len(self.frames) - 1
         for repetition, seed in enumerate(self.seeds):
             if repetition:
-                self._sequence.release()
-                self._open_inputs(seed)
+                self._inputs.begin(seed)
                 self._open_runners(seed)
             previous: Displayed | None = None
             for run in self.runs:
@@ -458,23 +473,28 @@ class _Evaluator:
     def _frame_reference(
         self, frame: int, inputs: FrameInputs, previous: Displayed | None, repetition: int
     ) -> FrameReference:
-        radiance = self._reference_image(frame)
-        valid = np.isfinite(radiance).all(axis=-1)
+        known = self._reference_image(frame)
+        valid = np.isfinite(known.radiance).all(axis=-1)
         mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
         motion = read_channel(self._inputs.exact_motion or inputs.textures["motion"], "motion")
-        image = Displayed.of(radiance, valid, self._settings.lighting.tone_map)
+        image = Displayed.of(known.radiance, valid, self._settings.lighting.tone_map)
         if previous is None and self._gain is None:
             self._gain = fixed_gain(image.radiance)
         if previous is not None and not repetition:
             error = warp_error(image.colors, previous.colors, motion, reusable(mask))
             self._warp_errors += [] if error is None else [error]
-        return FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain)
+        halves = None if known.halves is None else tuple(np.where(valid[..., None], half, 0.0) for half in known.halves)
+        facts = {"emitters": known.emitters, "halves": halves}
+        reference = FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain, **facts)
+        if halves is not None and not repetition:
+            self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
+        return reference
 
-    def _reference_image(self, frame: int) -> Array:
+    def _reference_image(self, frame: int) -> ReferenceImage:
         if frame in self._images:
             return self._images[frame]
         image = self._reference.image(frame)
-        if len(self.seeds) > 1 and image.nbytes * len(self.frames) <= KEPT_REFERENCE_BYTES:
+        if len(self.seeds) > 1 and image.bytes * len(self.frames) <= KEPT_REFERENCE_BYTES:
             self._images[frame] = image
         return image
 
@@ -494,6 +514,12 @@ class _Evaluator:
             with run.isolated():
                 out[run.spec.label] = run.step(inputs)
         return out
+
+    @property
+    def noise(self) -> dict[str, float] | None:
+        """``half_noise`` of the reference, mean over the counted frames; None where it is not known."""
+        counted = self._noise[self._request.warmup :]
+        return {name: float(np.mean([n[name] for n in counted])) for name in counted[0]} if counted else None
 
     def summary(self) -> dict[str, Any]:
         width, height = self._inputs.output_size
@@ -515,7 +541,9 @@ class _Evaluator:
             "seeds": list(self.seeds),
             "warmup": self._request.warmup,
             "input": described | {"shading_ms": shading, "clock": clock},
-            "reference": self._reference.describe() | {"warp_error": warped, "gain": self._gain},
+            "reference": self._reference.describe() | {"warp_error": warped, "gain": self._gain}
+            | {"noise_mse": self.noise, "noise_db": self.noise and {n: psnr(v) for n, v in self.noise.items()}},
+            "white": WHITE,
             "mask_source": self._mask_source,
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},

@@ -209,6 +209,17 @@ def _stored(info: PassInfo, report: bool) -> tuple[str, ...]:
     return tuple(name for name in info.writes if report or name not in REPORTS)
 
 
+def reporting_passes(method: Method) -> tuple[PassInfo, ...]:
+    """The passes that give REPORTS: from the first one to the last that writes some.
+
+    A history, or the result, that they write and a later pass completes would not be whole again: then all passes.
+    """
+    last = max(index for index, info in enumerate(method.passes) if set(info.writes) & REPORTS.keys())
+    some, others = method.passes[: last + 1], method.passes[last + 1 :]
+    kept = {name for info in some for name in info.writes} & {*method.history, RESULT}
+    return some if kept.isdisjoint(name for info in others for name in info.writes) else method.passes
+
+
 def build_source(method: Method, info: PassInfo, group: tuple[int, int], report: bool = False) -> Source:
     """The complete shader of one pass.  Errors refer to file and line of the user.  Raises MethodError."""
     group = group_size(info, group)
@@ -282,16 +293,16 @@ class GlslPasses(GpuOwner):
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
         """All passes of one frame.  -> the result.  Swaps the histories: they are ``prev_`` in the next frame."""
         self._write_frame(frame, values, has_history)
-        self._run_passes(self._programs, frame, values)
+        self._run_passes(self._method.passes, self._programs, frame, values)
         self._swap()
         return self._now[RESULT]
 
     def _run_passes(
-        self, programs: Sequence[moderngl.ComputeShader], frame: FrameInputs, values: Mapping[str, Value],
-        report: bool = False,
+        self, passes: Sequence[PassInfo], programs: Sequence[moderngl.ComputeShader], frame: FrameInputs,
+        values: Mapping[str, Value], report: bool = False,
     ) -> None:  # fmt: skip
         self._parameters.bind_to_storage_buffer(0)
-        for info, program in zip(self._method.passes, programs, strict=True):
+        for info, program in zip(passes, programs, strict=True):
             self._set(program, {name: s.number(values[name]) for name, s in self._method.settings.items()})
             for iteration in range(self._method.number(info.repeat, values)):
                 self._set(program, {"iteration": iteration})
@@ -305,15 +316,17 @@ class GlslPasses(GpuOwner):
     def reported(self, frame: FrameInputs, values: Mapping[str, Value]) -> dict[str, np.ndarray]:
         """The outputs of REPORTS of the last ``run``, (h, w, 4) float32, row 0 at the top.
 
-        Runs the passes once more over the same histories, so that storing the outputs takes no time from ``run``.
+        Runs ``reporting_passes`` once more over the same histories, so that storing the outputs takes no time from
+        ``run``.
         """
         if not self._method.reports:
             return {}
+        passes = reporting_passes(self._method)
         if not self._reporting:
-            self._reporting = [self._compile(info, report=True) for info in self._method.passes]
+            self._reporting = [self._compile(info, report=True) for info in passes]
             self._now |= {name: self._texture(REPORT_FORMAT, self._sizes["output"]) for name in self._method.reports}
         self._swap()
-        self._run_passes(self._reporting, frame, values, report=True)
+        self._run_passes(passes, self._reporting, frame, values, report=True)
         self._swap()
         return {name: read_result(self._now[name]) for name in self._method.reports}
 

@@ -9,7 +9,7 @@ where the input is exact.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import moderngl
@@ -101,6 +101,8 @@ class Inputs(GpuOwner):
     output_size: tuple[int, int]
     settings: Settings
     missing: dict[str, str]
+    keeps_exact = False
+    """Keep the exact masks for the sequences of other seeds, with the same frames."""
 
     def __init__(self, request: InputRequest, reads: Collection[str], cuts: Collection[int]):
         """``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history."""
@@ -110,19 +112,23 @@ class Inputs(GpuOwner):
         self._previous: View | None = None
         self._masks: MaskInputs | None = None
         self._exact_masks: MaskInputs | None = None
+        self._kept: dict[int, tuple[bytes, bytes]] = {}  # exact masks and motion by frame
+
+    def begin(self, seed: int) -> None:
+        """The next frame is the first of a sequence with the random numbers of ``seed``."""
+        self.kind = replace(self.kind, seed=seed)
+        self._index, self._previous = 0, None
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""
         view = self._draw(frame)
-        if self.exact not in (None, self.source):
-            self.exact.advance(frame)
         previous = self._previous or view
         declared = Reason.FIRST if self._previous is None else Reason.CUT if frame in self._cuts else 0
         pair = reprojection(view, previous, *self.size, jitter=False)
         if self._masks is not None:
             self._masks.run(pair, declared)
         if self._exact_masks is not None:
-            self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.output_size), declared)
+            self._run_exact(frame, reprojection(view.centered(), previous.centered(), *self.output_size), declared)
         textures = self._channels() | self._compute(frame, view, pair, declared)
         out = FrameInputs(
             index=self._index,
@@ -139,6 +145,17 @@ class Inputs(GpuOwner):
         )
         self._index, self._previous = self._index + 1, view
         return out
+
+    def _run_exact(self, frame: int, pair: Reprojection, declared: int) -> None:
+        """The exact masks of ``frame``: the same for every seed, so kept where the exact frames are drawn for them."""
+        if frame in self._kept:
+            self._exact_masks.write(*self._kept[frame])
+            return
+        if self.exact not in (None, self.source):
+            self.exact.advance(frame)
+        self._exact_masks.run(pair, declared)
+        if self.keeps_exact and self.exact is not self.source:
+            self._kept[frame] = self._exact_masks.mask.read(), self._exact_masks.motion.read()
 
     def _draw(self, frame: int) -> View:
         """Advance the source of the input to ``frame``; its view."""
@@ -276,6 +293,11 @@ class RasterInputs(Inputs):
             out |= self.reshade.textures
         return out
 
+    def begin(self, seed: int) -> None:
+        super().begin(seed)
+        if self.source.light is not None:
+            self.source.light.seed = seed
+
     def shading_ms(self) -> float:
         samples = self.timer.samples_ms()
         return float(sum(samples[name][-1] for name in SHADING_PASSES if len(samples.get(name, ()))))
@@ -312,6 +334,11 @@ class MaskInputs:
     @property
     def bytes(self) -> int:
         return texture_bytes(self.mask, self.motion)
+
+    def write(self, mask: bytes, motion: bytes) -> None:
+        """The contents of the textures of an earlier ``run``."""
+        self.mask.write(mask)
+        self.motion.write(motion)
 
     def run(self, pair: Reprojection, declared: int) -> None:
         """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""

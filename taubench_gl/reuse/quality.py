@@ -6,8 +6,11 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import os
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
@@ -27,6 +30,13 @@ SSIM_SIGMA, SSIM_SIDE = 1.5, 11
 FLIP_PERCENTILES = (50, 95, 99)
 TRIMMED_SHARE = 1e-3
 """Share of the pixels, those with the largest errors, that ``relmse_trimmed`` leaves out."""
+
+WHITE = 4.0
+"""Radiance at which the clipped measures clip image and reference: four times the white of the display, which is 1
+with the exposure applied.  Two stops of highlights count; how far a lamp is above them does not."""
+
+TAIL_SHARE = 1e-3
+"""``tail`` is the share of an error that lies in this share of the pixels, those with the largest errors."""
 
 DISCARDS = int(NOT_COMPARABLE) | sum(int(bit) for bit in FEATURE_BIT.values())
 """Bits of the exact mask: with any of them, the history of a pixel is invalid."""
@@ -61,11 +71,14 @@ MEASURES: dict[str, Measure] = {
             "flicker", "", "lower", 5, "mean |change along motion - that of the reference| where history is valid",
             "flicker",
         ),
-        Measure("linear_mse", "", "lower", 6, "mean of (image - reference)^2, linear radiance"),
+        Measure("linear_mse", "", "lower", 6, "mean of (image - reference)^2, linear radiance; with the two halves a, "
+                "b of a path-traced reference of (image - a)(image - b), which has no noise of the reference in it"),
         Measure(
             "relmse_trimmed", "", "lower", 5, "relMSE at the exposure that meters the first reference to 0.18, without "
             "the 0.1 % of pixels with the largest errors",
         ),
+        Measure("clipped_mse", "", "lower", 6, f"mean of (image - reference)^2, both clipped at {WHITE:g} times white"),
+        Measure("clipped_relmse", "", "lower", 5, f"relMSE, image and reference clipped at {WHITE:g} times white"),
         *(
             Measure(f"flip_p{p}", "", "lower", 4, f"percentile {p} over pixels of LDR-FLIP", "flip")
             for p in FLIP_PERCENTILES
@@ -82,6 +95,13 @@ MEASURES: dict[str, Measure] = {
         ),
     )
 }  # fmt: skip
+
+
+ROBUST = {"linear_mse": "clipped_mse", "relmse": "clipped_relmse"}
+"""Measure of unbounded radiance -> the same of clipped radiance, which rankings use instead."""
+
+LINEAR = frozenset({*ROBUST, *ROBUST.values(), "relmse_trimmed"})
+"""Measures of linear radiance of single pixels: those that show an emitting surface are left out."""
 
 
 def display(radiance: Array, curve: str = "linear") -> Array:
@@ -105,10 +125,55 @@ def linear_squared_error(image: Array, reference: Array) -> Array:
     return np.mean((image - reference) ** 2, axis=-1)
 
 
+def independent_squared_error(image: Array, first: Array, second: Array) -> Array:
+    """Mean over channels of (image - first)(image - second).  -> (h, w) float64.
+
+    ``first``, ``second``: independent unbiased estimates of one truth, independent of ``image``: the expectation is the
+    squared error against the truth, without the variance of the estimates.  Single values can be negative.
+    """
+    image, first, second = (np.asarray(x, dtype=np.float64) for x in (image, first, second))
+    return np.mean((image - first) * (image - second), axis=-1)
+
+
+def tail(error: Array) -> tuple[float, float]:
+    """Sum of the largest TAIL_SHARE of the values of ``error``, at least one value, and of all; none is negative."""
+    values = error.ravel()
+    most = math.ceil(TAIL_SHARE * values.size)
+    return float(np.partition(values, values.size - most)[values.size - most :].sum()), float(values.sum())
+
+
+def half_noise(first: Array, second: Array, curve: str, scored: Array) -> dict[str, float]:
+    """Variance of the mean of two independent halves of a reference, in the unit of each squared measure.
+
+    ``first``, ``second`` (h, w, 3): equal numbers of samples, so that the variance of their mean is (first - second)^2
+    / 4; ``scored`` (h, w) bool: pixels that linear measures count.  -> the squared errors that noise of the reference
+    adds to measures; ``psnr_db`` as mean squared error.
+    """
+    relative = 0.25 * (first - second) ** 2 / (0.25 * (first + second) ** 2 + RELMSE_EPSILON)
+    low, high = (np.minimum(half, WHITE) for half in (first, second))
+    clipped = 0.25 * (low - high) ** 2
+    by_measure = {
+        "psnr_db": 0.25 * (display(first, curve) - display(second, curve)) ** 2,
+        "relmse": relative[scored],
+        "linear_mse": 0.25 * (first - second)[scored] ** 2,
+        "clipped_mse": clipped[scored],
+        "clipped_relmse": (clipped / (0.25 * (low + high) ** 2 + RELMSE_EPSILON))[scored],
+    }
+    return {name: float(values.mean()) if values.size else 0.0 for name, values in by_measure.items()}
+
+
 def relative_squared_error(image: Array, reference: Array) -> Array:
     """Mean over channels of (image - reference)^2 / (reference^2 + RELMSE_EPSILON).  -> (h, w) float64."""
     image, reference = (np.asarray(x, dtype=np.float64) for x in (image, reference))
     return np.mean((image - reference) ** 2 / (reference**2 + RELMSE_EPSILON), axis=-1)
+
+
+def linear_errors(image: Array, reference: Array) -> dict[str, Array]:
+    """The maps of the measures in ROBUST, of all and of clipped radiance, (h, w) float64 each."""
+    out = {"relmse": relative_squared_error(image, reference), "linear_mse": linear_squared_error(image, reference)}
+    image, reference = np.minimum(image, WHITE), np.minimum(reference, WHITE)
+    out["clipped_mse"] = linear_squared_error(image, reference)
+    return out | {"clipped_relmse": relative_squared_error(image, reference)}
 
 
 def fixed_gain(reference: Array) -> float | None:
@@ -147,10 +212,8 @@ def ssim(shown: Array, reference: Array) -> float | None:
 
 def flip_map(shown: Array, reference: Array) -> Array:
     """LDR-FLIP of every pixel, (h, w) float64 in [0, 1].  Raises ValueError for values that are not finite."""
-    import flip_evaluator
-
     images = _finite_images(reference, shown)
-    error, _, _ = flip_evaluator.evaluate(*images, "LDR", applyMagma=False, computeMeanError=False)
+    error, _, _ = _flip().evaluate(*images, "LDR", applyMagma=False, computeMeanError=False)
     return np.asarray(error, dtype=np.float64)[..., 0]
 
 
@@ -159,11 +222,15 @@ def hdr_flip(radiance: Array, reference: Array) -> float:
 
     Negative values count as 0.  Raises ValueError for values that are not finite.
     """
-    import flip_evaluator
-
     images = (np.maximum(x, 0.0) for x in _finite_images(reference, radiance))
-    error, _, _ = flip_evaluator.evaluate(*images, "HDR", applyMagma=False, computeMeanError=False)
+    error, _, _ = _flip().evaluate(*images, "HDR", applyMagma=False, computeMeanError=False)
     return float(np.mean(error, dtype=np.float64))
+
+
+def _flip() -> ModuleType:
+    """FLIP's package.  Its OpenMP threads sleep between parallel loops: waiting in loops takes three times the time."""
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # read when the library is loaded
+    return importlib.import_module("flip_evaluator")
 
 
 def _finite_images(*images: Array) -> list[Array]:

@@ -5,7 +5,8 @@ Path-traced light is also a ``Source`` of noise-free frames, which ``exact_mask`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import moderngl
@@ -21,6 +22,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.frame.environment import maps_of
 from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.environment import lookup
@@ -55,6 +57,25 @@ def reference_samples(text: str) -> int | None:
     return int(number)
 
 
+@dataclass(frozen=True, slots=True)
+class ReferenceImage:
+    """Linear radiance x exposure of one frame, row 0 at the top.
+
+    ``radiance`` (h, w, 3) float32; ``emitters`` (h, w) bool: a visible surface emits, None: not known; ``halves``:
+    radiance (h, w, 3) of two independent halves of its samples, whose mean is ``radiance``, None: it has no noise, or
+    it is not known.
+    """
+
+    radiance: Array
+    emitters: Array | None = None
+    halves: tuple[Array, Array] | None = None
+
+    @property
+    def bytes(self) -> int:
+        arrays = (self.radiance, self.emitters, *(self.halves or ()))
+        return sum(array.nbytes for array in arrays if array is not None)
+
+
 class SupersampledReference(GpuOwner):
     """Exact light at ``samples`` positions per pixel, the cell centers of a grid; mean of linear radiance."""
 
@@ -69,18 +90,27 @@ class SupersampledReference(GpuOwner):
         how = {"shading": Shading(gather_each=request.kind.noisy), "jitter": lambda frame: self._offset}
         self._source = self.open_source(request.animated, settings, **how)
         self._compose = ComposePass(self, self._source, settings, accumulate=True)
+        self._emits = self._source.effects["emission"].enabled
 
-    def image(self, frame: int) -> Array:
-        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
+    def image(self, frame: int) -> ReferenceImage:
+        """``emitters``: of any of its samples."""
         share = 1.0 / len(self._offsets)
+        emitters = np.full(self._source.size[::-1], False)
         for k, offset in enumerate(self._offsets):
             self._offset = offset
             self._source.advance(frame)
             self._compose.run(frame, -share if k == 0 else share)
-        return read_result(self._compose.textures["radiance"])[..., :3]
+            if self._emits:
+                emitters |= emitting(self._source)
+        return ReferenceImage(read_result(self._compose.textures["radiance"])[..., :3], emitters)
 
     def describe(self) -> dict[str, Any]:
         return {"kind": "max", "samples": len(self._offsets), "path": None}
+
+
+def emitting(source: RasterSource) -> Array:
+    """(h, w) bool: the visible surface of the current frame emits; ``source`` has the channel ``emission``."""
+    return (source.read("emission")[..., :3] > 0.0).any(axis=-1)
 
 
 class FileReference:
@@ -92,9 +122,11 @@ class FileReference:
         self._sequence.require(size, frames, of="the input")
         self._exposure = request.settings.lighting.exposure_factor
 
-    def image(self, frame: int) -> Array:
-        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
-        return self._sequence.radiance(frame, self._exposure)
+    def image(self, frame: int) -> ReferenceImage:
+        """``emitters``: where the files have a pass of emission."""
+        emission = self._sequence.emission(frame)
+        emitters = None if emission is None else (emission[..., :3] > 0.0).any(axis=-1)
+        return ReferenceImage(self._sequence.radiance(frame, self._exposure), emitters)
 
     def describe(self) -> dict[str, Any]:
         return {"kind": "exr", "samples": None, "path": str(self._sequence.path)}
@@ -124,7 +156,7 @@ class PathTracedReference(GpuOwner):
         self.unmeasured: Mapping[str, str] = {}
         self._textures = [{name: self.own(gpu.texture(self.size)) for name in self.radiance} for _ in range(2)]
         self._frame: int | None = None
-        self._image = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
+        self._image = ReferenceImage(np.zeros((self.size[1], self.size[0], 3), dtype=np.float32))
 
     def prepare(self, frames: range, seconds: float | None) -> Estimate:
         """The time that ``frames`` will take; with ``seconds``, first choose the samples that fit it."""
@@ -135,17 +167,21 @@ class PathTracedReference(GpuOwner):
         self._textures.reverse()
         reference = self.references.frame(frame)
         channels = {"direct": reference.direct, "indirect": reference.indirect}
-        radiance = self._radiance(view, reference.direct + reference.indirect)
+        lights = (reference.direct + reference.indirect, *(() if reference.halves is None else reference.halves))
+        radiance, *halves = self._radiance(view, lights)
         exposure = self._settings.lighting.exposure_factor
-        self._image = (radiance * exposure).astype(np.float32)
+        exposed = [(x * exposure).astype(np.float32) for x in (radiance, *halves)]
+        emitters = emitting(self._source) if self._emits else np.full(radiance.shape[:2], False)
+        self._image = ReferenceImage(exposed[0], emitters, (exposed[1], exposed[2]) if halves else None)
         channels["color"] = display_color(radiance, exposure, self._settings.lighting.tone_map)
         for name, values in channels.items():
             write_channel(self._textures[0][name], name, np.asarray(values, dtype=np.float32))
         self._frame = frame
         return view
 
-    def _radiance(self, view: View, light: Array) -> Array:
-        """(h, w, 3) float64 without exposure: light and emission of surfaces, the environment elsewhere."""
+    def _radiance(self, view: View, lights: Sequence[Array]) -> list[Array]:
+        """(h, w, 3) float64 without exposure, of each of ``lights``: light and emission of surfaces, the environment
+        elsewhere."""
         width, height = self.size
         surface = self._source.read("position")[..., 3:] > 0.0
         emitted = self._source.read("emission")[..., :3] if self._emits else 0.0
@@ -154,10 +190,9 @@ class PathTracedReference(GpuOwner):
             origin, dx, dy = sky_directions(view, width, height)
             up = np.arange(height)[::-1, None, None]  # GL rows: 0 is at the bottom
             sky = lookup(maps_of(self._environment).seen, origin + np.arange(width)[:, None] * dx + up * dy)
-        return np.where(surface, light.astype(np.float64) + emitted, sky)
+        return [np.where(surface, light.astype(np.float64) + emitted, sky) for light in lights]
 
-    def image(self, frame: int) -> Array:
-        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
+    def image(self, frame: int) -> ReferenceImage:
         if self._frame != frame:
             self.advance(frame)
         return self._image

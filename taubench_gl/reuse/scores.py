@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,9 @@ Array = np.ndarray
 
 ROW_COLUMNS = (
     "seed", "frame", "method", *quality.MEASURES, "reused_percent", "mean_weight", "effective_weight",
-    "wrongly_reused_percent", "wrongly_rejected_percent", "bound_linear_mse", "headroom_db", "bound_weight",
-    "blended_percent", "time_ms", "invalid_pixels",
+    "wrongly_reused_percent", "wrongly_rejected_percent", "bound_linear_mse", "headroom_db", "bound_clipped_mse",
+    "clipped_headroom_db", "bound_weight", "blended_percent", "emitter_percent", "emitter_linear_mse", "time_ms",
+    "invalid_pixels",
 )  # fmt: skip
 """frames.csv, one row per seed, frame and method.  An empty cell was not measured."""
 
@@ -57,22 +59,28 @@ class ClassErrors:
     """Sums of per-pixel errors by class, over frames."""
 
     pixels: Array = field(default_factory=lambda: np.zeros(len(CLASSES), dtype=np.int64))
+    scored: Array = field(default_factory=lambda: np.zeros(len(CLASSES), dtype=np.int64))  # of measures in LINEAR
     sums: dict[str, Array] = field(default_factory=dict)
 
-    def add(self, classes: Array, errors: dict[str, Array]) -> None:
-        """``classes`` (h, w); ``errors``: name -> (h, w), the same names for every frame."""
-        flat = classes.ravel()
-        self.pixels += np.bincount(flat, minlength=len(CLASSES))
+    def add(self, classes: Array, errors: dict[str, Array], scored: Array) -> None:
+        """``classes``, ``scored`` (h, w); ``errors``: name -> (h, w), the same names for every frame."""
+        self.pixels += np.bincount(classes.ravel(), minlength=len(CLASSES))
+        self.scored += np.bincount(classes[scored], minlength=len(CLASSES))
+        everywhere = np.full(scored.shape, True)
         for name, values in errors.items():
-            total = np.bincount(flat, weights=values.ravel().astype(np.float64), minlength=len(CLASSES))
+            which = scored if name in quality.LINEAR else everywhere
+            weights = values[which].astype(np.float64)
+            total = np.bincount(classes[which], weights=weights, minlength=len(CLASSES))
             self.sums[name] = self.sums.get(name, 0.0) + total
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """Class -> ``percent`` of all pixels and the mean of each error, None for an empty class."""
         total, out = int(self.pixels.sum()), {}
         for index, name in enumerate(CLASSES):
-            count = int(self.pixels[index])
-            means = {n: float(s[index] / count) if count else None for n, s in self.sums.items()}
+            count, means = int(self.pixels[index]), {}
+            for measure, sums in self.sums.items():
+                of = int(self.scored[index]) if measure in quality.LINEAR else count
+                means[measure] = float(sums[index] / of) if of else None
             out[name] = {"pixels": count, "percent": 100.0 * count / total if total else None, **means}
         return out
 
@@ -99,7 +107,7 @@ class Displayed:
         return Displayed(np.where(keep, self.radiance, 0.0), np.where(keep, self.colors, 0.0), valid)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FrameReference:
     """What all methods of one frame are compared with.  Arrays (h, w, ...), row 0 at the top."""
 
@@ -110,6 +118,15 @@ class FrameReference:
     classes: Array  # (h, w) int8, of ``classify``
     motion_px: Array  # (h, w, 2) previous - current, +y down
     gain: float | None = 1.0  # of ``relmse_trimmed``, one for the evaluation; None: the first reference is black
+    emitters: Array | None = None  # (h, w) bool: the visible surface emits; None: none does, or it is not known
+    halves: tuple[Array, Array] | None = None  # (h, w, 3) linear radiance of two independent halves of the reference
+
+    @cached_property
+    def scored(self) -> Array:
+        """(h, w) bool: the pixels of measures of linear radiance; all where every pixel shows an emitter."""
+        if self.emitters is None or self.emitters.all():
+            return np.full(self.mask.shape, True)
+        return ~self.emitters
 
 
 @dataclass(slots=True)
@@ -137,6 +154,7 @@ class MethodRecord:
     _temporal_mse: list[float] = field(default_factory=list)
     _previous: Displayed | None = None
     _video: list[tuple[Array, Array]] = field(default_factory=list)  # display colors of the counted frames of a seed
+    _tails: dict[str, Array] = field(default_factory=dict)  # measure -> sums of ``quality.tail``
 
     def begin(self, seed: int) -> None:
         """The next frame is the first of the sequence of ``seed``."""
@@ -170,22 +188,25 @@ class MethodRecord:
         """
         valid = reference.image.valid & np.isfinite(result).all(axis=-1)
         shown, expected = Displayed.of(result[..., :3], valid, curve), reference.image.masked(valid)
-        errors = {
-            "mse": quality.squared_error(shown.colors, expected.colors),
-            "relmse": quality.relative_squared_error(shown.radiance, expected.radiance),
-            "linear_mse": quality.linear_squared_error(shown.radiance, expected.radiance),
-        }
+        errors = {"mse": quality.squared_error(shown.colors, expected.colors)}
+        errors |= quality.linear_errors(shown.radiance, expected.radiance)
+        tails = {name: quality.tail(errors[name][reference.scored]) for name in errors if name in quality.LINEAR}
+        emitters = self._emitters(reference, errors["linear_mse"])
+        if reference.halves is not None:
+            first, second = (np.where(valid[..., None], half, 0.0) for half in reference.halves)
+            errors["linear_mse"] = quality.independent_squared_error(shown.radiance, first, second)
         counted = self._index >= self.warmup
         row: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
         row |= {"seed": self._seed, "frame": reference.frame, "method": self.label, "time_ms": time_ms}
         row["invalid_pixels"] = int(np.count_nonzero(~valid))
+        row |= emitters
         if not (_black(shown) and _black(expected)):
-            row |= self._image_measures(shown, expected, errors, reference.gain)
+            row |= self._image_measures(shown, expected, errors, reference)
         if blended is not None:
-            bound = bound_of_frame(blended, result, expected.radiance, valid)
+            bound = bound_of_frame(blended, result, expected.radiance, valid, reference.emitters)
             row |= bound.row
             if counted:
-                self.bounds.frames.append(bound)
+                self.bounds.seeds.setdefault(self._seed, []).append(bound)
         if self._previous is not None:  # the first frame has no history
             allowed = quality.reusable(reference.mask)
             row |= self._temporal(shown, expected, reference, allowed, counted)
@@ -193,7 +214,9 @@ class MethodRecord:
         if counted:
             if row["relmse"] is not None:  # not black against black
                 self._mse.append(float(errors["mse"].mean()))
-                self.classes.add(reference.classes, errors)
+                self.classes.add(reference.classes, errors, reference.scored)
+                for name, sums in tails.items():
+                    self._tails[name] = self._tails.get(name, 0.0) + np.array(sums)
             self.counted.append(row)
             if self.perceptual.cvvdp is not None:
                 self._video.append(tuple(to_8_bit(image.colors) for image in (shown, expected)))
@@ -201,11 +224,19 @@ class MethodRecord:
         self.rows.append(row)
         return shown.colors, errors.get("flip", np.clip(4.0 * np.sqrt(errors["mse"]), 0.0, 1.0))
 
+    def _emitters(self, reference: FrameReference, error: Array) -> dict[str, float | None]:
+        """Share of the pixels that show an emitting surface, and their mean ``error``."""
+        if reference.emitters is None or not reference.emitters.any():
+            return {"emitter_percent": None if reference.emitters is None else 0.0, "emitter_linear_mse": None}
+        own = float(error[reference.emitters].mean())
+        return {"emitter_percent": _percent(reference.emitters), "emitter_linear_mse": own}
+
     def _image_measures(
-        self, shown: Displayed, expected: Displayed, errors: dict[str, Array], gain: float | None
+        self, shown: Displayed, expected: Displayed, errors: dict[str, Array], reference: FrameReference
     ) -> dict[str, Any]:
         """Measures of one image; adds the map of FLIP to ``errors``."""
-        out: dict[str, Any] = {name: float(errors[name].mean()) for name in ("relmse", "linear_mse")}
+        scored = reference.scored
+        out: dict[str, Any] = {n: float(errors[n][scored].mean()) for n in errors if n in quality.LINEAR}
         out["psnr_db"] = quality.psnr(float(errors["mse"].mean()))
         if "ssim" in self.metrics:
             out["ssim"] = quality.ssim(shown.colors, expected.colors)
@@ -216,8 +247,9 @@ class MethodRecord:
             out |= {f"flip_p{p}": float(v) for p, v in zip(quality.FLIP_PERCENTILES, points, strict=True)}
         if "hdr_flip" in self.metrics:
             out["hdr_flip"] = quality.hdr_flip(shown.radiance, expected.radiance)
-        if gain is not None:
-            out["relmse_trimmed"] = quality.trimmed_relative_error(shown.radiance, expected.radiance, gain)
+        if reference.gain is not None:
+            images = (image.radiance[scored] for image in (shown, expected))
+            out["relmse_trimmed"] = quality.trimmed_relative_error(*images, reference.gain)
         if self.perceptual.lpips is not None:
             out["lpips"] = self.perceptual.lpips(shown.colors, expected.colors)
         return out
@@ -261,6 +293,8 @@ class MethodRecord:
             "frames": len(self.rows),
             "mean": mean,
             "reuse": reuse,
+            "tail_percent": {n: 100.0 * float(s[0] / s[1]) if s[1] > 0 else None for n, s in self._tails.items()},
+            "emitters": {"percent": _mean(rows, "emitter_percent"), "linear_mse": _mean(rows, "emitter_linear_mse")},
             "bound": bound,
             "classes": self.classes.summary(),
             "time_ms": statistics.median(times) if times else None,

@@ -22,6 +22,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.quality import display, reusable
+from taubench_gl.reuse.references import emitting
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.scores import NO_WEIGHT, weights, wrongly_reused
 from taubench_gl.run import load_run
@@ -190,7 +191,9 @@ class MethodComparison(Owner):
         if blended is None:
             self._missing["bound"] = NO_HISTORY
             return
-        self.scores |= bound_of_frame(blended, result, reference, valid).row
+        exact = self._inputs.exact
+        emitters = emitting(exact) if exact.effects["emission"].enabled else None
+        self.scores |= bound_of_frame(blended, result, reference, valid, emitters).row
         best, weight = blended.masked(valid)[0].best(reference)
         self._write("bound", best, wrongly_reused(weight, allowed))
 

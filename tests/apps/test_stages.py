@@ -65,3 +65,13 @@ def test_one_line_says_what_to_type(arguments, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert stopped.value.code == 2
     assert ("did you mean rotations?" if arguments[0] == "demo" else f"evaluate {arguments[0]}") in line
+
+
+def test_a_study_without_a_terminal_says_where_a_job_is(monkeypatch):
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
+    screen, said = StudyScreen("images"), []
+    monkeypatch.setattr(screen, "say", said.append)
+    screen.job_known("a", "demo/noisy", 0, 12)
+    screen.advanced("a", 3)
+    (line,) = said
+    assert "demo/noisy" in line and "3/12 images" in line

@@ -201,6 +201,13 @@ def test_ranks_respect_the_intervals(measure, expected):
     assert ranks == expected and list(ranks) == list(expected)
 
 
+def test_methods_that_are_closer_than_the_noise_of_every_reference_share_ranks():
+    values = values_of(a=1.0, b=1.1)
+    for tied, expected in (((), [(1, 1), (2, 2)]), ([("a", "b")], [(1, 2), (1, 2)])):
+        found = ranked("clipped_mse", CaseValues(values, {}, float, tied), methods_of("a", "b"), "t")
+        assert [(entry["rank"], entry["last_rank"]) for entry in found["ranking"]] == expected
+
+
 def test_failed_methods_are_last_and_others_are_not_ranked():
     methods = methods_of("a", "b", "seen", x="failed", y="failed", z="not applicable")
     methods["seen"]["yardstick"] = "reads reference"
@@ -253,16 +260,18 @@ def test_the_mean_of_errors_without_a_common_scale_is_geometric():
     assert over_cases("relmse", (0.01, 100.0)) == pytest.approx(1.0)
     assert over_cases("flip", (0.25, 0.75)) == pytest.approx(0.5)
     assert over_cases("flip", ()) is None
+    assert over_cases("linear_mse", (0.1, -1e-4)) is None  # below the noise of a reference
 
 
 def test_estimated_costs_of_known_times():
-    """A unit that takes 3 s to begin, 2 s for each further seed, and 0.5 s for a small frame."""
+    """3 s to begin a unit, 2 s for each further seed, 0.75 s for a small frame and 0.5 s with another seed."""
     case = next(case for case in read_suite("quick").cases if case.request.seeds == 5)
     few = replace(case, frames=3, settings=case.settings.replace(size=(80, 45)))
     small, alone = (replace(few, request=replace(case.request, seeds=seeds)) for seeds in (2, 1))
-    frames = [3.5, 0.5, 0.5, 2.5, 0.5, 0.5]
+    frames = [3.75, 0.75, 0.75, 2.5, 0.5, 0.5]
     times = np.cumsum([0.0, *frames])
     cost = cost_of(times, times[-1] + 1.0, small)
     assert cost.of(small).total == pytest.approx(sum(frames) + 1.0)
-    assert cost.of(case).total == pytest.approx(3.0 + 1.0 + 4 * 2.0 + 5 * 8 * 0.5 * 4)  # four times the pixels
-    assert cost_of(times[:4], times[3] + 1.0, alone).of(alone).total == pytest.approx(5.5)
+    frames_of_seeds = 8 * (0.75 + 4 * 0.5) * 4  # four times the pixels
+    assert cost.of(case).total == pytest.approx(3.0 + 1.0 + 4 * 2.0 + frames_of_seeds)
+    assert cost_of(times[:4], times[3] + 1.0, alone).of(alone).total == pytest.approx(3.0 + 3 * 0.75 + 1.0)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from taubench_gl.apps.cli import main
 from taubench_gl.benchmark.compare import compared
 from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.output import load_benchmark
@@ -343,3 +344,13 @@ def test_the_estimated_time_covers_every_unit(suite_file):
     assert {estimate.label.split("/")[-1]: estimate.total > 0 for estimate in masks} == {
         "noisy": True, "jittered+upscale@3": False,
     }  # fmt: skip
+
+
+def test_the_plan_lists_every_unit(suite_file, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", "plan", "--suite", str(suite_file)])
+    assert not ended.value.code
+    lines = capsys.readouterr().out.splitlines()
+    suite = read_suite(suite_file)
+    assert len(lines) == 1 + len(suite.cases)
+    assert all(case.id in line and f"{case.request.seeds} seeds" in line for case, line in zip(suite.cases, lines[1:]))

@@ -10,11 +10,18 @@ from taubench_gl.reuse.quality import MEASURES
 
 
 def summary_of(methods: int, seeds: int = 1, frames: int = 24) -> dict:
-    """``m0`` has the smallest FLIP and the largest relMSE."""
+    """``m0`` has the smallest FLIP and relMSE, and the largest relMSE of clipped radiance."""
     rng = np.random.default_rng(1)
     rows = [
         dict.fromkeys(MEASURES)
-        | {"method": f"m{m}", "seed": s, "frame": f, "flip": m + rng.random(), "relmse": methods - m}
+        | {
+            "method": f"m{m}",
+            "seed": s,
+            "frame": f,
+            "flip": m + rng.random(),
+            "relmse": m,
+            "clipped_relmse": methods - m,
+        }
         for m in range(methods)
         for s in range(seeds)
         for f in range(1, frames + 1)
@@ -39,9 +46,9 @@ def test_intervals_over_seeds_are_columns_from_five_seeds_on():
 
 
 def test_every_measure_has_a_ranking():
-    """A method that is best by one measure and worst by another is printed with both."""
-    assert ranking_texts(summary_of(3))[1:] == ["FLIP: 1 m0; 2 m1; 3 m2.", "relMSE: 1 m2; 2 m1; 3 m0."]
-    assert ranking_texts(summary_of(3, frames=4))[1:] == ["FLIP: m0; m1; m2.", "relMSE: m2; m1; m0."]
+    """A method that is best by one measure and worst by another is printed with both; unbounded radiance ranks none."""
+    assert ranking_texts(summary_of(3))[1:] == ["FLIP: 1 m0; 2 m1; 3 m2.", "relMSE clipped: 1 m2; 2 m1; 3 m0."]
+    assert ranking_texts(summary_of(3, frames=4))[1:] == ["FLIP: m0; m1; m2.", "relMSE clipped: m2; m1; m0."]
     (table,) = comparison_tables(summary_of(3))
     assert set(ranking_texts(summary_of(3))) < set(table.notes)
 

@@ -10,7 +10,9 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, evaluate, play, write_method
 
 from taubench_gl.metrics.blending import blend, nearest_weight
 from taubench_gl.reuse.bound import NO_HISTORY
+from taubench_gl.reuse.contract import FORMATS, Method, PassInfo
 from taubench_gl.reuse.evaluate import evaluate_methods
+from taubench_gl.reuse.glsl_method import reporting_passes
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 from taubench_gl.settings import Settings
@@ -130,6 +132,18 @@ def test_greedy_is_its_float64_reference(gpu):
         history = blend(now, history, weight)
         np.testing.assert_allclose(result[..., :3], history, atol=2e-5)
         np.testing.assert_allclose(result[..., 3], weight, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("later", "count"), [(("light", "result"), 1), (("history", "result"), 2), (("result", "blend_input"), 2)]
+)
+def test_reports_take_the_passes_that_write_them_and_leave_histories_whole(later, count):
+    """The first of two passes is enough unless the second completes its history, or reports too."""
+    rgba = FORMATS["rgba32f"]
+    first = PassInfo("a.glsl", ("radiance",), ("history", "light", "reprojected_history"))
+    passes = (first, PassInfo("b.glsl", ("history",), later))
+    method = Method("m", "m", (), ("radiance",), {}, {"history": rgba}, {"light": rgba}, passes)
+    assert reporting_passes(method) == passes[:count]
 
 
 def test_every_builtin_method_with_history_reports_it():

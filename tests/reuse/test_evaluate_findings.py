@@ -82,7 +82,8 @@ def test_scores_of_the_reference_itself():
     scores = done.summary["methods"]["none"]
     assert scores["mean"] == {
         "psnr_db": None, "ssim": 1.0, "flip": 0.0, "relmse": 0.0, "tpsnr_db": None, "flicker": 0.0, "linear_mse": 0.0,
-        "relmse_trimmed": 0.0, "flip_p50": 0.0, "flip_p95": 0.0, "flip_p99": 0.0, "warp_error": None, "hdr_flip": None,
+        "relmse_trimmed": 0.0, "clipped_mse": 0.0, "clipped_relmse": 0.0,
+        "flip_p50": 0.0, "flip_p95": 0.0, "flip_p99": 0.0, "warp_error": None, "hdr_flip": None,
         "lpips": None, "cvvdp_jod": None,
     }  # fmt: skip
     assert scores["reasons"]["psnr_db"] == scores["reasons"]["tpsnr_db"] == EQUAL

@@ -93,7 +93,7 @@ def test_inputs_have_the_noise_of_their_samples_in_every_frame(gpu):
             given = inputs.advance(frame)
             noisy.append(read_channel(given.textures["radiance"], "radiance")[..., :3].copy())
             masks.append(read_channel(given.textures["exact_mask"], "exact_mask").copy())
-        clean = reference.image(2)
+        clean = reference.image(2).radiance
         described = inputs.describe()
     finally:
         inputs.release()
@@ -164,7 +164,7 @@ def test_sky_and_emission_are_those_of_the_renderer(gpu, tmp_path, environment):
     every = made.replace(columns=COLUMNS, light="path-traced", pattern="independent", spp=1)
     source = source_of(gpu, scene, every)
     try:
-        image = reference.image(0)
+        image = reference.image(0).radiance
         color = reference.read("color")[..., :3]
         source.advance(0)
         surface = source.read("position")[..., 3] > 0.0

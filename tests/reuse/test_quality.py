@@ -149,7 +149,7 @@ def test_errors_by_class_add_up():
     errors = RNG.random((2, H, W))
     sums = ClassErrors()
     for c, e in zip(classes, errors):
-        sums.add(c, {"mse": e})
+        sums.add(c, {"mse": e}, np.full((H, W), True))
     found = sums.summary()
     assert sum(entry["pixels"] for entry in found.values()) == 2 * H * W
     assert sum(e["pixels"] * e["mse"] for e in found.values() if e["pixels"]) == pytest.approx(errors.sum())

@@ -21,6 +21,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import DISCARDS, display
+from taubench_gl.reuse.references import emitting
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.settings import Settings
 from taubench_gl.viewer import comparisons
@@ -120,7 +121,7 @@ def evaluated():
 
 
 def blended_of(driven, frames: range) -> dict[str, np.ndarray]:
-    """What ``accumulate`` blended in the last of ``frames``, and its pixels that the exact mask discards."""
+    """What ``accumulate`` blended in the last of ``frames``, its pixels that the exact mask discards, and emitters."""
     feed, gpu = driven.engine.feed, driven.viewer.gpu
     settings = feed.settings.replace(reprojection="motion")
     request = InputRequest(gpu, feed.scene, feed.camera, settings, parse_input("noisy"))
@@ -132,7 +133,8 @@ def blended_of(driven, frames: range) -> dict[str, np.ndarray]:
         history = runner.reported(now)["reprojected_history"]
         discarded = (read_channel(inputs.exact_mask, "mask")[..., 0] & np.uint32(DISCARDS)) != 0
         radiance = read_result(now.textures["radiance"])[..., :3]
-    return {"now": radiance, "history": history, "weight": weight, "discarded": discarded}
+        emitters = emitting(inputs.exact)
+    return {"now": radiance, "history": history, "weight": weight, "discarded": discarded, "emitters": emitters}
 
 
 def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
@@ -159,7 +161,7 @@ def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
     fetched = np.where(has, parts["history"][..., :3], parts["now"])
     reference = frame.radiance["reference"]
     best = blend(parts["now"], fetched, nearest_weight(reference, parts["now"], fetched))
-    assert np.mean((best - reference) ** 2) == pytest.approx(row["bound_linear_mse"], rel=1e-4)
+    assert np.mean((best - reference)[~parts["emitters"]] ** 2) == pytest.approx(row["bound_linear_mse"], rel=1e-4)
     exact, bound, _ = thirds(driven.engine.picture())
     assert np.abs(bound - 255.0 * display(best, driven.engine.feed.settings.lighting.tone_map)).max() <= 2
     assert np.abs(exact - 255.0 * frame.reference).max() <= 2, "the image is the reference"

@@ -133,12 +133,13 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
 
     def values(frame: FrameContext) -> dict:
         candidates = min(len(spec.light_kinds), CANDIDATES)
+        seed = spec.seed if frame.seed is None else frame.seed
         return {
             "sky": (*spec.environment.radiance, 0.0),
             "parallel_view": frame.view.towards_parallel_camera,
             "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
-            "numbers": (frame.number & 0xFFFFFFFF, spec.seed, 0, 0),
+            "numbers": (frame.number & 0xFFFFFFFF, seed, 0, 0),
             "lights": (len(spec.light_kinds), candidates, 0, 0),
         }
 
