@@ -21,6 +21,9 @@ from taubench_gl.cost.configurations import DECIDED, PREVIEW
 SAME = 1.25
 """Errors, or seconds, within this factor of the best are equal: the configuration with fewer options is taken."""
 
+MARGIN = 1.1
+"""A configuration is within a limit of seconds if it still is with so much more, as when it is measured again."""
+
 LEAST_SECONDS = 1.0
 """Shorter times are equal: the start of the program takes longer."""
 
@@ -98,8 +101,8 @@ def pareto_front(points: Iterable[Point]) -> list[Point]:
 
 
 def within_seconds(points: Iterable[Point], limit: float) -> Point | None:
-    """The most exact configuration that takes at most ``limit`` seconds; None if none does."""
-    return _simplest([p for p in comparable(points) if p.seconds <= limit], lambda p: p.error)
+    """The most exact configuration that takes at most ``limit`` / MARGIN seconds; None if none does."""
+    return _simplest([p for p in comparable(points) if MARGIN * p.seconds <= limit], lambda p: p.error)
 
 
 def within_error(points: Iterable[Point], limit: float) -> Point | None:

@@ -19,6 +19,7 @@ Point = Mapping[str, Any]
 SERIES = {
     "preview": ("preview: its bias does not fall with time", "o", SERIES_COLORS[1]),
     "decided": ("decided samples: half width of the 95 % interval", "s", SERIES_COLORS[0]),
+    "every": ("every pixel decided: as exact as the truth is known", "D", SERIES_COLORS[0]),
     "fixed": ("fixed samples per pixel", "^", SERIES_COLORS[2]),
 }
 """Series -> its name in the legend, marker and color."""
@@ -143,6 +144,11 @@ def cost_text(study: Study) -> str:
     return "\n".join(text) + "\n"
 
 
+def _drawn_as(p: Point) -> str:
+    """Name in SERIES."""
+    return "every" if p["series"] == "decided" and p["sampled_light"] is None else p["series"]
+
+
 def plot_cost(study: Study) -> Plot:
     """Seconds for the whole table against the error of its columns, both logarithmic."""
     width, height = study["size"]
@@ -151,11 +157,11 @@ def plot_cost(study: Study) -> Plot:
     places = {p["name"]: (p["seconds"], max(p["error"], FLOOR)) for p in points}
     bottom = 0.3 * min([y for _, y in places.values()], default=FLOOR)
     for series, (label, marker, color) in SERIES.items():
-        group = sorted((p for p in points if p["series"] == series), key=lambda p: p["seconds"])
+        group = sorted((p for p in points if _drawn_as(p) == series), key=lambda p: p["seconds"])
         if not group:
             continue
         x, y = [p["seconds"] for p in group], [max(p["error"], FLOOR) for p in group]
-        line = "none" if series == "preview" else "-"
+        line = "none" if series in ("preview", "every") else "-"
         axes.plot(x, y, marker=marker, linestyle=line, color=color, ms=6, mec="black", mew=0.5, label=label, zorder=4)
         if series == "decided":
             axes.fill_between(x, [FLOOR] * len(x), y, color=color, alpha=0.12, linewidth=0, zorder=0)

@@ -10,6 +10,7 @@ import pytest
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.cost.choice import (
+    MARGIN,
     SAME,
     Point,
     combined,
@@ -108,9 +109,10 @@ def test_no_point_is_below_and_left_of_the_front(seed):
 
 # ------------------------------------------------------------------------------------------------------ recommendations
 def test_the_most_exact_within_the_seconds_and_the_fastest_within_the_points():
-    points = [point("a", 5, 4.0), point("b", 9.9, 1.0), point("c", 10.1, 0.5), point("d", 50, 0.3)]
+    points = [point("a", 5, 4.0), point("b", 9.0, 1.0), point("c", 9.2, 0.5), point("d", 50, 0.3)]
     assert within_seconds(points, 10.0).name == "b" and within_seconds(points, 60.0).name == "d"
     assert within_error(points, 0.5).name == "c" and within_error(points, 0.3).name == "d"
+    assert within_seconds([point("a", 10.0 / MARGIN, 1.0)], 10.0).name == "a"
     assert within_seconds(points, 1.0) is None and within_error(points, 0.1) is None
 
 
