@@ -2,11 +2,11 @@
 
 The error of a configuration is the largest of its wanted columns, at 95 % confidence, percentage points:
 
-    column with an interval of its own (decided samples)      E = its half width
-    other column (preview, fixed samples)                     E = |column - truth| + half width of the truth
+    column with an interval of its own (decided samples)      E = max(its half width, |column - truth| - h)
+    other column (preview, fixed samples)                     E = |column - truth| + h,  h: half width of the truth
 
-An evaluation of decided samples knows its half width and no truth; the bias of another column is known as well as the
-truth is.  Both say: the column is at most E from the true one.
+An evaluation of decided samples knows its half width and no truth, unless the truth contradicts it; the bias of another
+column is known as well as the truth is.  Both say: the column is at most E from the true one.
 """
 
 from __future__ import annotations
@@ -78,11 +78,11 @@ def errors_of(columns: Columns, truth: Mapping[str, Mapping[str, Any]]) -> dict[
     for name in wanted:
         off = abs(columns[name]["percent"] - truth[name]["percent"])
         observed.append(off)
+        least.append(off - truth[name]["half_width"])
         if columns[name]["interval95"] is not None:
-            errors.append(half_width(columns[name]))
+            errors.append(max(half_width(columns[name]), least[-1]))
         else:
             errors.append(off + truth[name]["half_width"])
-            least.append(off - truth[name]["half_width"])
     return {"error": max(errors), "least": max(least), "observed": max(observed)}
 
 

@@ -76,6 +76,12 @@ def test_decided_samples_are_known_by_their_own_interval():
     assert found["error"] == pytest.approx(2.0) and found["least"] == 0.0 and found["observed"] == pytest.approx(0.3)
 
 
+def test_an_interval_that_the_truth_contradicts_does_not_count():
+    columns = {"direct": column(12.0, 11.0, 13.0), "indirect": column(4.0, 3.9, 4.1), "position": column(7.0)}
+    found = errors_of(columns, TRUTH)  # 2 points off, of which the truth may have 0.5
+    assert found["error"] == pytest.approx(1.5) == found["least"]
+
+
 def test_a_column_that_the_truth_lacks_is_not_wanted():
     truth = combined([{"direct": column(10.0, 9.0, 11.0), "indirect": column(None)}])
     assert errors_of({"direct": column(10.0), "indirect": column(None)}, truth)["error"] == pytest.approx(1.0)

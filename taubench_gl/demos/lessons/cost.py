@@ -16,7 +16,7 @@ from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Questi
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries
 from taubench_gl.demos.stage import Stage
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
 from taubench_gl.scene.model import Scene
 
@@ -149,20 +149,22 @@ def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
 
 
 def measured(stage: Stage) -> list[Point]:
-    """The mean percentage of every configuration, and the median time of a frame in REPEATS rounds of all of them."""
-    ball, times, percents = scene(), dict[tuple[float, int], list[float]](), dict[tuple[float, int], float]()
-    for _ in range(REPEATS + 1):  # the first round compiles shaders
-        for scale, samples in CONFIGURATIONS:
-            w, h = (max(1, round(side * scale)) for side in stage.size)
-            settings = stage.settings(
-                fps=FPS, columns=("frustum", "position"), width=w, height=h, samples_per_pixel=samples
-            )
-            started = time.perf_counter()
-            run = evaluate_scene(ball, settings)
-            times.setdefault((scale, samples), []).append(time.perf_counter() - started)
-            percents[scale, samples] = run.summary["discard"]["position"]["mean_percent"]
-    frames = FPS + 1.0
-    return [Point(*of, percents[of], 1e3 * statistics.median(times[of][1:]) / frames) for of in CONFIGURATIONS]
+    """The mean percentage of every configuration, and the median time of a frame in REPEATS turns of all frames."""
+    ball, points = scene(), []
+    for scale, samples in CONFIGURATIONS:
+        w, h = (max(1, round(side * scale)) for side in stage.size)
+        settings = stage.settings(
+            fps=FPS, columns=("frustum", "position"), width=w, height=h, samples_per_pixel=samples
+        )
+        times = []
+        with open_session(ball, settings) as session:
+            for _ in range(REPEATS + 1):  # the first turn compiles shaders
+                started = time.perf_counter()
+                frames = 1 + sum(1 for _ in session.pairs())
+                times.append(1e3 * (time.perf_counter() - started) / frames)
+            percent = session.summary()["discard"]["position"]["mean_percent"]
+        points.append(Point(scale, samples, percent, statistics.median(times[1:])))
+    return points
 
 
 def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) -> float:
