@@ -9,7 +9,7 @@ from typing import Any
 from taubench_gl.data_files import read_bytes
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.labels import lighting_text
-from taubench_gl.report.page import Page, data_uri, picture, tag, text_lines
+from taubench_gl.report.page import Page, data_uri, picture, text_lines
 from taubench_gl.report.plot import SERIES_COLORS, Plot
 from taubench_gl.report.table import Column, Row, Table, to_html, to_text, write_tables
 
@@ -209,8 +209,7 @@ def write_cost(study: Study, folder: Path) -> list[Path]:
     alt = "Seconds for the whole table against the error of its columns"
     page.add("figure", "Seconds against error", picture(data_uri(read_bytes(images[0])), alt))
     page.add("tables", "Tables", to_html(cost_tables(study), scroll=True), text_lines(heading(study)))
-    commands = "\n".join(p["command"] for p in study["points"])
-    page.add("commands", "Commands", tag("pre", commands))
+    page.add("commands", "Commands", text_lines([p["command"] for p in study["points"]]))
     write_atomically(folder / "cost.html", page.html())
     write_atomically(folder / "cost.txt", cost_text(study))
     return [*images, folder / "cost.html", folder / "cost.txt", *write_tables(folder, cost_tables(study))]
