@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 from taubench_gl.conventions import LOBES
 from taubench_gl.errors import SettingsError
-from taubench_gl.features import COLUMNS
 from taubench_gl.fields import Checked, above_zero, at_least, declared, one_of, setting, some_of
 from taubench_gl.settings import (
     DEFAULT_SPP,
@@ -33,9 +32,6 @@ METRICS = (*DEFAULT_METRICS, "hdr_flip", "lpips", "cvvdp")
 
 FITTED_METRICS = METRICS[:-1]
 """Metrics with a value of every frame."""
-
-OVERALL = "overall"
-"""A pixel that is wrong in any column."""
 
 REUSE_SETTINGS = (
     "fps", "size", "thresholds", "unit_scale",
@@ -234,48 +230,32 @@ def _seconds(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class CostOptions(Checked):
-    """What a cost study varies, compares with and recommends.  Raises SettingsError."""
+    """What a cost study measures and compares with.  Raises SettingsError."""
 
-    parameters: tuple[str, ...] | None = setting(
-        None, "Parameters to vary, comma-separated, see --list-parameters", shown="all"
-    )
-    reference: str | None = setting(
-        None,
-        "What masks are compared with.  path-traced: light traced at the compared pixels, for up to a third of the "
-        "time or with M samples per pixel; exr:DIR: path-traced renders; highest-quality: the raster method at its "
-        "best",
+    truth_within: float = setting(
+        0.25,
+        "Half width of the 95 % interval of the truth, percentage points; at most 16 evaluations of decided samples",
+        above_zero("a number of points above 0"),
+        unit="points",
         short=True,
-        metavar="path-traced[@M]|highest-quality|exr:DIR",
-        shown="path-traced where anything is lit, else highest-quality",
+        metavar="POINTS",
     )
-    time_limit: float | None = setting(
+    longest: float | None = setting(
         300.0,
-        "Start no measurement after this time, such as 90s, 5m, 1h or none.  A later run goes on",
+        "Leave out what is expected to take longer than this, such as 90s, 5m or none",
         above_zero("a time above 0"),
         read=_seconds,
         short=True,
         metavar="T",
         shown="5m",
     )
-    within: float | None = setting(
-        None, "Choose the fastest with at most PERCENT wrong masks", at_least(0), short=True, metavar="PERCENT"
-    )
-    budget_ms: float | None = setting(
-        None, "Choose the most exact configuration up to T ms per frame", above_zero(), short=True, metavar="T"
-    )
-    choose_for: str = setting(
-        OVERALL,
-        "Column that the choice is for; overall: wrong in any column",
-        one_of((OVERALL, *COLUMNS)),
-        flag="--for",
-    )
-    repeats: int = setting(5, "Interleaved rounds of timing", at_least(1))
     clock: str = setting(
         "wall",
-        "Clock of frames; cpu: CPU time of the process, for software rasterizers beside other work",
+        "Seconds of picture and choice; cpu: of all cores of the processor, for software renderers beside other work",
         one_of(("wall", "cpu")),
+        short=True,
     )
-    fresh: bool = setting(False, "Discard the records in DIR and measure from scratch")
+    repeats: int = setting(3, "Evaluations of a configuration that takes at most 5 s, whose median counts", at_least(1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,5 +41,5 @@ def test_the_tour_runs(tmp_path: Path):
             ["bash", "-c", line], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=900
         )
         assert done.returncode == 0, f"{line}: {done.stderr}"
-    made = ("results/report.html", "reuse/reuse.json", "study/preset.toml", "hard.glb", "batch/summary.json")
+    made = ("results/report.html", "reuse/reuse.json", "study/cost.json", "hard.glb", "batch/summary.json")
     assert [name for name in made if not (tmp_path / name).is_file()] == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from taubench_gl.selftest import cases  # noqa: E402
 from taubench_gl.selftest.case import GROUPS  # noqa: E402
 
 PATH = ROOT / "docs" / "hard-cases.md"
+NUMERICS = ROOT / "tests" / "selftest" / "numerics.json"
 
 TITLES = {
     "projection": "Reprojection and screen edges",
@@ -62,10 +64,11 @@ GUARDS_HEAD = """
 ## Guards
 
 Each guard is one rule of the pipeline.  The tests disable one guard at a time and check that at least one of the
-named cases fails (`tests/selftest/guards.py`).
+named cases fails (`tests/selftest/guards.py`).  Of guards of precision and rounding: the error of the first of these
+cases without the guard, and with it (`tools/record numerics`).
 
-| Guard | Rule | Detected by |
-| --- | --- | --- |
+| Guard | Rule | Detected by | Error without it | With it |
+| --- | --- | --- | ---: | ---: |
 """
 
 
@@ -82,9 +85,12 @@ def page() -> str:
                 cells = (f"`{one.name}`", one.description, one.elsewhere, one.here, f"{one.tolerance:g}: {one.source}")
                 out.append(f"| {' | '.join(_cell(c) for c in cells)} |\n")
     out.append(GUARDS_HEAD)
+    errors = {row["guard"]: row for row in json.loads(NUMERICS.read_text(encoding="utf-8"))["rows"]}
     for guard in GUARDS:
         detected = ", ".join(f"`{name}`" for name in guard.detected_by)
-        out.append(f"| `{guard.name}` | {_cell(guard.description)} | {detected} |\n")
+        row = errors.get(guard.name)
+        measured = "| |" if row is None else f"{row['error_without']:.3g} | {row['error']:.3g} |"
+        out.append(f"| `{guard.name}` | {_cell(guard.description)} | {detected} | {measured}\n")
     return "".join(out)
 
 

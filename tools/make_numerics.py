@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Records what the renderer's arithmetic avoids: tools/make_numerics.py writes taubench_gl/report/numerics.json.
+"""Records what the renderer's arithmetic avoids: tools/make_numerics.py writes tests/selftest/numerics.json.
 
 Each row is one safeguard that the tests disable (tests/selftest/guards.py), a hard case that then fails, and the error
-of that case with and without the safeguard.  Pages of cost studies show the table.
+of that case with and without the safeguard.  docs/hard-cases.md shows them (tools/record hard-cases).
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "selftest")]
 from guards import GUARDS, Guard  # noqa: E402
 
 from taubench_gl.gpu.context import open_gpu  # noqa: E402
-from taubench_gl.report.cost import NUMERICS  # noqa: E402
 from taubench_gl.selftest.runner import DEFAULT_SIZE, run_selftest  # noqa: E402
+
+NUMERICS = ROOT / "tests" / "selftest" / "numerics.json"
 
 NUMERIC = (
     "camera-relative", "camera-relative-skins", "integer-counts", "stable-variance", "float-depth", "chord-angle",

@@ -138,7 +138,7 @@ EVERY = (
         by.program("blender_references"),
     ),
     Record(
-        "numerics", ("taubench_gl/report/numerics.json",),
+        "numerics", ("tests/selftest/numerics.json",),
         (*FRAME, *RAYS, "taubench_gl/selftest", "tests/selftest/guards.py"), by.program("make_numerics.py"),
     ),
     Record("readme", ("README.md", "docs/images/mask.png"), (DEMO, *FRAME, "taubench_gl/metrics"), by.readme),
@@ -165,8 +165,8 @@ EVERY = (
         (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/benchmark", "taubench_gl/datasets"), by.benchmark,
     ),
     Record(
-        "cost", ("docs/cost-measured.md", "docs/images/cost-demo.png"),
-        (DEMO, *FRAME, *RAYS, "taubench_gl/cost", "tools/cost_study"), by.cost,
+        "cost", ("docs/cost.md", "docs/images/cost-demo.png"),
+        (DEMO, *FRAME, *RAYS, "taubench_gl/cost", "taubench_gl/report/cost.py"), by.cost,
     ),
     Record(
         "cycles-time", ("docs/images/cycles-time.png",),

@@ -34,7 +34,7 @@ Examples:
   taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
   taubench-gl evaluate scene.glb --exact --reprojection motion
   taubench-gl evaluate scene.glb --columns frustum,position,direct --environment 0.2,0.3,0.5 --exposure 0.5
-  taubench-gl evaluate scene.glb --preset study/preset.toml
+  taubench-gl evaluate scene.glb --preset study/within-60s.toml
   taubench-gl evaluate bart-museum --size 960x540
   taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
 \b

@@ -2,7 +2,7 @@
 
 A page is its sections, each a list of parts::
 
-    page = Page("Cost study", scripts=("cost.js",), data=values)
+    page = Page("Results", scripts=("run.js",), data=values)
     page.add("tables", "Tables", to_html(tables, scroll=True), text_lines(about))
     page.html()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import PIL.Image
 import pytest
 
+from taubench_gl.cost import configurations
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
 
@@ -69,16 +70,19 @@ def test_batch_evaluates_a_changed_scene_again(taubench, tmp_path, suffix):
     assert again["scene"]["sha256"] == load_scene(scene).sha256 != first["scene"]["sha256"]
 
 
-def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path):
+def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path, monkeypatch, lighting_defaults):
     scene = demo_with_texture(tmp_path, ".glb")
-    command = ["cost", scene, "--out", tmp_path / "study", "--size", "32x18", "--frames", "0:3", "--repeats", "1"]
-    command += ["--parameters", "storage", "--columns", "frustum,position"]
-    code, _, err = taubench(*command)
-    assert code == 0, err
-    records = (tmp_path / "study" / "records.jsonl").read_bytes()
-    code, _, err = taubench(*command)
-    assert code == 0, err
-    paint(tmp_path, (40, 40, 200))
-    code, _, err = taubench(*command)
+    command = ["cost", scene, "--out", tmp_path / "study", "--size", "8x5", "--frames", "0:2", "--repeats", "1"]
+    command += ["--columns", "direct", "--truth-within", "9", "--longest", "1"]
+    for name, few in {"PREVIEWS": ({},), "SAMPLES": (1,), "WITHIN": (50.0,)}.items():
+        monkeypatch.setattr(configurations, name, few)
+    with lighting_defaults(light="auto", environment="none"):
+        code, _, err = taubench(*command)
+        assert code == 0, err
+        records = sorted((tmp_path / "study" / "records").rglob("*.json"))
+        code, _, err = taubench(*command)
+        assert code == 0 and sorted((tmp_path / "study" / "records").rglob("*.json")) == records, err
+        paint(tmp_path, (40, 40, 200))
+        code, _, err = taubench(*command)
     assert code == 2 and "scene" in err and len(err.strip().splitlines()) == 1, err
-    assert (tmp_path / "study" / "records.jsonl").read_bytes().startswith(records)
+    assert sorted((tmp_path / "study" / "records").rglob("*.json")) == records

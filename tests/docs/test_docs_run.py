@@ -29,16 +29,16 @@ LEFT_OUT = {
     r"^reference clear \w": "the key of an example: tests/pathtraced",
     r"^evaluate valley.glb": "the stand-in takes minutes: tests/datasets",
     r"dask://": "needs a cluster: tests/batch",
-    r"exr:(engine|one-sample)|--mapping falcor|^cost .*exr:": "reads renderings of other programs: tests/pathtraced, "
-    "tests/reuse, tests/cost",
-    r"^paper|^scenes make|^benchmark (?!compare)": "takes minutes: tests/paper, tests/datasets, tests/benchmark",
+    r"exr:(engine|one-sample)|--mapping falcor": "reads renderings of other programs: tests/pathtraced, tests/reuse",
+    r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
+    "tests/benchmark, tests/cost",
     r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
     r"osmesa": "a driver that may be missing: tools/test --driver",
 }
 """Examples that do not run here (regular expressions of command lines), and what tests them."""
 
 SMALL = {
-    "--size": "64x36", "--frames": "0:3", "--reference-spp": "4", "--time-limit": "5s", "--reference-samples": "4",
+    "--size": "64x36", "--frames": "0:3", "--reference-spp": "4", "--reference-samples": "4",
     "--repeats": "1", "--shadow-size": "128", "--seconds": "0.2",
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
@@ -56,9 +56,6 @@ FIRST = {
     r"\breuse-results\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-results"],
     r"\breuse-a\b": ["reuse evaluate scene.glb --methods none,accumulate --out reuse-a"],
     r"\breuse-b\b": ["reuse evaluate scene.glb --methods none,taa_clamp --out reuse-b"],
-    r"study/preset": [
-        "cost scene.glb --out study --columns frustum,position,normal --parameters storage,pairs --time-limit 2m"
-    ],
     r"exr:frames": ["export scene.glb --out frames --format exr"],
     r"^reference compare": [
         "evaluate scene.glb --out raster --save masks,channels",
@@ -87,7 +84,7 @@ PYTHON = {
         'size="640x360", frames=range(0, 24)': 'size="64x36", frames=range(3)',
         "pair.explain(320, 180)": "pair.explain(32, 18)",
     },
-    "docs/cost.md": {"width=480, height=270": "width=64, height=36, frames=(0, 3)", 'time_limit="5m"': "time_limit=5"},
+    "docs/cost.md": {'size="480x270"': 'size="8x5", frames=(0, 2), columns="direct", truth_within=9'},
     "docs/demos.md": {"size=(640, 360)": "size=(160, 90)"},
     "docs/export.md": {"num_workers=2": "num_workers=0"},
     "docs/reuse-evaluation.md": {

@@ -45,7 +45,7 @@ ACTS = {
     "reuse": lambda path, settings, out: evaluate_methods(path, ("none",), settings),
     "batch": lambda path, settings, out: head_unit(Job("a", str(path), settings, {}), None).run(Worker()),
     "view": _view,
-    "cost": lambda path, settings, out: cost(path, settings, out=out),
+    "cost": lambda path, settings, out: cost(path, settings.replace(light="auto"), out=out),
 }
 
 

@@ -11,7 +11,6 @@ import pytest
 from repeated import few
 
 from taubench_gl import Settings, evaluate
-from taubench_gl.cost.records import Records
 from taubench_gl.errors import OutputError
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock, lock_holder
@@ -105,8 +104,6 @@ def test_logs_and_records_do_not_grow_through_links(tmp_path, out, foreign):
         (out / name).symlink_to(foreign)
     with pytest.raises(OutputError):
         log_file(out / "render.log")
-    with pytest.raises(OutputError):
-        Records(out, {"identity": {}, "machine": {}})
     logs = tmp_path / "logs"
     logs.mkdir()
     (logs / "worker-0.log").symlink_to(foreign)

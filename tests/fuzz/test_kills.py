@@ -78,9 +78,9 @@ def of_batch(out: Path) -> Any:
 
 
 def of_cost(out: Path) -> Any:
-    """Errors, which do not depend on time."""
-    points = json.loads((out / "study.json").read_text())["points"]
-    return {point["name"]: (point["columns"], point["bytes"]) for point in points}
+    """Columns and errors, which do not depend on time."""
+    study = json.loads((out / "cost.json").read_text())
+    return study["truth"]["columns"], {point["name"]: (point["columns"], point["error"]) for point in study["points"]}
 
 
 def of_reference(out: Path) -> Any:
@@ -124,8 +124,9 @@ def commands(folder: Path) -> dict[str, tuple[list[str], Callable[[Path], Any]]]
         "export": ([*program, "export", str(DEMO), "--frames", "0:9", "--format", "npz", "--out", "OUT",
                     "--size", "64x36", "--channels", "gbuffer,flow"], of_export),
         "batch": ([*program, "batch", "run", str(spec), "--out", "OUT", "--workers", "1", "--chunk", "2"], of_batch),
-        "cost": ([*program, "cost", str(DEMO), "--frames", "0:3", "--out", "OUT", "--parameters", "storage",
-                  "--repeats", "1", *GEOMETRY], of_cost),
+        "cost": ([*program, "cost", str(DEMO), "--frames", "0:2", "--out", "OUT", "--columns", "direct",
+                  "--repeats", "1", "--truth-within", "9", "--longest", "1", "--clock", "cpu", *COMMON,
+                  "--size", "8x5"], of_cost),
         "reuse": ([*program, "reuse", "evaluate", str(DEMO), "--methods", "accumulate", "--metrics", "psnr", "--video",
                    "none", "--save", "results", "--frames", "0:6", "--input", "noisy", "--indirect", "none", *COMMON,
                    "--out", "OUT"], of_reuse),

@@ -50,7 +50,7 @@ def test_page_without_scripts_forbids_them_and_escapes_every_value():
 
 def test_page_with_scripts_holds_its_data_and_the_plot_module():
     data = {"text": EVIL, "numbers": [1.5, None]}
-    page = evil_page(scripts=("cost.js",), data=data).html()
+    page = evil_page(scripts=("run.js",), data=data).html()
     tags = Tags(page)
     assert [tag for tag, _ in tags.tags].count("script") == 2 and "script-src" in tags.policy()
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1]
@@ -60,7 +60,7 @@ def test_page_with_scripts_holds_its_data_and_the_plot_module():
 
 def test_values_that_json_lacks_and_missing_names_raise():
     with pytest.raises(ValueError):
-        evil_page(scripts=("cost.js",), data={"x": float("nan")}).html()
+        evil_page(scripts=("run.js",), data={"x": float("nan")}).html()
     with pytest.raises(UndefinedError):
         macro("run_details", "run.html")([{}], False)
 

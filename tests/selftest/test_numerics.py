@@ -1,4 +1,4 @@
-"""The recorded table of taubench_gl/report/numerics.json belongs to the guards and cases that there are."""
+"""The recorded table of tests/selftest/numerics.json belongs to the guards and cases that there are."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 from guards import GUARDS
-from make_numerics import NUMERIC, row
+from make_numerics import NUMERIC, NUMERICS, row
 
 from taubench_gl.data_files import read_json
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.report.cost import NUMERICS
 from taubench_gl.selftest import cases
 
 GUARD = {g.name: g for g in GUARDS}

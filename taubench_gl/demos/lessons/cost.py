@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-import tempfile
+import statistics
+import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
-from taubench_gl.cost.analysis import Point
-from taubench_gl.cost.study import cost
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries
 from taubench_gl.demos.stage import Stage
+from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
 from taubench_gl.scene.model import Scene
 
@@ -23,10 +24,22 @@ Array = np.ndarray
 Size = tuple[int, int]
 FPS, REPEATS = 4.0, 3
 SCALES = (0.25, 0.5, 1.0)
-PARAMETERS = ("scale", "samples_per_pixel")
+CONFIGURATIONS = (*((scale, 1) for scale in (0.25, 0.5, 0.75, 1.0)), (1.0, 4), (1.0, 16))
+"""Resolution, samples per pixel."""
+
 DOT_PT = 17.0
 FINER = 6  # rays per pixel and axis for the exact share
 FACETS = 0.003  # pp: the rendered ball has 64 x 128 facets inside the sphere
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A measured configuration; ``milliseconds``: of a frame."""
+
+    scale: float
+    samples: int
+    percent: float
+    milliseconds: float
 
 
 def scene() -> Scene:
@@ -84,7 +97,7 @@ def slack(size: Size, samples: int = 1) -> float:
     opening=Opening((Reason.POSITION,), frame=2, settings={"fps": FPS}),
     scene=scene,
     see_also=(
-        ("the command cost", "commands/cost.md"),
+        ("what light costs: the command cost", "commands/cost.md"),
         ("cost studies", "cost.md"),
     ),
 )
@@ -106,15 +119,15 @@ def run(stage: Stage) -> Result:
     sheet.legend(reason_entries(Reason.POSITION))
     findings = []
     small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
-    for name, meaning, bound in (
-        ("scale=0.25", "at a quarter of the width and height", slack(small)),
-        ("baseline", "at full size, one sample per pixel", slack(size)),
-        ("samples_per_pixel=16", "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
+    for (scale, samples), meaning, bound in (
+        ((0.25, 1), "at a quarter of the width and height", slack(small)),
+        ((1.0, 1), "at full size, one sample per pixel", slack(size)),
+        ((1.0, 16), "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
     ):
         source = (
             "each sample on an edge has an error of ± half a sample: 6 deviations; area of the mask from rays, float64"
         )
-        error = abs(percent(points, name) - exact)
+        error = error_at(points, scale, exact, samples)
         expected = Expected.between(-np.inf, bound, source, 3)
         findings.append(Finding(error, "pp", f"is the error {meaning}", expected, 4))
     caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
@@ -136,19 +149,27 @@ def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
 
 
 def measured(stage: Stage) -> list[Point]:
-    """The cost study: mean percentage and time of every configuration of PARAMETERS."""
-    settings = stage.settings(fps=FPS, columns=("frustum", "position"))
-    with tempfile.TemporaryDirectory() as folder:
-        done = cost(scene(), settings, out=folder, parameters=PARAMETERS, repeats=REPEATS, time_limit=None)
-    return [p for p in done.points if p.columns]
+    """The mean percentage of every configuration, and the median time of a frame in REPEATS turns of all frames."""
+    ball, points = scene(), []
+    for scale, samples in CONFIGURATIONS:
+        w, h = (max(1, round(side * scale)) for side in stage.size)
+        settings = stage.settings(
+            fps=FPS, columns=("frustum", "position"), width=w, height=h, samples_per_pixel=samples
+        )
+        times = []
+        with open_session(ball, settings) as session:
+            for _ in range(REPEATS + 1):  # the first turn compiles shaders
+                started = time.perf_counter()
+                frames = 1 + sum(1 for _ in session.pairs())
+                times.append(1e3 * (time.perf_counter() - started) / frames)
+            percent = session.summary()["discard"]["position"]["mean_percent"]
+        points.append(Point(scale, samples, percent, statistics.median(times[1:])))
+    return points
 
 
-def percent(points: list[Point], name: str) -> float:
-    return float(next(p for p in points if p.name == name).columns["position"].percent)
-
-
-def error_at(points: list[Point], scale: float, exact: float) -> float:
-    return abs(percent(points, "baseline" if scale == 1.0 else f"scale={scale}") - exact)
+def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) -> float:
+    """Percentage points."""
+    return abs(next(p.percent for p in points if (p.scale, p.samples) == (scale, samples)) - exact)
 
 
 def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
@@ -157,15 +178,15 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
         xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
         title="Error against time: each dot is a configuration",
     )  # fmt: skip
-    timed_points = [(p, p.time.median, max(abs(p.columns["position"].percent - exact), 1e-4)) for p in points if p.time]
+    timed_points = [(p, p.milliseconds, max(abs(p.percent - exact), 1e-4)) for p in points]
     line = pareto_steps((time, error) for _, time, error in timed_points)
     axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="Pareto front")
     top = sheet.grid_bottom + 48
     timed_points.sort(key=lambda f: f[1])
-    for i, (point, time, error) in enumerate(timed_points, start=1):
-        color = ORANGE if (time, error) in line else BLUE
-        axes.plot([time], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
-        text = f"{i}   {_name(point)}: {error:.3f} pp, {time:.1f} ms"
+    for i, (point, ms, error) in enumerate(timed_points, start=1):
+        color = ORANGE if (ms, error) in line else BLUE
+        axes.plot([ms], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
+        text = f"{i}   {_name(point)}: {error:.3f} pp, {ms:.1f} ms"
         sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
     axes.margins(x=0.08, y=0.25)
     sheet.key(axes, "upper right")
@@ -205,5 +226,4 @@ def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
 
 def _name(point: Point) -> str:
     """``50 %, 4 samples``: resolution, samples per pixel."""
-    samples = point.values.get("samples_per_pixel", 1)
-    return f"{100 * point.values.get('scale', 1.0):g} %, {samples} sample{'s' if samples > 1 else ''}"
+    return f"{100 * point.scale:g} %, {point.samples} sample{'s' if point.samples > 1 else ''}"
