@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from taubench_gl.apps.options import command, part
-from taubench_gl.apps.screen import for_each_scene, interruptible, warn
+from taubench_gl.apps.screen import for_each_scene, interruptible
 from taubench_gl.fields import REQUIRED, setting
 from taubench_gl.option_groups import CostOptions
 from taubench_gl.settings import OUTPUT, Settings
@@ -56,6 +56,4 @@ def _run(scene: str, settings: Settings, folder: Path | None, options: CostOptio
     with interruptible(lambda: "the same command goes on"), StudyScreen("evaluations") as screen:
         study = run_study(path, settings.replace(**row_settings(row)), out=folder, listener=screen, **asdict(options))
     click.echo(cost_text(study), nl=False)
-    for name, why in study["left_out"].items():
-        warn(f"left out, {name}: {why}")
     click.echo(f"written to {folder}{os.sep}")

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -116,6 +120,32 @@ def test_an_interrupted_study_goes_on_and_evaluates_nothing_twice(tmp_path, name
     names.stop = None
     assert cost(DEMO, out=tmp_path / "part", **TINY, **OFF, **REQUEST) == whole and names == expected
     assert cost(DEMO, out=tmp_path / "part", **TINY, **OFF, **REQUEST) == whole and names == expected
+
+
+KILLED = """
+import os, signal, sys
+sys.path.insert(0, sys.argv[1])
+import test_study as t
+left = int(sys.argv[3])
+def run(self, worker):
+    global left
+    if not left:
+        os.kill(os.getpid(), signal.SIGKILL)
+    left -= 1
+    return t.json_bytes(t.evaluated(self))
+t.EvaluationUnit.run = run
+t.cost(t.DEMO, out=sys.argv[2], **t.TINY, **t.OFF, **t.REQUEST)
+"""
+
+
+@pytest.mark.long
+def test_a_killed_study_goes_on_and_evaluates_nothing_twice(tmp_path, names):
+    whole = cost(DEMO, out=tmp_path / "whole", **TINY, **OFF, **REQUEST)
+    expected = list(names)
+    names.clear()
+    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path / "part"), "9"]
+    assert subprocess.run(command, env=os.environ, capture_output=True).returncode == -signal.SIGKILL
+    assert cost(DEMO, out=tmp_path / "part", **TINY, **OFF, **REQUEST) == whole and names == expected[9:]
 
 
 def test_the_truth_has_as_many_evaluations_as_its_interval_needs(tmp_path, names, monkeypatch):
