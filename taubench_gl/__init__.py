@@ -18,6 +18,7 @@ _LAZY = {
     "evaluate": "taubench_gl.api:evaluate",
     "pairs": "taubench_gl.api:pairs",
     "Pair": "taubench_gl.evaluation:Pair",
+    "reuse_evaluate": "taubench_gl.reuse.evaluate:evaluate_methods",
     "Settings": "taubench_gl.settings:Settings",
     "Run": "taubench_gl.run:Run",
     "load_run": "taubench_gl.run:load_run",

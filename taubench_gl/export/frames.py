@@ -22,7 +22,7 @@ from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
-from taubench_gl.export.training import TrainingLight
+from taubench_gl.export.training import TrainingLight, require_same_pixels
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.spec import AnimatedScene
@@ -108,7 +108,8 @@ class FrameSource(GpuOwner):
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self.training: TrainingLight | None = None
         if training.wanted:
-            self.training = TrainingLight(self, animated, settings, training)
+            require_same_pixels(training, jitter)
+            self.training = self.own(TrainingLight(gpu, animated, settings, training))
         self._masks = self.open_evaluator(self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
@@ -171,7 +172,7 @@ class FrameSource(GpuOwner):
         if submitted.number == 0 and "prev_visibility" in out:
             out["prev_visibility"] = np.zeros_like(out["prev_visibility"])  # no frame before: no bit
         if self.training is not None:
-            out |= self.training.channels(submitted.number)
+            out |= self.training.files(submitted.number)
         number, view = submitted.number, submitted.view
         camera = camera_matrices(view, *self.source.size)
         return ExportFrame(number, number / self._settings.sequence.fps, out, camera, view)

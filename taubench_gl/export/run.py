@@ -24,6 +24,7 @@ from taubench_gl.export.frames import FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.export.training import training_names
+from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
 from taubench_gl.option_groups import ExportOptions
 from taubench_gl.outputs import is_partial_of, write_atomically
@@ -111,8 +112,8 @@ def _export(
     """``export_scene`` while no other process writes into ``out``.  ``control``: overwrite, progress, announce."""
     names, (overwrite, progress, announce) = exported_names(options), control
     # Geometry does not depend on the exposure.
-    lit = _EXPOSED & set(names) or options.training.wanted
-    given = open_scene(scene, settings if lit else settings.replace(columns=("frustum",)))
+    lit = settings.metrics.columns if _EXPOSED & set(names) else ("frustum",)
+    given = open_scene(scene, settings.replace(columns=COLUMNS if options.training.wanted else lit))
     settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = given.frames, given.animated.scene
     how = {"jitter": options.jitter, "training": options.training}

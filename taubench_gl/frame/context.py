@@ -31,6 +31,7 @@ class FrameContext:
     history: History
     before: tuple[FrameState, View, Placement] | None = None  # of the frame before, where a channel needs it
     number: int = 0  # of the frame, for shading that differs from frame to frame
+    seed: int | None = None  # of random numbers; None: that of the settings
     light_rows: np.ndarray | None = None  # LIGHT records of this frame
     casters: Casters | None = None
     tables: dict[str, Any] = field(default_factory=dict)  # textures and buffers that are no channels, by name

@@ -74,10 +74,13 @@ class LightStage:
         self._owned |= self._context.allocate_all(passes)
         return [self._context.compute(p) for p in passes]
 
-    def run(self, number: int = 0) -> None:
-        """Light the renderer's frame.  ``number``: of the frame, for shading that differs from frame to frame."""
+    def run(self, number: int = 0, seed: int | None = None) -> None:
+        """Light the renderer's frame.  ``number``: of the frame, for shading that differs from frame to frame.
+
+        ``seed``: of random light and of independent path-traced light; None: that of the settings.
+        """
         frame, timer = self._renderer.frame, self._context.timer
-        frame.number = number
+        frame.number, frame.seed = number, seed
         frame.light_rows = self.table.update(frame.state, frame.view)
         frame.tables |= self._owned
         frame.tables["light_table"] = self._light_texture.texture

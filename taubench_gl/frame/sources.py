@@ -171,6 +171,10 @@ class RasterSource(Owner):
         self.light.paths.first_sample, self.light.paths.sample_count = first, count
         self.light.run(number)
 
+    def light_again(self, number: int, seed: int) -> None:
+        """Light the current frame by other random numbers: those of ``seed`` and frame ``number``."""
+        self.light.run(number, seed)
+
     def listed_light(
         self,
         number: int,

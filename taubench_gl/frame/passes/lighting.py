@@ -179,9 +179,10 @@ def stochastic_light(spec: FrameSpec) -> Sequence[Pass]:
 
     def values(frame: FrameContext) -> dict:
         lit = light_choice(frame.light_rows["color"][:lights, :3].max(axis=-1)).any()
+        seed = shading.seed if frame.seed is None else frame.seed
         return {
             "scene_from_relative": (*(frame.view.position - center), 0.0) if indirect else 0.0,
-            "samples": (frame.number, shading.seed, shading.light_samples, shading.indirect_samples),
+            "samples": (frame.number, seed, shading.light_samples, shading.indirect_samples),
             "counts": (lights if lit else 0, vpls, phase(shading.rate, frame.number), 0),
         }
 

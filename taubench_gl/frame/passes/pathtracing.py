@@ -138,7 +138,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
             "parallel_view": frame.view.towards_parallel_camera,
             "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
-            "numbers": (frame.number & 0xFFFFFFFF, spec.seed, 0, 0),
+            "numbers": (frame.number & 0xFFFFFFFF, spec.seed if frame.seed is None else frame.seed, 0, 0),
             "lights": (len(spec.light_kinds), candidates, 0, 0),
         }
 
