@@ -56,7 +56,7 @@ class _Size(msgspec.Struct):
     exposure: float | str
 
 
-class _Manifest(msgspec.Struct):
+class Manifest(msgspec.Struct):
     """What a later export into the same folder relies on."""
 
     schema: str
@@ -222,7 +222,7 @@ def _foreign(file: Path, manifest: Path) -> bool:
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:
     try:
-        values = read_json(path, _Manifest)
+        values = read_json(path, Manifest)
     except OutputError:
         return None
     return values if values["schema"] == SCHEMA else None
