@@ -119,8 +119,8 @@ def plan(
     units = list(BenchmarkStudy(selected, entries, ".").units.values())
     click.echo(f"{selected.name}: {len(selected.cases)} cases, {len(units)} different; {len(entries)} methods")
     for unit in units:
-        case = unit.case
-        facts = f"{case.track}, {case.frames} frames, {case.seeds} seeds, reference {case.reference}"
+        case, request = unit.case, unit.case.request
+        facts = f"{case.track}, {case.frames} frames, {request.seeds} seeds, reference {request.reference}"
         click.echo(f"  {unit.identity[:8]}  {case.id}: {facts}; scene {unit.sha256[:8]} {scene_file(case.scene)}")
     if timed:
         announce(estimate_units(units, note), "frames", workers or available_cores(), click.echo)
