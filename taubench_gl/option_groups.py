@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any, ClassVar
 from taubench_gl.conventions import LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.features import COLUMNS
-from taubench_gl.fields import Checked, above_zero, at_least, declared, one_of, setting, some_of
+from taubench_gl.fields import Check, Checked, above_zero, at_least, declared, one_of, setting, some_of, value_text
 from taubench_gl.settings import (
     DEFAULT_SPP,
     FILES,
@@ -283,6 +284,19 @@ class CostOptions(Checked):
     fresh: bool = setting(False, "Discard the records in DIR and measure from scratch")
 
 
+def _rates(values: Any) -> Any:
+    """Numbers from texts."""
+    try:
+        return tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        raise SettingsError(f"{', '.join(map(str, values)):.60} is no rate", hint="give numbers") from None
+
+
+def _rates_fault(name: str, rates: Any) -> str | None:
+    good = rates and len(set(rates)) == len(rates) and all(0.0 < rate < math.inf for rate in rates)
+    return None if good else value_text(name, rates)
+
+
 @dataclass(frozen=True, slots=True)
 class PaperOptions(Checked):
     """What of the paper's tables is measured, and how.  Raises SettingsError."""
@@ -303,6 +317,14 @@ class PaperOptions(Checked):
         some_of(("auto", "raster", "path-traced"), least=1),
         short=True,
         flag="--light",
+    )
+    fps: tuple[float, ...] = setting(
+        (24.0, 60.0),
+        "Rates of Table 4, one row each: the paper renders at 24 and captures at 60, comma-separated",
+        Check("different numbers above 0", _rates_fault),
+        read=_rates,
+        shown="24,60",
+        metavar="R,...",
     )
     spp: int | None = setting(
         None, "Samples per pixel of path-traced light", at_least(1), short=True, shown=str(DEFAULT_SPP["path-traced"])
