@@ -26,9 +26,6 @@ from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.run_frames import FrameRecorder, PlaneRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
-from taubench_gl.reuse.derived import ComposePass
-from taubench_gl.reuse.frame import read_result
-from taubench_gl.reuse.light_pairs import LightPairs, input_kind
 from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import KEYS, Settings, unknown_setting
@@ -141,6 +138,8 @@ def pairs(
     if light.wanted:
         if is_sequence(scene):
             raise SettingsError("input and reference are for scenes", where=str(scene), hint="leave them out")
+        from taubench_gl.reuse.light_pairs import input_kind  # imported late, as below: 0.6 s
+
         input_kind(light, settings.lighting.seed)  # refuses what there is not before anything is drawn
         drawn = tuple(dict.fromkeys((*drawn, "emission")))
     if not is_sequence(scene):
@@ -163,6 +162,10 @@ def _pairs(open_session: Callable[[], Session], light: TrainingOptions) -> Itera
 
 def _light_of(session: Session, light: TrainingOptions) -> Callable[[Pair], Pair]:
     """What reads images and light of a pair of ``session``."""
+    from taubench_gl.reuse.derived import ComposePass
+    from taubench_gl.reuse.frame import read_result
+    from taubench_gl.reuse.light_pairs import LightPairs
+
     animated = session.given.animated
     # Images need their exposure whatever the columns.
     opened = open_scene(animated.scene, session.settings.replace(columns=COLUMNS), animated.camera)

@@ -23,7 +23,6 @@ from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer,
 from taubench_gl.export.frames import FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
-from taubench_gl.export.training import training_names
 from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
 from taubench_gl.option_groups import ExportOptions
@@ -121,7 +120,7 @@ def _export(
         opened_gpu(settings) as owner,
         FrameSource(owner.gpu, given.animated, settings, names, **how) as source,
     ):
-        exported = (*source.names, *training_names(options.training))
+        exported = (*source.names, *(() if source.training is None else source.training.names))
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
             raise SettingsError(f"the scene has none of these channels: {why}")

@@ -55,7 +55,7 @@ class TrainingLight(LightPairs):
         kind = input_kind(options, settings.lighting.seed)
         lobes = LOBES if kind is not None and kind.path_samples else ()
         super().__init__(gpu, animated, settings, options, (*lobes, *((PATH_INFO,) if lobes else ())))
-        self._options, self._lobes = options, lobes
+        self.names, self._lobes = training_names(options), lobes
 
     def announce(self, frames: Iterable[int], announce: Callable[[str], None]) -> None:
         """Report how long the references of ``frames`` take, if any are to be traced."""
