@@ -14,10 +14,10 @@ import numpy as np
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, choice_hint
-from taubench_gl.evaluation import Observers, Pair, Session, Wants, evaluate_scene
-from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
+from taubench_gl.evaluation import Observers, Pair, Session, Wants, evaluate_scene, open_scene
+from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.fields import declared
-from taubench_gl.option_groups import PathTracedOptions
+from taubench_gl.option_groups import PathTracedOptions, TrainingOptions
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import choose_input, evaluate_path_traced
@@ -114,21 +114,38 @@ def _write_views(run: Run, saver: _Saver, report: bool) -> list[Path]:
 
 
 def pairs(
-    scene: Scene | str | Path, settings: Settings | None = None, *, channels: Collection[str] = (), **options: Any
+    scene: Scene | str | Path,
+    settings: Settings | None = None,
+    *,
+    channels: Collection[str] = (),
+    input: str | None = None,
+    reference: str | None = None,
+    **options: Any,
 ) -> Iterator[Pair]:
     """The frame pairs of ``scene``, one after another, with their masks, motion and color as arrays.
 
     ``options``: as for ``evaluate``.  ``channels``: to draw for ``Pair.read`` besides those the columns need, such as
-    ``base_color``.  The GPU is released when the loop ends or is left.  Raises TaubenchError.
+    ``base_color``.  ``input``, ``reference``: words of ``reuse evaluate``, such as ``path-traced@1`` and
+    ``path-traced@64``: every pair also has ``noisy`` and ``reference``, what reuse methods get and what they are
+    compared with, bit for bit.  The GPU is released when the loop ends or is left.  Raises TaubenchError.
 
     >>> for pair in pairs("scene.glb", size="640x360", columns="position,normal"):  # doctest: +SKIP
     ...     print(pair.frame, pair.mask.shape, pair.explain(320, 180))
     """
-    settings, path_traced = _settings_of(scene, settings, options, ("settings", "channels"))
+    own = ("settings", "channels", "input", "reference")
+    settings, path_traced = _settings_of(scene, settings, options, own)
+    light, drawn = TrainingOptions(input=input, reference=reference), _channels(channels)
+    if light.wanted:
+        if is_sequence(scene):
+            raise SettingsError("input and reference are for scenes", where=str(scene), hint="leave them out")
+        from taubench_gl.reuse.light_pairs import input_kind  # imported late, as below: 0.6 s
+
+        input_kind(light, settings.lighting.seed)  # refuses what there is not before anything is drawn
+        drawn = tuple(dict.fromkeys((*drawn, "emission")))
     if not is_sequence(scene):
         scene, settings = _readable(scene), settings.replace(pairs="all") if settings.metrics.all_pairs else settings
     chosen = choose_input(scene, settings, path_traced)
-    return _pairs(partial(Session, chosen, Wants(images=True, channels=_channels(channels))))
+    return _pairs(partial(Session, chosen, Wants(images=True, channels=drawn)), light)
 
 
 def _readable(scene: Scene | str | Path) -> Scene | str | Path:
@@ -136,10 +153,39 @@ def _readable(scene: Scene | str | Path) -> Scene | str | Path:
     return scene if isinstance(scene, Scene) or not is_convertible(scene) else converted(scene)
 
 
-def _pairs(open_session: Callable[[], Session]) -> Iterator[Pair]:
+def _pairs(open_session: Callable[[], Session], light: TrainingOptions) -> Iterator[Pair]:
     with open_session() as session:
+        complete = _light_of(session, light) if light.wanted else Pair.load
         for pair in session.pairs():
-            yield pair.load()
+            yield complete(pair)
+
+
+def _light_of(session: Session, light: TrainingOptions) -> Callable[[Pair], Pair]:
+    """What reads images and light of a pair of ``session``."""
+    from taubench_gl.reuse.derived import ComposePass
+    from taubench_gl.reuse.frame import read_result
+    from taubench_gl.reuse.light_pairs import LightPairs
+
+    animated = session.given.animated
+    # Images need their exposure whatever the columns.
+    opened = open_scene(animated.scene, session.settings.replace(columns=COLUMNS), animated.camera)
+    with session.gpu:
+        lit = session.own(LightPairs(session.gpu, animated, opened.settings, light))
+        whole = {"direct", "indirect"} <= set(session.source.radiance)
+        compose = ComposePass(session, session.source, opened.settings) if whole else None
+
+    def complete(pair: Pair) -> Pair:
+        pair.load()
+        with session.gpu:
+            if compose is not None:
+                compose.run(pair.frame)
+                pair.radiance = read_result(compose.textures["radiance"])[..., :3]
+            pair.noisy = next((image.radiance for image in lit.images(pair.frame)), None)
+            clean = lit.clean(pair.frame)
+            pair.reference = None if clean is None else clean[..., :3]
+        return pair
+
+    return complete
 
 
 def _settings_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any, ClassVar
 
 from taubench_gl.conventions import LOBES
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import Checked, above_zero, at_least, declared, one_of, setting, some_of
+from taubench_gl.fields import Check, Checked, above_zero, at_least, declared, one_of, setting, some_of, value_text
 from taubench_gl.settings import (
     DEFAULT_SPP,
     FILES,
@@ -89,35 +90,41 @@ class PathTracedOptions(Checked):
 
 @dataclass(frozen=True, slots=True)
 class TrainingOptions(Checked):
-    """Path-traced light of an export for training.  Raises SettingsError."""
+    """Light of an export for training, by the words of ``reuse evaluate``.  Raises SettingsError."""
 
-    noisy_spp: int = setting(
-        0,
-        "Also export path-traced light of N samples per pixel, per lobe: noisy0_direct_diffuse, ...",
-        at_least(0, most=1 << 16),
+    input: str | None = setting(
+        None,
+        "Also export the radiance that reuse methods get by these words of 'reuse evaluate --input', such as "
+        "path-traced@1: noisy0_radiance, and noisy0_direct_diffuse, ... where paths are traced",
+        metavar="KIND",
         shown="none",
     )
+    light_samples: int = setting(1, "noisy: light samples per pixel", at_least(1))
+    vpl_samples: int = setting(4, "noisy: VPL samples per pixel", at_least(1))
     seeds: int = setting(
-        1, "Noisy images of each frame: noisy0_*, noisy1_*, ...", at_least(1, most=MAX_SEEDS), metavar="S"
+        1,
+        "Images of the input, with this many seeds from --seed on: noisy0_*, noisy1_*, ...",
+        at_least(1, most=MAX_SEEDS),
+        metavar="S",
     )
-    reference_spp: int = setting(
-        0,
-        "Also export path-traced light of M samples per pixel, per lobe: clean_direct_diffuse, ...; stored, see "
-        "'reference list'",
-        at_least(0, most=1 << 20),
-        metavar="M",
+    reference: str | None = setting(
+        None,
+        "Also export the reference that methods are compared with, clean_radiance.  path-traced@M: M samples per "
+        "pixel, also per lobe; stored, see 'reference list'.  max: exact light of the raster method, supersampled",
+        metavar="path-traced@M|max",
         shown="none",
     )
+    reference_samples: int = setting(16, "max: samples per pixel", at_least(1))
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        if self.seeds > 1 and not self.noisy_spp:
-            raise SettingsError("seeds are of noisy light", hint="give --noisy-spp N")
+        if self.seeds > 1 and self.input is None:
+            raise SettingsError("seeds are of an input", hint="give --input path-traced@1")
 
     @property
     def wanted(self) -> bool:
         """Whether any light is exported."""
-        return bool(self.noisy_spp or self.reference_spp)
+        return self.input is not None or self.reference is not None
 
 
 NO_TRAINING = TrainingOptions()
@@ -152,9 +159,8 @@ class ExportOptions(Checked):
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        if self.training.wanted and (self.jitter != "none" or self.format == "sintel"):
-            message = "path-traced light of training pairs is at pixel centers, and no part of the Sintel layout"
-            raise SettingsError(message, hint="leave --jitter and --format sintel out")
+        if self.training.wanted and self.format == "sintel":
+            raise SettingsError("light for training is no part of the Sintel layout", hint="give another --format")
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +264,19 @@ class CostOptions(Checked):
     repeats: int = setting(3, "Evaluations of a configuration that takes at most 5 s, whose median counts", at_least(1))
 
 
+def _rates(values: Any) -> Any:
+    """Numbers from texts."""
+    try:
+        return tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        raise SettingsError(f"{', '.join(map(str, values)):.60} is no rate", hint="give numbers") from None
+
+
+def _rates_fault(name: str, rates: Any) -> str | None:
+    good = rates and len(set(rates)) == len(rates) and all(0.0 < rate < math.inf for rate in rates)
+    return None if good else value_text(name, rates)
+
+
 @dataclass(frozen=True, slots=True)
 class PaperOptions(Checked):
     """What of the paper's tables is measured, and how.  Raises SettingsError."""
@@ -278,6 +297,14 @@ class PaperOptions(Checked):
         some_of(("auto", "raster", "path-traced"), least=1),
         short=True,
         flag="--light",
+    )
+    fps: tuple[float, ...] = setting(
+        (24.0, 60.0),
+        "Rates of Table 4, one row each: the paper renders at 24 and captures at 60, comma-separated",
+        Check("different numbers above 0", _rates_fault),
+        read=_rates,
+        shown="24,60",
+        metavar="R,...",
     )
     spp: int | None = setting(
         None, "Samples per pixel of path-traced light", at_least(1), short=True, shown=str(DEFAULT_SPP["path-traced"])

@@ -22,7 +22,7 @@ from light_transport import (
     SIZE,
     references,
 )
-from light_transport_scenes import SCENES, make
+from light_transport_scenes import SAMPLES, SCENES, make
 from references.significance import Estimate, block_means
 
 from taubench_gl.animation import choose_camera
@@ -42,7 +42,7 @@ def quality_of(name: str, path: Path, samples: int | None = None) -> Quality:
     sky = environment if isinstance(environment, tuple) else (0.0, 0.0, 0.0)
     image = str(path.with_suffix(".exr")) if environment == "image" else None
     return Quality(
-        samples=samples or SCENES[name].samples,
+        samples=samples or SAMPLES.get(name, 128),
         bounces=BOUNCES - 1,
         seed_per_frame=False,
         crisp=True,
@@ -93,7 +93,7 @@ def store(folders: list[Path], frame: int, target: Path) -> None:
 def write_index() -> None:
     """List the stored scenes, with what a run of them needs to know."""
     index = {
-        name: {"environment": scene.environment, "samples": scene.samples}
+        name: {"environment": scene.environment, "samples": SAMPLES.get(name, 128)}
         for name, scene in SCENES.items()
         if (FOLDER / f"{name}.glb").is_file()
     }

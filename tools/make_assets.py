@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.datasets.light_kit import turn
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5
@@ -14,14 +15,6 @@ SKY = "0.13,0.23,0.46"
 """Radiance of the evening sky, the same in every direction."""
 
 LICENSE = "CC0-1.0, made for taubench-gl"
-
-
-def turn(axis: str, degrees) -> np.ndarray:
-    """Quaternions xyzw about one axis.  (...) -> (..., 4)."""
-    half = np.radians(np.asarray(degrees, dtype=float)) / 2
-    out = np.zeros((*half.shape, 4))
-    out[..., "xyz".index(axis)], out[..., 3] = np.sin(half), np.cos(half)
-    return out
 
 
 def times(count: int) -> np.ndarray:

@@ -130,7 +130,8 @@ EVERY = (
     ),
     Record(
         "cycles-references", ("tests/pathtraced/references", "tests/pathtraced/light_transport"),
-        ("tools/cycles_references", "tools/light_transport_scenes.py", "tests/pathtraced/reference_scenes.py"),
+        ("tools/cycles_references", "tools/light_transport_scenes.py", "taubench_gl/datasets/light_scenes.py",
+         "tests/pathtraced/reference_scenes.py"),
         by.program("cycles_references"),
     ),
     Record(
@@ -177,7 +178,9 @@ EVERY = (
     Record("speed", ("docs/speed.md",), (DEMO, *FRAME, *RAYS)),  # tools/bench all
     Record("command-times", ("docs/speed.md",), (DEMO, *FRAME, *RAYS, *REUSE), by.command_times),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
-    Record("light-columns", ("docs/path-traced.md",), ("tools/column_scenes.py", *FRAME, *RAYS)),  # tools/light_columns
+    Record(  # tools/light_columns
+        "light-columns", ("docs/path-traced.md",), ("taubench_gl/datasets/light_scenes.py", *FRAME, *RAYS),
+    ),
 )  # fmt: skip
 
 

@@ -28,6 +28,10 @@ MODULES: dict[str, tuple[str, ...]] = {
         "evaluate",
         "pairs",
         "Pair",
+        "reuse_evaluate",
+        "TrainingWindows",
+        "ExportedFrames",
+        "RenderedFrames",
         "Settings",
         "load_preset",
         "Run",
@@ -86,6 +90,19 @@ for pair in tb.pairs(scene, size="320x180", frames="0:3", columns="frustum,posit
     print(pair.explain(160, 90))
     if pair.color is None:
         print("no color:", pair.unmeasured["color"])
+```
+
+Their light as reuse methods get it, by the words of [`reuse evaluate --input`](reuse-evaluation.md#inputs---input),
+and the reference that methods are compared with, linear radiance; and the methods themselves:
+
+```python
+size = {"size": "96x54", "frames": range(0, 3), "reprojection": "motion"}
+for pair in tb.pairs(scene, input="path-traced@1", reference="path-traced@4", **size):
+    print(pair.frame, abs(pair.noisy[..., :3] - pair.reference).mean(), pair.radiance.shape)
+done = tb.reuse_evaluate(
+    scene, ["none", "svgf"], tb.Settings(**size), input="path-traced@1", reference="path-traced@4", metrics=["psnr"]
+)
+print(done.summary["methods"]["svgf"]["mean"]["psnr_db"])
 ```
 
 The same during an evaluation:

@@ -20,7 +20,7 @@ Examples:
   taubench-gl export scene.glb --out gbuffers
   taubench-gl export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks
   taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
-  taubench-gl export scene.glb --out pairs --noisy-spp 1 --seeds 4 --reference-spp 1024 --size 320x180
+  taubench-gl export scene.glb --out pairs --input path-traced@1 --seeds 4 --reference path-traced@1024 --size 320x180
   taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
   taubench-gl evaluate exr:frames
 \b

@@ -36,7 +36,7 @@ def paper(
 
     SCENE names scenes of the paper, such as eternal-valley-fps; all by default.  A scene that 'scenes get' downloaded
     is measured; else its stand-in, if it has one, and every row says so.  Camera activity is at 60 frames a second,
-    images are at 24.  From datasets, one set of thresholds for all scenes is fitted to the paper's Table 4.
+    images are at 24 and 60.  From datasets, one set of thresholds for all scenes is fitted to the paper's Table 4.
 
     DIR gets paper.html, paper.tex, paper.json, tables and figures.  A run that was stopped, in whatever way, continues
     where it stopped when the command is repeated.  The exit code is 2 if a scene has failed.

@@ -1,4 +1,4 @@
-"""Scenes of a suite: files, the demo scene, stand-ins, and their stressed variants, made once and cached.
+"""Scenes of a suite: files, the demo scene, scenes made by code, and stressed variants, made once and cached.
 
 A stressed variant has a camera of constant speed in free space (``rotation``: yaw, degrees per frame; ``translation``:
 meters per frame) or a still camera and moving lights or objects (meters per frame); ``datasets.stress`` writes it.
@@ -13,6 +13,8 @@ from pathlib import Path
 from taubench_gl.data_files import code_hash
 from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.gltf_edit import GltfEditor
+from taubench_gl.datasets.light_scenes import SCENES as LIGHT_SCENES
+from taubench_gl.datasets.light_scenes import make_light_scene
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
@@ -25,10 +27,13 @@ from taubench_gl.study.store import content_hash
 STRESS = ("rotation", "translation", "light_speed", "object_speed")
 DEMO = "demo"
 
+MADE = (*STAND_INS, *LIGHT_SCENES)
+"""Scenes made by code."""
+
 
 @dataclass(frozen=True, slots=True)
 class SceneRecipe:
-    """How to make a scene.  ``source``: ``demo``, a stand-in or an absolute path; ``axis`` of STRESS, None: as it is.
+    """How to make a scene.  ``source``: ``demo``, one of MADE or an absolute path; ``axis`` of STRESS, None: as it is.
 
     ``value``: of the axis, per frame at ``fps``; ``frames``: length of the camera path; ``still``: without the
     animations of the source.
@@ -43,23 +48,23 @@ class SceneRecipe:
 
 
 def known_source(text: str, folder: Path) -> str:
-    """``demo``, the name of a stand-in, or the absolute path of a file beside the suite.  Raises SettingsError."""
-    if text == DEMO or text in STAND_INS:
+    """``demo``, a name of MADE, or the absolute path of a file beside the suite.  Raises SettingsError."""
+    if text == DEMO or text in MADE:
         return text
     path = folder / text
     if not path.is_file():
-        hint = f"give {DEMO}, {', '.join(STAND_INS)}, or a file beside the suite"
+        hint = f"give {DEMO}, {', '.join(MADE)}, or a file beside the suite"
         raise SettingsError(f"there is no scene {text!r}", hint=hint)
     return str(path.resolve())
 
 
 def scene_file(recipe: SceneRecipe) -> Path:
     """The file of a scene; it is written to the cache on first use.  Raises TaubenchError."""
-    if recipe.axis is None and recipe.source in STAND_INS:
+    if recipe.axis is None and recipe.source in MADE:
         path = _cached(recipe.source, recipe.source)
         if not path.is_file():
-            with replacing(path, suffix=".glb") as partial:
-                make_stand_in(recipe.source, partial)
+            with replacing(path, suffix=".glb") as file:
+                _make(recipe.source, file)
         return path
     if recipe.axis is None:
         return ASSETS / "demo.glb" if recipe.source == DEMO else Path(recipe.source)
@@ -69,11 +74,18 @@ def scene_file(recipe: SceneRecipe) -> Path:
     path = _cached(name, same)
     if not path.is_file():
         camera, moves = _motion(recipe)
-        with replacing(path, suffix=".glb") as partial:
-            stress(source, partial, camera, moves)
+        with replacing(path, suffix=".glb") as file:
+            stress(source, file, camera, moves)
             if recipe.still:
-                _drop_own_animations(partial)
+                _drop_own_animations(file)
     return path
+
+
+def _make(name: str, path: Path) -> None:
+    if name in STAND_INS:
+        make_stand_in(name, path)
+    else:
+        make_light_scene(LIGHT_SCENES[name], path)
 
 
 def _drop_own_animations(path: Path) -> None:

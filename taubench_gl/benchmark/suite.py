@@ -60,7 +60,7 @@ def _speeds(meaning: str) -> Any:
 class _Table(Checked):
     """Keys of a table of ``cases`` besides settings and options."""
 
-    scene: str = setting(REQUIRED, "demo, a stand-in or a file beside the suite")
+    scene: str = setting(REQUIRED, "demo, a scene made by code or a file beside the suite")
     track: str = setting(REQUIRED, "Cases within which methods are ranked")
     first: int = setting(0, "Number of the first frame", at_least(0))
     frames: int = setting(REQUIRED, "Number of frames", at_least(2))

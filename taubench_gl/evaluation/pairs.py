@@ -241,6 +241,10 @@ class Pair:
     ``unmeasured``: column -> why it is null.  Images are read from the GPU on first use; one that was
     not read before the next pair is drawn (``on_pair``: before the callback returns) is gone, and raises
     TaubenchError.  With several samples per pixel images show the last sample.
+
+    Where ``pairs`` was asked for light, all of the current frame, linear radiance x exposure, float32, else None:
+    ``radiance`` (h, w, 3): of the images that masks compare; ``noisy`` (h, w, 4): of the input, as reuse methods get
+    it (its last component is 0 where a pixel was not shaded); ``reference`` (h, w, 3): what they are compared with.
     """
 
     def __init__(self, evaluated: EvaluatedPair, row: dict[str, Any], evaluator: PairEvaluator):
@@ -248,6 +252,9 @@ class Pair:
         self.row, self.settings = row, evaluator.settings
         self.unmeasured = dict(evaluator.source.unmeasured)
         self._evaluator: PairEvaluator | None = evaluator
+        self.radiance: np.ndarray | None = None
+        self.noisy: np.ndarray | None = None
+        self.reference: np.ndarray | None = None
 
     def __repr__(self) -> str:
         return f"<Pair: frame {self.frame} and the one before, {self.row['pixels']} pixels>"

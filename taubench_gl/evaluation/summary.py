@@ -147,10 +147,10 @@ def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None, sampled
     """Notes on a run that evaluates a sample of the pairs, or several samples per pixel."""
     notes = []
     if sampling is not None:
-        widths = {c: e["half_width_points"] for c, e in sampling["columns"].items() if c not in sampled}
-        intervals = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
+        ends = {c: e["interval95_percent"] for c, e in sampling["columns"].items() if c not in sampled}
+        intervals = ", ".join(f"{c} {e[0]:.2f} to {e[1]:.2f}" for c, e in ends.items() if e is not None)
         drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.metrics.pairs}; --pairs all: every pair)"
-        notes.append(f"{drawn}; 95 % intervals, percentage points: {intervals or 'unknown'}")
+        notes.append(f"{drawn}; 95 % intervals, percent: {intervals or 'unknown'}")
     if settings.metrics.samples_per_pixel > 1:
         notes.append(f"counts and percentages are over {settings.metrics.samples_per_pixel} samples per pixel")
     return notes

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.channels import CHANNELS
+from taubench_gl.channels import CHANNELS, RADIANCE_UNIT
 from taubench_gl.errors import SettingsError
 from taubench_gl.features import LIGHT_FEATURES
 
@@ -77,15 +77,17 @@ EXPORTS: dict[str, ExportChannel] = {
 }  # fmt: skip
 
 PATH_INFO = "path_info"
+RADIANCE_OF_ALL = "radiance"
+"""Of a training pair: all light, emission and background included."""
 
 
 def clean_name(lobe: str) -> str:
-    """Channel of the converged radiance of a lobe."""
+    """Channel of the converged light of a lobe, or of ``radiance``."""
     return f"clean_{lobe}"
 
 
 def noisy_name(seed: int, name: str) -> str:
-    """Channel of the radiance of a lobe, or of ``path_info``, at few samples: the image number ``seed``."""
+    """Channel of the light of a lobe, of ``radiance`` or ``path_info``, of the input: the image number ``seed``."""
     return f"noisy{seed}_{name}"
 
 
@@ -97,10 +99,15 @@ def channel_named(name: str) -> ExportChannel:
     if name in EXPORTS:
         return EXPORTS[name]
     match = _TRAINING.fullmatch(name)
-    if match is None or match[2] not in EXPORTS:
+    if match is None or match[2] not in (*EXPORTS, RADIANCE_OF_ALL):
         raise KeyError(name)
-    of = EXPORTS[match[2]]
     kind = "converged" if match[1] == "clean" else "at few samples"
+    if match[2] == RADIANCE_OF_ALL:
+        exr = tuple(f"{match[1].capitalize()}.{part}" for part in "RGBA")
+        return ExportChannel(
+            name, 4, np.dtype(np.float32), RADIANCE_UNIT, f"rgb: radiance, exposure applied, {kind}", exr
+        )
+    of = EXPORTS[match[2]]
     exr = tuple(f"{match[1].capitalize()}.{part}" for part in of.exr)
     return dataclasses.replace(of, name=name, doc=f"{of.doc}, {kind}", exr=exr)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
-from taubench_gl.export.training import TrainingLight
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.spec import AnimatedScene
@@ -30,6 +30,9 @@ from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.option_groups import NO_TRAINING, TrainingOptions
 from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.export.training import TrainingLight
 
 Array = np.ndarray
 NO_MOTION = int(Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND)
@@ -108,7 +111,10 @@ class FrameSource(GpuOwner):
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self.training: TrainingLight | None = None
         if training.wanted:
-            self.training = TrainingLight(self, animated, settings, training)
+            from taubench_gl.export.training import TrainingLight, require_same_pixels  # imported late: 0.5 s
+
+            require_same_pixels(training, jitter)
+            self.training = self.own(TrainingLight(gpu, animated, settings, training))
         self._masks = self.open_evaluator(self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
@@ -171,7 +177,7 @@ class FrameSource(GpuOwner):
         if submitted.number == 0 and "prev_visibility" in out:
             out["prev_visibility"] = np.zeros_like(out["prev_visibility"])  # no frame before: no bit
         if self.training is not None:
-            out |= self.training.channels(submitted.number)
+            out |= self.training.files(submitted.number)
         number, view = submitted.number, submitted.view
         camera = camera_matrices(view, *self.source.size)
         return ExportFrame(number, number / self._settings.sequence.fps, out, camera, view)

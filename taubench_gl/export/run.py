@@ -23,7 +23,7 @@ from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer,
 from taubench_gl.export.frames import FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
-from taubench_gl.export.training import training_names
+from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock
 from taubench_gl.option_groups import ExportOptions
 from taubench_gl.outputs import is_partial_of, write_atomically
@@ -55,7 +55,7 @@ class _Size(msgspec.Struct):
     exposure: float | str
 
 
-class _Manifest(msgspec.Struct):
+class Manifest(msgspec.Struct):
     """What a later export into the same folder relies on."""
 
     schema: str
@@ -111,8 +111,8 @@ def _export(
     """``export_scene`` while no other process writes into ``out``.  ``control``: overwrite, progress, announce."""
     names, (overwrite, progress, announce) = exported_names(options), control
     # Geometry does not depend on the exposure.
-    lit = _EXPOSED & set(names) or options.training.wanted
-    given = open_scene(scene, settings if lit else settings.replace(columns=("frustum",)))
+    lit = settings.metrics.columns if _EXPOSED & set(names) else ("frustum",)
+    given = open_scene(scene, settings.replace(columns=COLUMNS if options.training.wanted else lit))
     settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = given.frames, given.animated.scene
     how = {"jitter": options.jitter, "training": options.training}
@@ -120,7 +120,7 @@ def _export(
         opened_gpu(settings) as owner,
         FrameSource(owner.gpu, given.animated, settings, names, **how) as source,
     ):
-        exported = (*source.names, *training_names(options.training))
+        exported = (*source.names, *(() if source.training is None else source.training.names))
         if not exported:
             why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
             raise SettingsError(f"the scene has none of these channels: {why}")
@@ -221,7 +221,7 @@ def _foreign(file: Path, manifest: Path) -> bool:
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:
     try:
-        values = read_json(path, _Manifest)
+        values = read_json(path, Manifest)
     except OutputError:
         return None
     return values if values["schema"] == SCHEMA else None

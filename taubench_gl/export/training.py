@@ -1,4 +1,4 @@
-"""Training pairs: path-traced light of a few samples, with several seeds, and the light it converges to, per lobe."""
+"""Training pairs: the light of a few samples that reuse methods get, with several seeds, and what it converges to."""
 
 from __future__ import annotations
 
@@ -6,72 +6,84 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.export.channels import PATH_INFO, clean_name, noisy_name
+from taubench_gl.export.channels import PATH_INFO, RADIANCE_OF_ALL, clean_name, noisy_name
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.gpu.context import Gpu
 from taubench_gl.option_groups import TrainingOptions
-from taubench_gl.pathtraced.references import LOBES, References, path_settings
+from taubench_gl.pathtraced.references import LOBES
+from taubench_gl.reuse.light_pairs import LightPairs, input_kind
+from taubench_gl.reuse.references import PathTracedReference, reference_samples
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-SEED_STEP = 1 << 24
-"""Difference of the frame numbers of two seeds' sample patterns: more than a sequence has frames."""
-
 
 def training_names(options: TrainingOptions) -> tuple[str, ...]:
-    """Channels in order: clean lobes, then the lobes and ``path_info`` of each seed."""
-    clean = [clean_name(lobe) for lobe in LOBES] if options.reference_spp else []
-    seeds = range(options.seeds if options.noisy_spp else 0)
-    return (*clean, *(noisy_name(k, name) for k in seeds for name in (*LOBES, PATH_INFO)))
+    """Channels in order: the reference and its lobes, then radiance, lobes and ``path_info`` of each seed."""
+    kind, clean = input_kind(options, 0) if options.wanted else None, []
+    if options.reference is not None:
+        clean = [RADIANCE_OF_ALL, *(LOBES if reference_samples(options.reference) else ())]
+    noisy = () if kind is None else (RADIANCE_OF_ALL, *((*LOBES, PATH_INFO) if kind.path_samples else ()))
+    seeds = range(options.seeds)
+    return (*map(clean_name, clean), *(noisy_name(k, name) for k in seeds for name in noisy))
 
 
-class TrainingLight:
-    """Noisy and clean light of the frames of a scene."""
+def require_same_pixels(options: TrainingOptions, jitter: str) -> None:
+    """Raises SettingsError for an input whose pixels are not those of the other channels.
 
-    def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings, options: TrainingOptions):
-        """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
-        self._options, self._references, self._noisy = options, None, None
-        if not traced_sources(animated.scene, path_settings(settings)):
-            raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
-        if options.reference_spp:
-            self._references = References.open(owner, animated, settings, options.reference_spp)
-        if options.noisy_spp:
-            noisy = path_settings(settings).replace(spp=options.noisy_spp)
-            self._noisy = owner.open_source(animated, noisy, extra=(*LOBES, PATH_INFO))
+    ``jitter``: as in ``ExportOptions``.
+    """
+    kind = input_kind(options, 0)
+    if kind is None:
+        return
+    if kind.upscale != 1:
+        raise SettingsError("the channels of an export have one size", hint="leave upscale@S out, and give its --size")
+    if kind.jitter and kind.rate != "full":
+        hint = "leave jittered out, or the shading rate"
+        raise SettingsError("a partly shaded input has one offset for several frames", hint=hint)
+    if kind.jitter != (jitter == "halton"):
+        hint = "give jittered in --input and --jitter halton, or neither"
+        raise SettingsError("the input and the other channels have different offsets", hint=hint)
+
+
+class TrainingLight(LightPairs):
+    """Noisy and clean light of the frames of a scene, by the names of files."""
+
+    def __init__(self, gpu: Gpu, animated: AnimatedScene, settings: Settings, options: TrainingOptions):
+        """``settings``: resolved for all columns.  Raises SettingsError."""
+        kind = input_kind(options, settings.lighting.seed)
+        lobes = LOBES if kind is not None and kind.path_samples else ()
+        super().__init__(gpu, animated, settings, options, (*lobes, *((PATH_INFO,) if lobes else ())))
+        self.names, self._lobes = training_names(options), lobes
 
     def announce(self, frames: Iterable[int], announce: Callable[[str], None]) -> None:
         """Report how long the references of ``frames`` take, if any are to be traced."""
-        if self._references is not None:
-            estimate = self._references.estimate(frames)
+        if isinstance(self.reference, PathTracedReference):
+            estimate = self.reference.references.estimate(frames)
             if estimate.seconds is not None:
                 announce(estimate.text)
 
-    def channels(self, frame: int) -> dict[str, Array]:
-        """By the names of ``training_names``: (h, w, 3), ``path_info`` (h, w, 4)."""
+    def files(self, frame: int) -> dict[str, Array]:
+        """By the names of ``training_names``: radiance and ``path_info`` (h, w, 4), lobes (h, w, 3)."""
         out: dict[str, Array] = {}
-        if self._references is not None:
-            lobes = self._references.frame(frame).lobes
+        if self.reference is not None:
+            out[clean_name(RADIANCE_OF_ALL)] = self.clean(frame)
+        if isinstance(self.reference, PathTracedReference):
+            lobes = self.reference.references.frame(frame).lobes
             out |= {clean_name(lobe): values for lobe, values in lobes.items()}
-        if self._noisy is not None:
-            self._noisy.draw(frame)
-            for seed in range(self._options.seeds):
-                self._noisy.trace(frame + seed * SEED_STEP, 0, self._options.noisy_spp)
-                out |= {noisy_name(seed, lobe): self._lobe(lobe) for lobe in LOBES}
-                out[noisy_name(seed, PATH_INFO)] = self._noisy.read(PATH_INFO)
+        for number, image in enumerate(self.images(frame)):
+            out[noisy_name(number, RADIANCE_OF_ALL)] = image.radiance
+            if self._lobes:
+                black = np.zeros((*image.radiance.shape[:2], 3), dtype=np.float32)
+                out |= {noisy_name(number, lobe): image.channels.get(lobe, black)[..., :3] for lobe in self._lobes}
+                out[noisy_name(number, PATH_INFO)] = image.channels[PATH_INFO]
         return {name: np.ascontiguousarray(values) for name, values in out.items()}
-
-    def _lobe(self, name: str) -> Array:
-        if name in self._noisy.channels:
-            return self._noisy.read(name)[..., :3]
-        width, height = self._noisy.size
-        return np.zeros((height, width, 3), dtype=np.float32)
 
     def noise_note(self) -> str | None:
         """The noise of the clean light, once frames are traced."""
-        noise = None if self._references is None else self._references.worst_noise
-        if noise is None:
+        if not isinstance(self.reference, PathTracedReference) or self.reference.references.worst_noise is None:
             return None
-        return f"standard error of the clean light at {self._options.reference_spp} samples, worst frame: {noise.text}"
+        references = self.reference.references
+        samples, noise = references.samples, references.worst_noise.text
+        return f"standard error of the clean light at {samples} samples, worst frame: {noise}"

@@ -171,6 +171,12 @@ class RasterSource(Owner):
         self.light.paths.first_sample, self.light.paths.sample_count = first, count
         self.light.run(number)
 
+    def light_again(self, number: int, seed: int) -> None:
+        """Light the current frame by other random numbers: those of ``seed`` and frame ``number``."""
+        before, self.light.seed = self.light.seed, seed
+        self.light.run(number)
+        self.light.seed = before
+
     def listed_light(
         self,
         number: int,

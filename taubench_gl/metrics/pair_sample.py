@@ -114,6 +114,23 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95, within: Arr
     return Estimate(mean, t * math.sqrt(variance), level, count, sample.total)
 
 
+def share_ends(percent: float, half_width: float | None) -> list[float] | None:
+    """Ends of the confidence interval of an estimated share of ``percent``, within 0 to 100; None without a half width.
+
+    Symmetric for logit(p) = ln(p / (1 - p)), whose standard error is that of p divided by p (1 - p): logit(p) ±
+    ``half_width`` / (p (1 - p)) (Korn and Graubard, Survey Methodology 24, 1998, section 2).  A share of 0 or of 100 %
+    is its own interval: no sampled pair differs from it.
+    """
+    if half_width is None:
+        return None
+    p = percent / 100.0
+    spread = p * (1.0 - p)
+    if spread <= 0.0:
+        return [percent, percent]
+    middle, half = math.log(p / (1.0 - p)), half_width / 100.0 / spread
+    return [50.0 * (1.0 + math.tanh(0.5 * (middle + sign * half))) for sign in (-1.0, 1.0)]
+
+
 def expected_half_width(sample: PairSample, population: Array, level: float = 0.95) -> float:
     """Half width of the confidence interval of such a sample's mean, where all values are known.
 

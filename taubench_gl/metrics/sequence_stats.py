@@ -24,7 +24,7 @@ from taubench_gl.metrics.counts import (
     edges,
     percent,
 )
-from taubench_gl.metrics.pair_sample import PairSample, estimate
+from taubench_gl.metrics.pair_sample import PairSample, estimate, share_ends
 from taubench_gl.metrics.reuse_rate import RATES, ReuseStats
 from taubench_gl.metrics.streaming import Welford
 
@@ -119,6 +119,7 @@ class SequenceStats:
             columns[column] = {
                 "mean_percent": interval.mean,
                 "half_width_points": interval.half_width,
+                "interval95_percent": share_ends(interval.mean, interval.half_width),
                 "level": interval.level,
             }
         reusable = {}

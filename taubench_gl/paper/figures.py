@@ -14,9 +14,11 @@ from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.animation.state import FrameState
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.demos.sheet import Sheet, checkerboard, note, overlay, reason_entries
+from taubench_gl.demos.sheet import PINK, Sheet, checkerboard, note, overlay, painted, reason_entries, rgb
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
-from taubench_gl.features import BY_BIT
+from taubench_gl.evaluation.exact import Reasons, misregistered
+from taubench_gl.features import BY_BIT, GEOMETRY
+from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -32,6 +34,8 @@ DEGREES = 25.0
 TURNS = {"pitch": ("upwards", (1.0, 0.0, 0.0)), "yaw": ("to the left", (0.0, 1.0, 0.0)), "roll": ("", (0.0, 0.0, 1.0))}
 STILL_FPS = 1e3
 """The scene moves by a thousandth of a second while the camera of Figure 1 rotates."""
+
+MISREGISTERED = "misregistered"
 
 SPP = 64
 """Most samples per pixel of path-traced light in the figures."""
@@ -65,6 +69,7 @@ class _Shown:
     now: Array  # (h, w, 3) in [0, 1]
     before: Array
     mask: Array  # (h, w) uint32
+    wrong: Array | None = None  # (h, w) bool: misregistered in a column of geometry
 
 
 def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
@@ -103,15 +108,26 @@ def figure_2(scene: Scene, run: Run, settings: Settings, path: Path) -> Path:
             sheet.panel(place, 0, np.full((height, width, 3), 0.9), f"{feature}: not measured")
             continue
         columns = tuple(dict.fromkeys(("frustum", "position", feature, "color")))
-        shown, run_of_pair = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)))
+        shown, run_of_pair = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)), column=feature)
         percent = (run_of_pair.summary["discard"][feature] or {}).get("mean_percent")
         sheet.panel(place, 0, shown.before, f"{feature}: frame {frame - 1}")
         sheet.panel(place, 1, shown.now, f"frame {frame}")
         value = "not measured" if percent is None else f"mask: {percent:.1f} % discarded"
-        sheet.panel(place, 2, overlay(shown.mask, shown.now, *reasons), value)
+        panel = sheet.panel(place, 2, _mask_image(shown, reasons), value)
+        if shown.wrong is not None:
+            note(panel, f"{100 * shown.wrong.mean():.1f} % misregistered")
         used += reasons
-    sheet.legend(reason_entries(*used))
+    sheet.legend([*reason_entries(*used), (MISREGISTERED, rgb(PINK))])
     return sheet.save(path)
+
+
+def _mask_image(shown: _Shown, reasons: Sequence[Reason]) -> Array:
+    """The mask in the colors of ``reasons``, misregistered pixels in their own."""
+    if shown.wrong is None:
+        return overlay(shown.mask, shown.now, *reasons)
+    image = overlay(np.where(shown.wrong, np.uint32(0), shown.mask), shown.now, *reasons)
+    image[shown.wrong] = painted(shown.now, (shown.wrong, rgb(PINK)))[shown.wrong]
+    return image
 
 
 def telling_pair(rows: Sequence[Mapping[str, Any]], feature: str) -> int | None:
@@ -134,7 +150,9 @@ def caption_1(label: str) -> str:
 def caption_2(label: str, run: Run) -> str:
     return (
         f"As Figure 2 of the paper, of {label}: two frames and the mask of each feature, in the pair that shows most "
-        f"of it among the half of the pairs with the fewest frustum discards ({lighting_text(run.summary)})."
+        f"of it among the half of the pairs with the fewest frustum discards ({lighting_text(run.summary)}). "
+        "Misregistered: position or normal discards the pixel although a ray finds that the previous camera saw its "
+        "surface point, which did not move."
     )
 
 
@@ -153,15 +171,20 @@ def _small(settings: Settings, columns: tuple[str, ...], **more: Any) -> Setting
     return settings.replace(**(changed | fewer | more))
 
 
-def _pair(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[_Shown, Run]:
-    """The first pair of ``settings``."""
+def _pair(scene: Scene, settings: Settings, camera: CameraTrack | None = None, column: str = "") -> tuple[_Shown, Run]:
+    """The first pair of ``settings``, and which pixels of it a ``column`` of geometry discards by misregistration."""
     shown: list[_Shown] = []
 
     def keep(pair: Pair) -> None:
         before, now = (pair.source.read("color", previous=old)[..., :3] for old in (True, False))
-        shown.append(_Shown(now, before, pair.mask))
+        wrong = None
+        if column in GEOMETRY:
+            reasons = Reasons(pair.source.read(VISIBILITY)[..., 0], None)
+            wrong = misregistered(pair.mask, reasons, column, pair.settings, pair.source.reprojection)
+        shown.append(_Shown(now, before, pair.mask, wrong))
 
-    run = evaluate_scene(scene, settings, Observers(on_pair=keep), camera=camera)
+    channels = (VISIBILITY,) if column in GEOMETRY else ()
+    run = evaluate_scene(scene, settings, Observers(on_pair=keep, channels=channels), camera=camera)
     return shown[0], run
 
 

@@ -78,9 +78,11 @@ def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: 
     notes: list[str] = []
     place = output_folder(folder / FIGURES)
     for result, scene in zip(results, jobs, strict=True):
-        if not result.images:
+        first = next(iter(scene.images.values())).settings.sequence.fps
+        at_first_rate = [name for name in result.images if scene.images[name].settings.sequence.fps == first]
+        if not at_first_rate:
             continue
-        light = list(result.images)[-1]  # path-traced where it was asked for: it has the better indirect light
+        light = at_first_rate[-1]  # path-traced where it was asked for: it has the better indirect light
         run, job = result.images[light], scene.images[light]
         stem = f"{result.scene.name}-{job.id[-8:]}".replace(".", "-")
         files = place / f"{stem}-figure-1.png", place / f"{stem}-figure-2.png"

@@ -17,6 +17,9 @@ DATASET, STAND_IN = "dataset", "stand-in"
 CAMERA_FPS = 60.0
 """Rate of Tables 2 and 3, the paper's capture rate."""
 
+RENDER_FPS = float(paper_numbers()["settings"]["render_fps"])
+"""Rate of the paper's Table 4."""
+
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene in the cache to an argument of ``load_scene`` and the settings of its registry entry."""
 

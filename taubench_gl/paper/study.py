@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,7 @@ from taubench_gl.batch.merge import job_folder
 from taubench_gl.batch.spec import BatchSpec, Job, job_id
 from taubench_gl.batch.study import batch_store, run_batch
 from taubench_gl.option_groups import PaperOptions
-from taubench_gl.paper.scenes import PaperScene
+from taubench_gl.paper.scenes import RENDER_FPS, PaperScene
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import Settings
 
@@ -30,7 +31,7 @@ UNIT_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class SceneJobs:
-    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by light."""
+    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by ``image_name``."""
 
     scene: PaperScene
     camera: Job
@@ -51,6 +52,11 @@ class SceneResult:
     failed: dict[str, str] = field(default_factory=dict)
 
 
+def image_name(light: str, fps: float) -> str:
+    """Of images: the light, with the rate where it is not the paper's."""
+    return light if fps == RENDER_FPS else f"{light}, {fps:g} fps"
+
+
 def plan(scenes: Sequence[PaperScene], options: PaperOptions) -> list[SceneJobs]:
     """The jobs of every scene.  Raises SettingsError for settings that are out of range."""
     width, height = options.size
@@ -59,12 +65,13 @@ def plan(scenes: Sequence[PaperScene], options: PaperOptions) -> list[SceneJobs]
         activity = {"width": CAMERA_SIZE[0], "height": CAMERA_SIZE[1], "columns": ("frustum",), "pairs": ONE_PAIR}
         camera = _job(scene, "tables 1 to 3", scene.camera_settings | activity)
         images = {}
-        for light in options.lights:
-            own: dict[str, Any] = {"width": width, "height": height, "light": light}
+        for light, fps in itertools.product(options.lights, options.fps):
+            own: dict[str, Any] = {"width": width, "height": height, "light": light, "fps": fps}
             own |= {"pairs": QUICK_PAIRS if options.quick else "all"}
             traced = light == "path-traced"
             own |= {"spp": options.spp} if traced and options.spp is not None else {}
-            images[light] = _job(scene, f"table 4, {light}", scene.settings | own, options.lobes)
+            name = image_name(light, fps)
+            images[name] = _job(scene, f"table 4, {name}", scene.settings | own, options.lobes)
         jobs.append(SceneJobs(scene, camera, images))
     return jobs
 

@@ -9,9 +9,9 @@ from taubench_gl.features import COLUMNS, FEATURES, UNITS
 from taubench_gl.glossary import CENSUS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.paper.fit import Fitted
-from taubench_gl.paper.scenes import CAMERA_FPS
+from taubench_gl.paper.scenes import CAMERA_FPS, RENDER_FPS
 from taubench_gl.paper.study import CAMERA as CAMERA_JOB
-from taubench_gl.paper.study import SceneResult
+from taubench_gl.paper.study import SceneResult, image_name
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.paper import SAMPLING_COLUMNS, camera_column, conditions, paper_numbers, table_row
 from taubench_gl.report.table import Column, Row, Table
@@ -110,13 +110,12 @@ def _beside(
 def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick: bool) -> Table:
     rows: list[Row] = []
     notes: list[str] = []
-    fps = float(paper_numbers()["settings"]["render_fps"])
     for result in results:
         paper = [paper_row(result.scene.row)["discard"].get(name) for name in COLUMNS]
         for light, why in result.failed.items():
             if light != CAMERA_JOB:
                 rows.append(_missing(f"{result.scene.label}, {light}", len(COLUMNS), why))
-        rows.append(_paper(result.scene.row, paper, fps))
+        rows.append(_paper(result.scene.row, paper, RENDER_FPS))
         for light, run in result.images.items():
             summary = run.summary
             entries = [summary["discard"].get(name) or {} for name in COLUMNS]
@@ -125,9 +124,9 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
             row = table_row(label, values, summary, *(e.get("reason") for e in entries))
             marks = {i: _light_note(light) for i, name in enumerate(COLUMNS) if name in result.scene.fitted}
             rows += [_marked(row, {i: text for i, text in marks.items() if values[i] is not None})]
+            rows += _intervals(label, summary)
             rows.append(_difference(values, paper))
             notes.append(f"{label}: {lighting_text(summary)}; {conditions(summary)}")
-            notes += [f"{label}: {n}" for n in summary["notes"] if "95 % intervals" in n]
     settings = paper_numbers()["settings"]
     notes.append(
         f"Paper: path-traced with {settings['samples_per_pixel']} samples per pixel and {settings['bounces']} bounces "
@@ -142,8 +141,22 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
     return Table(4, title, (*columns, *SAMPLING_COLUMNS), tuple(rows), tuple(notes))
 
 
+def _intervals(label: str, summary: Mapping[str, Any]) -> list[Row]:
+    """Two rows, the ends of the 95 % intervals of estimated shares; none where all pixels of all pairs are measured."""
+    of_pairs = (summary.get("sampling") or {}).get("columns") or {}
+    blocks = [(summary["discard"].get(name) or {}, of_pairs.get(name) or {}) for name in COLUMNS]
+    ends = [pixels.get("interval95_percent") or pairs.get("interval95_percent") for pixels, pairs in blocks]
+    if not any(ends):
+        return []
+    sides = [[None if one is None else one[side] for one in ends] for side in (0, 1)]
+    texts = (f"{label}, 95 % from", f"{label}, 95 % to")
+    return [table_row(text, side, summary, "of every pixel of every pair") for text, side in zip(texts, sides)]
+
+
 def _light_note(light: str) -> str:
-    return LIGHT_NOTE if light == "path-traced" else f"{LIGHT_NOTE}; this row is of {light} light"
+    return (
+        LIGHT_NOTE if light == image_name("path-traced", RENDER_FPS) else f"{LIGHT_NOTE}; this row is of {light} light"
+    )
 
 
 def _lobes(results: Sequence[SceneResult]) -> Table | None:

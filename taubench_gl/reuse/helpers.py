@@ -19,7 +19,7 @@ from taubench_gl.srgb import LUMINANCE
 Image = Any
 """numpy.ndarray or torch.Tensor."""
 
-_REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
+REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
 _CHANGED = int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR)
 
 
@@ -53,11 +53,11 @@ class Helpers:
 
     def reusable(self) -> Image:
         """(height, width) bool: there is history, and no geometry mask discards it (reads mask)."""
-        return self._without_reasons("mask", _REJECT)
+        return self._without_reasons("mask", REJECT)
 
     def reusable_exact(self) -> Image:
         """As ``reusable``, by the masks of the exact frames (reads exact_mask)."""
-        return self._without_reasons("exact_mask", _REJECT | _CHANGED)
+        return self._without_reasons("exact_mask", REJECT | _CHANGED)
 
     def inside(self, at: Image) -> Image:
         """Whether points are inside the image of the result."""

@@ -34,7 +34,7 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import cycle
 from taubench_gl.reuse.derived import NEEDS, ComposePass, DerivedInputs, channels_for, with_needs
-from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, texture_bytes
+from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, read_result, texture_bytes
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.reshade import CHANNELS_READ, RESHADED, Reshade
 from taubench_gl.scene.model import Scene
@@ -232,11 +232,13 @@ class RasterInputs(Inputs):
         cuts: Collection[int] = (),
         exact: bool | Source = False,
         jitter: Callable[[int], Array] = halton_jitter,
+        extra: Collection[str] = (),
     ):
         """Raises SettingsError.
 
-        ``exact``: provide ``exact_mask`` and ``exact_motion`` even if no method reads them; or the source that they are
-        of, which stays the caller's: path-traced inputs need one.
+        ``extra``: channels of the source besides those of ``reads``; ``exact``: provide ``exact_mask`` and
+        ``exact_motion`` even if no method reads them; or the source that they are of, which stays the caller's:
+        path-traced inputs need one.
         """
         kind, scene, settings = request.kind, request.scene, request.settings
         self.output_size = (settings.sequence.width, settings.sequence.height)
@@ -251,7 +253,7 @@ class RasterInputs(Inputs):
         # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
         period = {} if kind.upscale == 1 else {"period": kind.jitter_period}
         offset = (lambda frame: jitter(frame // cycle(kind.rate), **period)) if kind.jitter else None
-        extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
+        extra = tuple(extra) + tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
         extra += ("ids",) if "history_ids" in self.reads else ()
         emits = decide(scene, self.settings)["emission"].enabled
         extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
@@ -274,6 +276,7 @@ class RasterInputs(Inputs):
         how = {"rate": kind.rate, "derived": derived, "samples": kind.samples}
         self._compose = ComposePass(self, self.source, self.settings, **how)
         self._derived = DerivedInputs(self, self.size, derived, self.source.renderer.scene)
+        self._lit_by = kind.seed
         self.reshade: Reshade | None = None
         if reshades and self.source.light is not None and self.source.light.written:
             self.reshade = Reshade(self, self.source, self.settings)
@@ -285,6 +288,7 @@ class RasterInputs(Inputs):
     def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
         with self.timer.measure("compose"):
             self._compose.run(frame)
+        self._lit_by = self.kind.seed
         self._derived.run({**self.source.current, **self._compose.textures}, view)
         out = {**self._compose.textures, **self._derived.textures}
         if self.reshade is not None:
@@ -297,6 +301,17 @@ class RasterInputs(Inputs):
         super().begin(seed)
         if self.source.light is not None:
             self.source.light.seed = seed
+
+    def radiance(self, frame: int, seed: int) -> Array:
+        """``radiance`` of ``frame``, which ``advance`` drew last, with the random numbers of ``seed``.
+
+        (h, w, 4) float32, row 0 at the top, as methods get it.  Other inputs stay those of ``advance``.
+        """
+        if seed != self._lit_by:
+            self.source.light_again(frame, seed)
+            self._compose.run(frame)
+        self._lit_by = seed
+        return read_result(self._compose.textures["radiance"])
 
     def shading_ms(self) -> float:
         samples = self.timer.samples_ms()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 from export_tools import DEMO, settings
 
+import taubench_gl as tb
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.channels import channel_named
 from taubench_gl.export.run import ExportOptions, export_scene
@@ -24,7 +26,7 @@ SMALL = {
     "exposure": 1.0,
     "frames": (0, 2),
 }
-TRAINING = TrainingOptions(noisy_spp=1, seeds=3, reference_spp=32)
+TRAINING = TrainingOptions(input="path-traced@1+all-lights", seeds=3, reference="path-traced@32")
 
 
 @pytest.fixture(autouse=True)
@@ -71,29 +73,94 @@ def test_references_are_shared_between_exports(tmp_path):
 
 
 def test_an_export_with_other_samples_is_another(tmp_path):
-    pairs(tmp_path, TrainingOptions(noisy_spp=1), frames=(0, 1))
+    pairs(tmp_path, TrainingOptions(input="path-traced@1"), frames=(0, 1))
     text = json.loads((tmp_path / "export.json").read_text())
-    assert text["training"] == {"noisy_spp": 1, "seeds": 1, "reference_spp": 0}
+    assert text["training"] == dataclasses.asdict(TrainingOptions(input="path-traced@1"))
     with pytest.raises(OutputError):
-        pairs(tmp_path, TrainingOptions(noisy_spp=2), frames=(0, 1))
+        pairs(tmp_path, TrainingOptions(input="path-traced@2"), frames=(0, 1))
 
 
 @pytest.mark.parametrize(
-    "given", [{"noisy_spp": -1}, {"seeds": 0, "noisy_spp": 1}, {"seeds": 2}, {"reference_spp": 1 << 21}]
+    ("word", "reference", "seeds", "more"),
+    [
+        ("path-traced@2", "path-traced@4", 2, {}),
+        ("path-traced@1+all-lights", "path-traced@4", 2, {}),
+        ("noisy", "max", 2, {"light_samples": 2, "vpl_samples": 3}),
+        ("checkerboard", "max", 1, {}),
+    ],
 )
+def test_the_light_of_an_export_is_that_of_reuse_methods(tmp_path, word, reference, seeds, more):
+    given = {"frames": (2, 4), "seed": 5}
+    training = TrainingOptions(input=word, reference=reference, seeds=seeds, reference_samples=4, **more)
+    pairs(tmp_path / "out", training, **given)
+    shown = []
+    request = {"input": word, "reference": reference, "seeds": seeds, "reference_samples": 4, "metrics": (), **more}
+    methods = settings(**(SMALL | given), reprojection="motion")
+    tb.reuse_evaluate(DEMO, ["none"], methods, on_frame=shown.append, statistics=False, **request)
+    assert [(one.repetition, one.frame) for one in shown] == [(k, n) for k in range(seeds) for n in (2, 3)]
+    for one in shown:
+        with np.load(tmp_path / "out" / f"frame_{one.frame:05d}.npz") as file:
+            np.testing.assert_array_equal(file[f"noisy{one.repetition}_radiance"][..., :3], one.radiance["input"])
+            np.testing.assert_array_equal(file["clean_radiance"][..., :3], one.radiance["reference"])
+    assert not np.array_equal(shown[0].radiance["input"], shown[-1].radiance["input"])
+
+
+def test_pairs_have_the_light_of_reuse_methods(tmp_path):
+    words = {"input": "path-traced@1", "reference": "path-traced@4"}
+    given = settings(**(SMALL | {"frames": (2, 4), "seed": 5, "columns": ("position", "direct", "indirect")}))
+    (pair,) = tb.pairs(DEMO, given, **words)
+    shown = []
+    tb.reuse_evaluate(DEMO, ["none"], given.replace(reprojection="motion"), on_frame=shown.append, metrics=(), **words)
+    np.testing.assert_array_equal(pair.noisy[..., :3], shown[-1].radiance["input"])
+    np.testing.assert_array_equal(pair.reference, shown[-1].radiance["reference"])
+    assert pair.radiance.shape == (16, 24, 3)
+    # The preview has the light of the reference but for what it leaves out: the same scene, without noise.
+    assert np.corrcoef(pair.radiance.ravel(), pair.reference.ravel())[0, 1] > 0.8
+
+
+def test_pairs_without_words_have_no_light():
+    (pair,) = tb.pairs(DEMO, settings(**(SMALL | {"frames": (2, 4), "columns": ("position",)})))
+    assert pair.radiance is pair.noisy is pair.reference is None
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"input": "no"}, {"input": "exr:frames"}, {"input": "path-traced@1", "reference": "max"}, {"reference": "no"},
+        {"reference": "path-traced"}, {"input": "full", "seeds": 2}, {"input": "path-traced@1+upscale@2"},
+        {"input": "path-traced@1+jittered"}, {"input": "half+jittered"},
+    ],
+)  # fmt: skip
+def test_words_that_an_export_does_not_have(tmp_path, given):
+    with pytest.raises(SettingsError):
+        pairs(tmp_path, TrainingOptions(**given))
+
+
+@pytest.mark.parametrize("given", [{"input": "exr:frames"}, {"input": "no"}, {"reference": "path-traced"}])
+def test_words_that_pairs_do_not_have(given):
+    with pytest.raises(SettingsError):
+        tb.pairs(DEMO, **given)
+
+
+def test_files_have_no_input(tmp_path):
+    with pytest.raises(SettingsError):
+        tb.pairs(f"exr:{tmp_path}", input="path-traced@1")
+
+
+@pytest.mark.parametrize("given", [{"seeds": 0, "input": "noisy"}, {"seeds": 2}, {"reference_samples": 0}])
 def test_numbers_out_of_range(given):
     with pytest.raises(SettingsError):
         TrainingOptions(**given)
 
 
-@pytest.mark.parametrize("given", [{"jitter": "halton"}, {"format": "sintel"}])
-def test_what_training_pairs_do_not_go_with(given):
+def test_training_pairs_are_no_part_of_the_sintel_layout():
     with pytest.raises(SettingsError):
-        ExportOptions(training=TRAINING, **given)
+        ExportOptions("sintel", training=TRAINING)
 
 
 def test_names_of_files():
     assert channel_named("noisy2_path_info").exr[0] == "Noisy2.HitDistance"
+    assert channel_named("clean_radiance").exr == tuple(f"Clean.{c}" for c in "RGBA")
     assert channel_named("clean_direct_glossy").exr == tuple(f"Clean.DirectGlossy.{c}" for c in "RGB")
     with pytest.raises(KeyError):
         channel_named("clean_no")

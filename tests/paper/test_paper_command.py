@@ -7,11 +7,13 @@ import json
 import re
 import shutil
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.benchmark import scenes as benchmark_scenes
+from taubench_gl.conventions import Reason
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
@@ -23,6 +25,7 @@ from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
 from taubench_gl.paper.study import PaperOptions, plan
 from taubench_gl.paths import ASSETS
 from taubench_gl.report.paper import paper_numbers
+from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -76,9 +79,11 @@ def test_datasets_come_before_stand_ins():
     assert vr.settings["fps"] == 24.0 and vr.camera_settings["fps"] == 60.0
     assert vr.settings["exposure"] == 1.0 and "exposure" not in fps.settings
     jobs = plan(found.scenes, PaperOptions(lights=("raster", "path-traced"), spp=3))
-    assert [job.settings.sequence.fps for job in jobs[0].all] == [60.0, 24.0, 24.0]
+    assert list(jobs[0].images) == ["raster", "raster, 60 fps", "path-traced", "path-traced, 60 fps"]
+    assert [job.settings.sequence.fps for job in jobs[0].all] == [60.0, 24.0, 60.0, 24.0, 60.0]
     assert jobs[0].images["path-traced"].settings.lighting.spp == 3
-    assert len({job.id for scene in jobs for job in scene.all}) == 6
+    assert len({job.id for scene in jobs for job in scene.all}) == 10
+    assert list(plan(found.scenes, PaperOptions(fps=(60.0,)))[0].images) == ["auto, 60 fps"]
 
 
 def test_a_named_scene_that_is_not_there_is_an_error(tmp_path):
@@ -122,6 +127,49 @@ def test_everything_from_one_command(finished):
     assert list(residuals) == ["eternal-valley-vr"]
     page = (out / "paper.html").read_text()
     assert page.count("data:image/png") == 4 and "http" not in page.partition("<main")[2].replace("http://www.w3", "")
+
+
+@pytest.mark.parametrize("rates", [(), (0.0,), (24.0, 24.0), (float("inf"),)])
+def test_rates_of_table_4_are_different_numbers(rates):
+    with pytest.raises(SettingsError):
+        PaperOptions(fps=rates)
+
+
+def test_table_4_has_both_rates_and_intervals_within_0_and_100_percent(finished):
+    """The ends of every interval hold its estimate, and lie within what a share can be."""
+    out, _ = finished
+    values = json.loads((out / "paper.json").read_text())
+    for scene in values["scenes"]:
+        assert [scene["images"][name]["settings"]["fps"] for name in ("raster", "raster, 60 fps")] == [24.0, 60.0]
+        for image in scene["images"].values():
+            for column in image["sampling"]["columns"].values():
+                low, high = column["interval95_percent"]
+                assert 0.0 <= low <= column["mean_percent"] <= high <= 100.0
+    rows = {}
+    for line in (out / "tables.md").read_text().split("Table 4")[1].splitlines():
+        if line.startswith("| "):
+            label, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+            rows.setdefault(label, cells)
+    label = "Eternal Valley VR, dataset, raster, 60 fps"
+    ours, low, high = (rows[f"{label}{end}"] for end in ("", ", 95 % from", ", 95 % to"))
+    assert ours[6:8] == low[6:8] == high[6:8] == ["60", "8"], ours
+    assert all(0 <= float(a) <= float(b) <= float(c) <= 100 for a, b, c in zip(low[:4], ours[:4], high[:4]))
+
+
+def test_figure_2_keeps_misregistration_apart():
+    """Discards whose point the previous camera saw at rest have a color of their own, in no other reason's pixels."""
+    camera = figures.camera_of_run(scene := load_scene(DEMO), Settings().sequence)
+    settings = Settings(width=32, height=18, light="raster", exposure=1.0, frames=(30, 32), reprojection="motion",
+                        columns=("frustum", "position", "color"))  # fmt: skip
+    shown, _ = figures._pair(scene, settings, camera, column="position")
+    exact = evaluate_scene(DEMO, settings.replace(exact=True)).frames[0]
+    assert shown.wrong.sum() == exact["misregistered_position"] > 0
+    assert ((shown.mask[shown.wrong] & Reason.POSITION) != 0).all()
+    reasons = (Reason.DISOCCLUDED, Reason.OCCLUDING)
+    image, plain = figures._mask_image(shown, reasons), figures.overlay(shown.mask, shown.now, *reasons)
+    np.testing.assert_array_equal(image[~shown.wrong], plain[~shown.wrong])
+    assert (image[shown.wrong] != plain[shown.wrong]).any(axis=-1).all()
+    assert figures._pair(scene, settings, camera, column="direct")[0].wrong is None
 
 
 def test_rows_are_beside_the_papers_with_the_difference(finished):
@@ -210,9 +258,9 @@ def test_the_estimate_counts_frames(tmp_path, monkeypatch):
     """All pairs share their frames, those of a sample do not."""
     monkeypatch.setattr(estimate, "_slowest", lambda _scene, _settings: 2.0)
     found = find_scenes(("eternal-valley-fps",), resolved)
-    (every,) = estimate.estimate(plan(found.scenes, PaperOptions()), tmp_path / "every")
+    (every,) = estimate.estimate(plan(found.scenes, PaperOptions(fps=(24.0,))), tmp_path / "every")
     assert every.total == pytest.approx(2.0 * (every.weight + 1))
-    (some,) = estimate.estimate(plan(found.scenes, PaperOptions(quick=True)), tmp_path / "some")
+    (some,) = estimate.estimate(plan(found.scenes, PaperOptions(quick=True, fps=(24.0,))), tmp_path / "some")
     assert some.weight == 8 and 2.0 * 9 < some.total <= 2.0 * 16
 
 
@@ -221,7 +269,7 @@ def test_the_estimate_has_all_samples_at_random_pixels(tmp_path, monkeypatch):
         return 1e-3 * settings.lighting.spp if settings.lighting.light == "path-traced" else 0.0
 
     monkeypatch.setattr(estimate, "_slowest", slowest)
-    (scene,) = plan(find_scenes(("eternal-valley-fps",), resolved).scenes, PaperOptions())
+    (scene,) = plan(find_scenes(("eternal-valley-fps",), resolved).scenes, PaperOptions(fps=(24.0,)))
     (job,) = scene.images.values()
     sampled = dataclasses.replace(job, settings=job.settings.replace(light="auto"))
     (estimated,) = estimate.estimate([dataclasses.replace(scene, images={"auto": sampled})], tmp_path / "out")
