@@ -174,7 +174,7 @@ def test_the_command_line_gives_the_settings_again():
             settings = configuration.settings(baseline)
             words = shlex.split(command_line("a scene.glb", settings))
             command = cli.commands["evaluate"]
-            context = command.make_context("evaluate", words[2:])
+            context = command.make_context("evaluate", words[2:], **cli.context_settings)
             given = {n: v for n, v in context.params.items() if n in settings.to_dict() or n == "size"}
             fields = {name: value for name, value in given.items() if value not in (None, ())}
             fields["thresholds"] = dict(fields.get("thresholds", ()))
