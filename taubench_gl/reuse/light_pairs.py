@@ -96,5 +96,5 @@ class LightPairs(GpuOwner):
         """The reference of ``frame``: linear radiance x exposure, (h, w, 4) float32; the last is 1 where finite."""
         if self.reference is None:
             return None
-        image = self.reference.image(frame)
+        image = self.reference.image(frame).radiance
         return np.concatenate([image, np.isfinite(image).all(axis=-1, keepdims=True)], axis=-1, dtype=np.float32)
