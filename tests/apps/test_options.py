@@ -123,7 +123,7 @@ def test_a_new_option_of_reuse_is_a_keyword_and_a_key_of_suites(tmp_path):
     for name, value in (("suite", 4), ("default", 3), ("wrong", 10)):
         write_suite(tmp_path / f"{name}.toml", f"zeal = {value}\n")
     printed = with_the_option(
-        "    light_samples: int",
+        "    metrics: tuple",
         f"""
 from taubench_gl.apps.cli import cli
 from taubench_gl.benchmark.suite import read_suite

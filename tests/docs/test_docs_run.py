@@ -39,7 +39,7 @@ LEFT_OUT = {
 
 SMALL = {
     "--size": "64x36", "--frames": "0:3", "--reference-spp": "4", "--reference-samples": "4",
-    "--repeats": "1", "--shadow-size": "128", "--seconds": "0.2",
+    "--repeats": "1", "--shadow-size": "128",
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
 
@@ -65,7 +65,6 @@ FIRST = {
     r"(?<!new )my-method": ["reuse new my-method"],
     r"\./my_method\b": ["reuse new my_method"],
     r"methods/reject_": ["reject method --tests position --out methods"],
-    r"training/": ["export scene.glb --out training --format zarr --channels all"],
 }
 """Commands that write what an example (regular expression) reads."""
 
@@ -86,7 +85,7 @@ PYTHON = {
     },
     "docs/cost.md": {'size="480x270"': 'size="8x5", frames=(0, 2), columns="direct", truth_within=9'},
     "docs/demos.md": {"size=(640, 360)": "size=(160, 90)"},
-    "docs/export.md": {"num_workers=2": "num_workers=0"},
+    "docs/export.md": {"range(10)": "range(1)"},
     "docs/reuse-evaluation.md": {
         "width=640, height=360": "width=64, height=36",
         "frames=(0, 48)": "frames=(0, 4)",
@@ -128,6 +127,7 @@ def reduced(words: list[str], kept: Collection[str]) -> list[str]:
     if words[0] == "selftest":
         return words  # its cases need their sizes
     small = SMALL | ({"--size": "160x90"} if words[0] == "demo" else {})
+    small |= {"--seconds": "0.2"} if "--sweep" in words else {}
     if any(word.startswith("exr:") for word in words) or (words[0] == "stress" and "--sweep" not in words):
         del small["--size"]
     if words[:2] in (["reuse", "evaluate"], ["reuse", "fit"]) and "--input" not in words:
