@@ -12,13 +12,12 @@
 #include "common/lights.glsl"
 #endif
 #include "common/environment.glsl"
+#include "pathtracing/shadow_reach.glsl"
 #include "raytracing/trace.glsl"
 #include "raytracing/alpha.glsl"
 #if EMITTERS
 #include "raytracing/emitters.glsl"
 #endif
-
-const float FAR = 1.0e30; // meters: longer than any ray within a scene
 
 struct LightRay {
     vec3 origin;
@@ -37,14 +36,6 @@ float power_heuristic(float a, float b) {
 bool faces(Surface s, vec3 g, vec3 l) { return dot(g, l) > 0.0 && dot(s.n, l) > 0.0; }
 
 #if PUNCTUAL
-// To a point or spot light the ray ends just before it, where a light on a surface is not behind that surface.
-float punctual_reach(LightRecord light, vec3 p) {
-    if (light.direction.w == KIND_DIRECTIONAL) return FAR;
-    vec3 a = abs(light.position.xyz), b = abs(p);
-    float size = max(max(max(a.x, a.y), a.z), max(max(b.x, b.y), b.z));
-    return max(length(light.position.xyz - p) - LIGHT_GAP * size, 0.0);
-}
-
 #if BIDIRECTIONAL
 #include "pathtracing/connection.glsl"
 #endif

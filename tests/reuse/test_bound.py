@@ -11,7 +11,7 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, evaluate, play, write_method
 from taubench_gl.metrics.blending import blend, nearest_weight
 from taubench_gl.reuse.bound import NO_HISTORY
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.loading import builtin_methods, load_method
+from taubench_gl.reuse.loading import frame_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 from taubench_gl.settings import Settings
 
@@ -133,7 +133,7 @@ def test_greedy_is_its_float64_reference(gpu):
 
 
 def test_every_builtin_method_with_history_reports_it():
-    silent = {name for name in builtin_methods() if "reprojected_history" not in load_method(name).reports}
+    silent = {name for name in frame_methods() if "reprojected_history" not in load_method(name).reports}
     assert silent <= {"oidn", "fsr2-class"}  # filters one frame; blends tone-mapped colors at another size
 
 
