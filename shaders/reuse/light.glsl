@@ -8,10 +8,12 @@
 // Positions of this frame are relative to this camera, those of the previous frame to the previous one.
 #include "common/reuse.glsl"
 #include "common/affine.glsl"
-#include "common/brdf.glsl"
+#include "common/brdf_sampling.glsl"
 #include "common/random.glsl"
 #include "common/light_choice.glsl"
 #include "common/lights.glsl"
+#include "common/environment.glsl"
+#include "pathtracing/environment_sampling.glsl"
 #include "pathtracing/shadow_reach.glsl"
 #include "raytracing/trace.glsl"
 #if EMITTERS
@@ -72,13 +74,13 @@ vec3 brdf(SurfacePoint x, vec3 wi) {
 
 // --- lights
 struct LightSample {
-    int light;     // number: rows of punctual lights, then of emissive triangles; -1: none
-    vec2 uv;       // which point of a triangle
+    int light;     // number: rows of punctual lights, then of emissive triangles, then the environment; -1: none
+    vec2 uv;       // which point of a triangle, or direction
     float density; // probability of the number; uv is uniform in the unit square
 };
 
 struct LightPoint {
-    LightRecord record; // of a triangle: position of the point, radiance times area
+    LightRecord record; // of a triangle: position of the point, radiance times area; of the environment: a directional light
     vec3 normal;        // unit, of a triangle; 0 of a punctual light
 };
 
@@ -95,10 +97,17 @@ LightSample sample_light(vec4 u) {
     }
 #endif
 #if EMITTERS
-    if (u.x >= PUNCTUAL_SHARE) {
-        int row = emitter_chosen((u.x - PUNCTUAL_SHARE) / (1.0 - PUNCTUAL_SHARE));
+    float pick = (u.x - PUNCTUAL_SHARE) / EMITTER_SHARE;
+    if (pick >= 0.0 && pick < 1.0) {
+        int row = emitter_chosen(pick);
         r.light = LIGHT_COUNT + row;
-        r.density = (1.0 - PUNCTUAL_SHARE) * uintBitsToFloat(emitter_words(row).w);
+        r.density = EMITTER_SHARE * uintBitsToFloat(emitter_words(row).w);
+    }
+#endif
+#if ENVIRONMENT_LIGHT
+    if (u.x >= PUNCTUAL_SHARE + EMITTER_SHARE) {
+        r.light = LIGHT_COUNT + EMITTER_COUNT;
+        r.density = 1.0 - PUNCTUAL_SHARE - EMITTER_SHARE;
     }
 #endif
     if (!(r.density > 0.0)) r.light = -1;
@@ -121,8 +130,22 @@ LightPoint light_in(int light, vec2 uv, bool before) {
         else r.record = light_record(light);
     }
 #endif
+#if ENVIRONMENT_LIGHT
+    if (light == LIGHT_COUNT + EMITTER_COUNT) {
+#if ENVIRONMENT_IMAGE
+        BrdfSample e = sample_environment(uv);
+        vec3 seen = e.pdf > 0.0 ? environment_seen(e.l) / e.pdf : vec3(0.0);
+#else
+        float y = 1.0 - 2.0 * uv.x, sine = sqrt(max(1.0 - y * y, 0.0)), phi = 2.0 * PI * uv.y;
+        BrdfSample e = BrdfSample(vec3(sine * cos(phi), y, sine * sin(phi)), 0.25 / PI);
+        vec3 seen = light_frame[0].sky.rgb / e.pdf;
+#endif
+        r.record.direction = vec4(-e.l, KIND_DIRECTIONAL);
+        r.record.color.rgb = seen;
+    }
+#endif
 #if EMITTERS
-    if (light >= LIGHT_COUNT) {
+    if (light >= LIGHT_COUNT && light < LIGHT_COUNT + EMITTER_COUNT) {
         hits_before = before;
         EmitterSample e = emitter_point(light - LIGHT_COUNT, uv);
         hits_before = false;
@@ -167,6 +190,7 @@ bool visible_in(SurfacePoint x, LightPoint at, bool previous) {
     Ray ray;
     ray.direction = incident(at, p).l;
     ray.origin = offset_origin(p, x.g, ray.direction);
+    ray.t_max = FAR;
     if (at.normal == vec3(0.0)) {
 #if PUNCTUAL
         ray.t_max = punctual_reach(at.record, ray.origin);

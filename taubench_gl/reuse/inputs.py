@@ -273,10 +273,10 @@ class RasterInputs(Inputs):
             self.reshade = Reshade(self, self.source, self.settings)
         self.scene_light: SceneLight | None = None
         if LIGHTS in self.reads and LIGHTS not in self.missing:
-            if why := refusal(self.source, self.settings):
+            if why := refusal(self.source):
                 self.missing[LIGHTS] = why
             else:
-                self.scene_light = SceneLight(self, self.source, settings.lighting.exposure_factor, kind.seed)
+                self.scene_light = SceneLight(self, self.source, self.settings, kind.seed)
         if {"mask", "motion"} & self.reads or self.reshade is not None:
             self._masks = MaskInputs(self, self.source, self.settings, ())
         if needs_exact:

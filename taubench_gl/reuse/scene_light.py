@@ -12,9 +12,11 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import traced_sources
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.frame.environment import declare_environment, seen_of
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
 from taubench_gl.frame.passes.pathtracing import LIGHT_GAP
 from taubench_gl.frame.raytracing.structure import SceneStructure
@@ -24,6 +26,7 @@ from taubench_gl.gpu.declare import IMAGE, TEXTURE, WRITE, ComputePass, Use
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import bind_uses
 from taubench_gl.gpu.shader import Source, resolve
+from taubench_gl.metrics.environment import CELLS
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
 from taubench_gl.reuse.frame import input_texture
 from taubench_gl.settings import Settings
@@ -47,15 +50,14 @@ FRAME = Struct(
     Field("camera_delta", "vec4", "xyz: current - previous camera's position, meters"),
     Field("size", "ivec4", "xy: pixels"),
     Field("numbers", "uvec4", "x: frame, y: seed"),
+    Field("sky", "vec4", "xyz: radiance of a uniform environment, linear"),
 )
 
 
-def refusal(source: RasterSource, settings: Settings) -> str | None:
+def refusal(source: RasterSource) -> str | None:
     """Why methods cannot light the frames of ``source``, or None."""
     if source.light is None or source.light.paths is None:
         return "nothing lights the scene"
-    if "environment" in traced_sources(source.renderer.scene, settings):
-        return "an environment lights the scene; only lamps and emissive surfaces can be sampled"
     draws = source.renderer.draws
     if any(draws[int(row)].posed for row in source.light.paths.attributes.emitters["draw"]):
         return "an emissive surface deforms"
@@ -65,9 +67,9 @@ def refusal(source: RasterSource, settings: Settings) -> str | None:
 class SceneLight:
     """``declaration`` and ``resources`` for the passes of a method; ``rest``: light that no method computes."""
 
-    def __init__(self, owner: GpuOwner, source: RasterSource, exposure: float, seed: int):
-        """``owner``: frees it; ``source``: path-traced, without ``refusal``."""
-        gpu, self._source, self._exposure = owner.gpu, source, exposure
+    def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings, seed: int):
+        """``owner``: frees it; ``source``: path-traced, with ``settings``, without ``refusal``."""
+        gpu, self._source, self._exposure = owner.gpu, source, settings.lighting.exposure_factor
         self._hazards, self._seed = gpu.hazards, seed
         paths, renderer, software = source.light.paths, source.renderer, gpu.software
         self._attributes, self._count = paths.attributes, len(source.light.table)
@@ -75,11 +77,13 @@ class SceneLight:
         emitters = len(self._attributes.emitters) > 0
         p = ComputePass("reuse light", ("reuse/light.glsl",))
         p.define(PUNCTUAL=self._count > 0, EMITTERS=emitters, LLVMPIPE=software)
-        share = (self._count > 0) / ((self._count > 0) + emitters) if self._count or emitters else 1.0
+        sky = "environment" in traced_sources(renderer.scene, settings)
+        self._environment = environment_of(settings)
+        share = 1.0 / max((self._count > 0) + emitters + sky, 1)
         p.glsl(
             f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA}, LIGHT_GAP = {LIGHT_GAP};",
             f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_COUNT = {self._count};",
-            f"const float PUNCTUAL_SHARE = {share};",
+            f"const float PUNCTUAL_SHARE = {share * (self._count > 0)}, EMITTER_SHARE = {share * emitters};",
             LIGHT,
         )
         self._attributes.declare(self._structure.declare(p))
@@ -88,6 +92,11 @@ class SceneLight:
             p.use(*(Use(form, name, floats, given=True) for name in ("light_table", "prev_light_table")))
         if emitters:
             p.use(Use(form, "prev_hit_draws", words, given=True))
+        p.define(ENVIRONMENT_LIGHT=sky)
+        if sky and self._environment.kind == "image":
+            declare_environment(p, self._environment, lobes=False, owned=False)
+            p.use(Use(form, "environment_choice", "rg32f" if software else "sampler2D", given=True))
+            p.glsl(f"const int ENVIRONMENT_CELLS = {min(len(seen_of(self._environment)), CELLS)};")
         p.buffer("light_choice", "vec2").buffer("light_frame", FRAME)
         p.buffer("light_surfaces", SURFACE).buffer("prev_light_surfaces", SURFACE)
         self.declaration = p
@@ -131,6 +140,7 @@ class SceneLight:
             before.towards_parallel_camera,
         )
         record["camera_delta"][:3] = view.position - before.position
+        record["sky"][:3] = self._environment.radiance
         record["size"][:2], record["numbers"][:2] = source.size, (number & 0xFFFFFFFF, self._seed)
         self._record = record
         self.reseed(self._seed)
@@ -140,8 +150,8 @@ class SceneLight:
         self._store.run(None, channels, size=source.size, **values)
         self._hazards.publish()
         self.resources = {
-            **self._attributes.resources, **self._structure.resources,
-            "light_table": frame.tables["light_table"], "prev_light_table": self._before.texture,
+            **frame.tables, **self._attributes.resources, **self._structure.resources,
+            "prev_light_table": self._before.texture,
             "light_choice": frame.tables.get("light_choice", self._no_choice), "light_frame": self._frame,
             "light_surfaces": now, "prev_light_surfaces": then, "prev_hit_draws": self._prev_draws,
         }  # fmt: skip

@@ -13,12 +13,13 @@ from sample_tools import SIZE, lamps, opened, run_seeds, t_values, triangles_of
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import MethodError
+from taubench_gl.metrics.environment import directions, lookup, solid_angles
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.reuse.check import check_method, write_example
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
+from taubench_gl.selftest.scenes import SceneBuilder, quad, sky_file, turn_x
 
 TOML = """light = "own"
 [structs.Probe]
@@ -190,13 +191,42 @@ def test_the_result_is_completed_by_the_rest_of_the_light(gpu, probe):
     np.testing.assert_allclose(result, rest + 2.0 * np.array([0.25, 0.5, 1.0]), rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("kind", "changes", "part"),
-    [
-        ("full", {}, "path-traced@N"),
-        ("path-traced@1", {"environment": "0.1,0.1,0.1"}, "environment"),
-    ],
-)
+def floor(lamp: bool):
+    """A white Lambert floor, perhaps below a lamp."""
+    b = SceneBuilder()
+    white = b.material(base_color=(0.8, 0.8, 0.8, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
+    b.node(mesh=b.mesh(quad(40.0, 40.0, material=white)), rotation=turn_x(-90.0))
+    if lamp:
+        b.light(translation=(0.0, 1.0, -1.0), intensity=1.0)
+    b.camera(translation=(0.0, 1.2, 2.0), rotation=turn_x(-60.0), yfov=np.radians(50.0), znear=0.1)
+    return b.build()
+
+
+@pytest.mark.parametrize("lamp", [False, True])
+def test_a_uniform_sky_is_sampled_without_bias(gpu, lamp):
+    """A Lambert floor reflects albedo x radiance of the sky; with a lamp, its light besides."""
+    sky = {"environment": "0.5,0.2,0.1"}
+    results, surfaces, rows, _ = run_seeds(gpu, floor(lamp), load_method("ris"), 1, range(64), {"candidates": 4}, **sky)
+    exact = 0.8 * np.broadcast_to([0.5, 0.2, 0.1], (*surfaces.shape, 3))
+    exact = exact + (own_light.reflected(surfaces, rows[0]) if lamp else 0.0)
+    assert np.abs(t_values(results, exact)).max() < 4.9
+
+
+def test_an_environment_image_is_sampled_without_bias(gpu):
+    """A gradient of the sky over a floor that sees half of it: against quadrature over its texels."""
+    height, width = 16, 32
+    rows = np.linspace(2.0, 0.0, height)[:, None, None] * np.array([1.0, 0.5, 0.25]) * np.ones((1, width, 1))
+    rows[2:4, 5:8] = 20.0
+    with sky_file(rows) as path:
+        results, surfaces, *_ = run_seeds(gpu, floor(False), load_method("ris"), 1, range(64), {"candidates": 4},
+                                          environment=path)  # fmt: skip
+    d, each = directions(512), solid_angles(512)[:, None, None]
+    irradiance = np.sum(lookup(rows, d) * np.maximum(d[..., 1:2], 0.0) * each, axis=(0, 1))
+    exact = np.broadcast_to(0.8 / np.pi * irradiance, (*surfaces.shape, 3))
+    assert np.abs(t_values(results, exact)).max() < 4.9
+
+
+@pytest.mark.parametrize(("kind", "changes", "part"), [("full", {}, "path-traced@N")])
 def test_frames_without_lights_are_refused(gpu, probe, kind, changes, part):
     with (
         opened(gpu, lamps(), probe.reads, kind=kind, **changes) as inputs,
