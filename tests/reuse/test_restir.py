@@ -10,7 +10,7 @@ import pytest
 from references.own_light import direct_light
 from references.reuse_methods.restir import Moment, Restir
 from reuse_tools import bypassed
-from sample_tools import SCENES, lamps, opened, run_seeds, t_values, triangles_of
+from sample_tools import SCENES, Seeds, lamps, opened, run_seeds, t_values, triangles_of
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.frame.targets import read_channel
@@ -113,3 +113,25 @@ def test_a_missing_target_of_the_previous_frame_is_seen(gpu, tmp_path, change):
     """A lamp is born: history could not hold it, and counts as if it could."""
     method = load_method(bypassed(tmp_path / "restir-di", "restir-di", change))
     assert bias(gpu, method, "born and killed", {"neighbors": 0, "visibility_reuse": False}).min() < -LIMIT
+
+
+@pytest.mark.parametrize(("name", "least"), [("many lamps", 3.0), ("two colors", 1.5)])
+def test_less_error_than_ris_at_equal_rays_and_samples(gpu, name, least):
+    """Mean squared error of the sixth frame over 16 seeds; both trace one ray a pixel, of equally many samples."""
+    errors, rays = {}, {}
+    scene = SCENES[name]()
+    for method in map(load_method, ("ris", "restir-di")):
+        settings = {"candidates": 4} if method.name == "ris" else SMALL | {"visibility_reuse": False, "radius": 2.0}
+        with (
+            opened(gpu, scene, method.reads) as inputs,
+            MethodRunner(gpu, method, inputs.size, settings, count=True) as runner,
+        ):
+            many = Seeds(runner, range(16))
+            for number in range(6):
+                frame = inputs.advance(number)
+                results = many.step(frame)
+            exact = direct_light(frame.light.surfaces(), frame.light.lights, triangles_of(scene, frame.view))
+            rays[method.name] = runner.light_counts()[..., :2].sum(axis=(0, 1))
+        errors[method.name] = np.mean((results - exact) ** 2)
+    assert np.all(rays["restir-di"] <= rays["ris"] * 1.02)
+    assert errors["ris"] > least * errors["restir-di"]
