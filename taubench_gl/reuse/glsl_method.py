@@ -372,6 +372,7 @@ class GlslPasses(GpuOwner):
         self._write_frame(frame, values, has_history)
         if frame.light is not self._variant.light and self._method.own_light:
             self._variant = replace(self._variant, light=frame.light)
+            self._require_bindings()
             self._programs, self._reporting = [self._compile(info) for info in self._method.passes], []
         if self._variant.count:
             self._counts.clear()
@@ -431,6 +432,20 @@ class GlslPasses(GpuOwner):
         for name in info.writes:
             if name in info.reads:
                 self._now[name], self._spare[name] = self._spare[name], self._now[name]
+
+    def _require_bindings(self) -> None:
+        """Raise MethodError where a pass and the light of its scene need more than the device has."""
+        limits, variant = self.gpu.ctx.info, self._variant
+        for info in self._method.passes:
+            textures = [name for name in info.reads if name not in _records(self._method, info.reads)]
+            for kind, needed, limit in (
+                ("textures", variant.first(TEXTURE) + 1 + len(textures), limits["GL_MAX_COMPUTE_TEXTURE_IMAGE_UNITS"]),
+                ("buffers", max(block_places(self._method, info, variant).values()) + 1,
+                 limits["GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS"]),
+            ):  # fmt: skip
+                if needed > limit:
+                    message = f"{info.shader} needs {needed} {kind} in this scene, the device has {limit}"
+                    raise MethodError(message, where=self._method.label, hint="read less in a pass")
 
     def _bind_buffers(self, info: PassInfo) -> None:
         places = block_places(self._method, info, self._variant)

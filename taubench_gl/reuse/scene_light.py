@@ -14,7 +14,6 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import traced_sources
-from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.environment import declare_environment, seen_of
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
@@ -25,7 +24,7 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, WRITE, ComputePass, Use
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import bind_uses
-from taubench_gl.gpu.shader import Source, resolve
+from taubench_gl.gpu.shader import resolve
 from taubench_gl.metrics.environment import CELLS
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
 from taubench_gl.reuse.frame import input_texture
@@ -73,7 +72,9 @@ class SceneLight:
         self._hazards, self._seed = gpu.hazards, seed
         paths, renderer, software = source.light.paths, source.renderer, gpu.software
         self._attributes, self._count = paths.attributes, len(source.light.table)
-        self._structure = owner.own(SceneStructure(renderer, alpha_test=_tests_alpha(source), keep_previous=True))
+        self._structure = owner.own(
+            SceneStructure(renderer, alpha_test=source.effects["alpha_mask"].enabled, keep_previous=True)
+        )
         emitters = len(self._attributes.emitters) > 0
         p = ComputePass("reuse light", ("reuse/light.glsl",))
         p.define(PUNCTUAL=self._count > 0, EMITTERS=emitters, LLVMPIPE=software)
@@ -100,8 +101,8 @@ class SceneLight:
         p.buffer("light_choice", "vec2").buffer("light_frame", FRAME)
         p.buffer("light_surfaces", SURFACE).buffer("prev_light_surfaces", SURFACE)
         self.declaration = p
-        self._source_text = resolve(p.shaders[0], p.defines, super(ComputePass, p).interface())
-
+        self.text = resolve(p.shaders[0], p.defines, super(ComputePass, p).interface())
+        """GLSL before the text of a method's pass, without the size of work groups."""
         width, height = source.size
         self._surfaces = [owner.own(gpu.ctx.buffer(reserve=SURFACE.dtype.itemsize * width * height)) for _ in range(2)]
         for buffer in self._surfaces:
@@ -161,11 +162,6 @@ class SceneLight:
         self._seed = self._record["numbers"][1] = seed
         self._frame.write(self._record.tobytes())
 
-    @property
-    def text(self) -> Source:
-        """GLSL before the text of a method's pass, without the size of work groups."""
-        return self._source_text
-
     def bind(self) -> None:
         """Bind everything that ``declaration`` names."""
         bind_uses(self._hazards, self.declaration, self.resources)
@@ -189,12 +185,3 @@ class SceneLight:
         """GPU memory."""
         size = sum(buffer.size for buffer in self._surfaces) + self._frame.size + sum(self._structure.memory.values())
         return size + 16 * self.rest.width * self.rest.height
-
-    def require_finished_rays(self) -> None:
-        """Raise GraphicsError if a ray visited too many nodes to be answered."""
-        if lost := self._structure.unfinished_rays:
-            raise GraphicsError(f"{lost} shadow rays of methods did not end", hint="simplify the scene")
-
-
-def _tests_alpha(source: RasterSource) -> bool:
-    return source.effects["alpha_mask"].enabled

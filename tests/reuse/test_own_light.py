@@ -278,3 +278,17 @@ def test_new_with_samples_and_check(gpu, tmp_path, monkeypatch):
     refused = CliRunner().invoke(cli, ["reuse", "new", "other", "--samples", "--python"])
     assert refused.exit_code != 0 and not (tmp_path / "other.py").exists()
     assert [path.name for path in write_example(tmp_path / "third", samples=True)] == ["method.toml", "reuse.glsl"]
+
+
+def test_more_textures_than_the_device_has_are_refused(gpu, tmp_path, monkeypatch):
+    """One line with the numbers, before anything is compiled."""
+    monkeypatch.setitem(gpu.ctx.info, "GL_MAX_COMPUTE_TEXTURE_IMAGE_UNITS", 3)
+    toml = TOML.replace('light = "own"', 'light = "own"\nreads = ["motion", "mask", "radiance"]', 1)
+    method = load_method(write_method(tmp_path / "probe", toml, a=GLSL))
+    with (
+        opened(gpu, lamps(), method.reads) as inputs,
+        MethodRunner(gpu, method, inputs.size) as runner,
+        pytest.raises(MethodError, match=r"needs \d+ textures.* has 3") as caught,
+    ):
+        runner.step(inputs.advance(0))
+    assert "\n" not in str(caught.value)

@@ -135,3 +135,9 @@ def test_less_error_than_ris_at_equal_rays_and_samples(gpu, name, least):
         errors[method.name] = np.mean((results - exact) ** 2)
     assert np.all(rays["restir-di"] <= rays["ris"] * 1.02)
     assert errors["ris"] > least * errors["restir-di"]
+
+
+def test_runs_are_equal_bit_for_bit(gpu):
+    method, scene = load_method("restir-di"), lamps(**MOVING)
+    first, second = (run_seeds(gpu, scene, method, 4, [3], SMALL)[0] for _ in range(2))
+    np.testing.assert_array_equal(first, second)
