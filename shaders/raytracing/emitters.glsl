@@ -42,11 +42,9 @@ float emitter_pdf_area(int emitter, Hit hit) {
     return emitter_pdf_area(emitter, triangle_area(hit_corners(hit.instance, d, vertices)));
 }
 
-// ``pick`` in [0, 1) chooses the triangle, ``u`` the point.
-EmitterSample sample_emitter(float pick, vec2 u) {
+// The point of row ``emitter`` that ``u`` names.
+EmitterSample emitter_point(int emitter, vec2 u) {
 #if HIT_EMISSION
-    if (EMITTER_COUNT == 0) return NO_EMITTER;
-    int emitter = emitter_chosen(pick);
     uvec4 words = emitter_words(emitter);
     int draw = int(words.x);
     HitDraw d = hit_draw(draw);
@@ -68,4 +66,10 @@ EmitterSample sample_emitter(float pick, vec2 u) {
 #else
     return NO_EMITTER;
 #endif
+}
+
+// ``pick`` in [0, 1) chooses the triangle, ``u`` the point.
+EmitterSample sample_emitter(float pick, vec2 u) {
+    if (EMITTER_COUNT == 0) return NO_EMITTER;
+    return emitter_point(emitter_chosen(pick), u);
 }

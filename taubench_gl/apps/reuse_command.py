@@ -145,19 +145,25 @@ def describe(method: Method) -> dict[str, Any]:
 Examples:
   taubench-gl reuse new my-method
   taubench-gl reuse check my-method
-  taubench-gl reuse new my-method --python"""
+  taubench-gl reuse new my-method --python
+  taubench-gl reuse new my-reservoirs --samples"""
 )
 @click.argument("path", metavar="NAME|PATH", type=click.Path(path_type=Path))
 def new(
     path: Path,
     *,
     python: bool = setting(False, "Write a Python class (NAME.py) instead of a folder with GLSL; default for NAME.py"),
+    samples: bool = setting(
+        False, "Write a method that computes direct light itself, from samples of lights and shadow rays"
+    ),
 ) -> None:
     """Write a working example: a folder with method.toml and GLSL, or one Python file."""
     from taubench_gl.reuse.check import write_example
 
     python = python or path.suffix == ".py"
-    files = write_example(path, python)
+    if python and samples:
+        raise SettingsError("a method that samples lights is written in GLSL", hint="leave out --python")
+    files = write_example(path, python, samples)
     for file in files:
         click.echo(f"written: {file}")
     click.echo(f"try it: taubench-gl reuse check {shlex.quote(str(files[0] if python else path))}")
@@ -193,7 +199,9 @@ def check(
     reused = "not reported (alpha of the result is -1)" if report.reused is None else f"{100 * report.reused:.0f} %"
     click.echo(f"{method.name}: {method.title}: valid, {kind}, {method.bytes(FULL_HD) / 1e6:.1f} MB at 1920x1080")
     click.echo(f"ran {report.frames} frames of {report.size[0]}x{report.size[1]}; every pixel finite")
-    click.echo(f"error against the noise-free frames {report.error:.4f} (no reuse {report.error_without_reuse:.4f})")
+    plain = report.error_without_reuse
+    beside = "" if plain is None else f" (no reuse {plain:.4f})"
+    click.echo(f"error against the noise-free frames {report.error:.4f}{beside}")
     click.echo(f"weight of history, mean over pixels: {reused}")
 
 

@@ -22,7 +22,7 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import method_text
 from taubench_gl.reuse.fit import expand_methods
-from taubench_gl.reuse.loading import builtin_methods
+from taubench_gl.reuse.loading import builtin_methods, frame_methods
 from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.run import run_study
@@ -35,7 +35,7 @@ SCHEMA = "taubench-gl/benchmark-study/2"
 
 def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:
     """Methods of a benchmark: those given and ``none``; all built-in ones if none is given.  Raises SettingsError."""
-    entries = [Entry.of(method) for text in methods or builtin_methods() for method in _expanded(text)]
+    entries = [Entry.of(method) for text in methods or frame_methods() for method in _expanded(text)]
     labels = [entry.label for entry in entries]
     if twice := next((label for label in labels if labels.count(label) > 1), None):
         raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")

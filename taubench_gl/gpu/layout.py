@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_TYPES = {  # GLSL type: (NumPy base, shape, std430 alignment in bytes)
+TYPES = {  # GLSL type: (NumPy base, shape, std430 alignment in bytes)
     "float": (np.float32, (), 4),
     "int": (np.int32, (), 4),
     "uint": (np.uint32, (), 4),
@@ -36,7 +36,7 @@ class Struct:
         names, formats, offsets = [], [], []
         offset, alignment = 0, 4
         for f in fields:
-            base, shape, align = _TYPES[f.type]
+            base, shape, align = TYPES[f.type]
             alignment = max(alignment, align)
             offset = -(-offset // align) * align
             names.append(f.name)
@@ -52,7 +52,7 @@ class Struct:
         lines = [f"struct {self.name} {{"]
         for f in self.fields:
             array = f"[{f.count}]" if f.count else ""
-            lines.append(f"    {f.type} {f.name}{array}; // {f.doc}")
+            lines.append(f"    {f.type} {f.name}{array};" + (f" // {f.doc}" if f.doc else ""))
         return "\n".join([*lines, "};"])
 
     def zeros(self, count: int | None = None) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, ComputePass, Pass, RasterPass, Resource
-from taubench_gl.gpu.hazards import COMMAND, FETCH, IMAGE_ACCESS, STORAGE
+from taubench_gl.gpu.hazards import COMMAND, FETCH, IMAGE_ACCESS, STORAGE, Hazards
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
@@ -106,6 +106,20 @@ class _Constants:
             buffer.release()
 
 
+def bind_uses(hazards: Hazards, declaration: Pass, resources: Mapping[str, Any]) -> None:
+    """Bind every texture, image and buffer of ``declaration``, after the barrier for what earlier passes wrote."""
+    uses = [(use, binding) for use, binding in declaration.bindings() if use.form in _WAYS]
+    hazards.before((resources[use.key], _WAYS[use.form]) for use, _ in uses)
+    for use, binding in uses:
+        resource = resources[use.key]
+        if use.form == TEXTURE:
+            resource.use(binding)
+        elif use.form == IMAGE:
+            resource.bind_to_image(binding, read=use.reads, write=use.writes)
+        else:
+            resource.bind_to_storage_buffer(binding)
+
+
 class CompiledCompute:
     """A compute pass ready to run."""
 
@@ -114,7 +128,7 @@ class CompiledCompute:
         self._hazards = context.gpu.hazards
         self.program = context.shaders.compute(declaration.shaders[0], declaration.defines, declaration.interface())
         self._constants = _Constants(context.gpu, declaration)
-        self._uses = [(use, binding) for use, binding in declaration.bindings() if use.form in _WAYS]
+        self._uses = [use for use in declaration.uses if use.form in _WAYS]
 
     def run(
         self, frame: Any, resources: Mapping[str, Any], groups_at: tuple[str, int] | None = None, **uniforms: Any
@@ -125,15 +139,7 @@ class CompiledCompute:
         the buffer, and the byte in it, that holds the numbers of work groups; None: as declared.
         """
         self._constants.bind(frame)
-        self._hazards.before((resources[use.key], _WAYS[use.form]) for use, _ in self._uses)
-        for use, binding in self._uses:
-            resource = resources[use.key]
-            if use.form == TEXTURE:
-                resource.use(binding)
-            elif use.form == IMAGE:
-                resource.bind_to_image(binding, read=use.reads, write=use.writes)
-            else:
-                resource.bind_to_storage_buffer(binding)
+        bind_uses(self._hazards, self.declaration, resources)
         for name, value in uniforms.items():
             self.program[name] = value
         if groups_at is None:
@@ -142,7 +148,7 @@ class CompiledCompute:
             buffer = resources[groups_at[0]]
             self._hazards.before([(buffer, COMMAND)])
             self.program.run_indirect(buffer, groups_at[1])
-        self._hazards.wrote(resources[use.key] for use, _ in self._uses if use.writes)
+        self._hazards.wrote(resources[use.key] for use in self._uses if use.writes)
 
     def release(self) -> None:
         """Free the constants; the program belongs to the shader cache."""

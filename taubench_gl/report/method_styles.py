@@ -1,7 +1,7 @@
 """Color, line, and marker of a reuse method: the same in every plot and on every page.
 
-Nine colors by Okabe and Ito (2008) and Paul Tol, once solid with filled circles and once dashed with open squares, are
-the built-in methods; ``none`` is black.  Any two differ in color by at least 0.05 in OKLab, for color-blind readers
+Nine colors by Okabe and Ito (2008) and Paul Tol, solid with filled circles, dashed with open squares, then dash-dotted,
+are the built-in methods; ``none`` is black.  Any two differ in color by at least 0.05 in OKLab, for color-blind readers
 too, or in line and marker (tests/report/test_method_styles.py).
 """
 
@@ -26,7 +26,7 @@ SOLID = (
 )  # fmt: skip
 DASHED = (
     "upsample_2x2", "reverse_reprojection_cache", "bmfr_temporal", "ideal-masks", "checkerboard", "asvgf", "timewarp",
-    "greedy",
+    "greedy", "ris", "restir-di",
 )  # fmt: skip
 """Names of built-in methods, in the order of COLORS."""
 

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import Method, Value
-from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
+from taubench_gl.scene.build import NodeList
+from taubench_gl.scene.model import Camera, Channel, Light, Material, Mesh, Primitive, Scene
+from taubench_gl.settings import Settings
 
 SIZE, FRAMES, CUT_AT, NOISE = (96, 54), 12, 8, 0.3
 _TEMPLATE = PACKAGE / "reuse" / "template"
@@ -25,13 +32,16 @@ _TEMPLATE = PACKAGE / "reuse" / "template"
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """Result of a test run.  Errors are RMS errors of linear radiance against the noise-free frames."""
+    """Result of a test run.  Errors are RMS errors of linear radiance against the noise-free frames.
+
+    ``error_without_reuse``: of the noisy frames themselves, None for a method that computes its direct light itself.
+    """
 
     method: Method
     frames: int
     size: tuple[int, int]
     error: float
-    error_without_reuse: float
+    error_without_reuse: float | None
     reused: float | None  # mean weight of history, None if not reported
 
 
@@ -41,11 +51,12 @@ def check_method(
     """Run a method, as for ``load_method``, over FRAMES noisy frames with a cut.  Raises MethodError."""
     method = load_method(source)
     squares, plain, reused = [], [], []
-    with MethodRunner(gpu, method, SIZE, settings) as runner, Uploader(gpu, SIZE) as uploader:
-        for step in synthetic_steps(SIZE, FRAMES, noise=NOISE, cut_at=CUT_AT):
-            result = read_result(runner.step(uploader.frame(step)))
-            squares.append(np.mean((result[..., :3] - step.clean) ** 2, dtype=np.float64))
-            plain.append(np.mean((step.inputs["radiance"][..., :3] - step.clean) ** 2))
+    frames = _lit_frames(gpu, method) if method.own_light else _synthetic_frames(gpu)
+    with MethodRunner(gpu, method, SIZE, settings) as runner, contextlib.closing(frames):
+        for frame, noisy, clean in frames:
+            result = read_result(runner.step(frame))
+            squares.append(np.mean((result[..., :3] - clean) ** 2, dtype=np.float64))
+            plain += [] if noisy is None else [np.mean((noisy - clean) ** 2)]
             reused.append(result[..., 3])
     weight = np.stack(reused)
     return CheckReport(
@@ -53,20 +64,69 @@ def check_method(
         frames=FRAMES,
         size=SIZE,
         error=float(np.sqrt(np.mean(squares))),
-        error_without_reuse=float(np.sqrt(np.mean(plain))),
+        error_without_reuse=float(np.sqrt(np.mean(plain))) if plain else None,
         reused=None if (weight < 0).all() else float(weight[weight >= 0].mean(dtype=np.float64)),
     )
 
 
-def write_example(path: Path, python: bool = False) -> list[Path]:
+def _synthetic_frames(gpu: Gpu) -> Iterator[tuple[FrameInputs, np.ndarray, np.ndarray]]:
+    """Inputs, noisy and clean radiance of each frame."""
+    with Uploader(gpu, SIZE) as uploader:
+        for step in synthetic_steps(SIZE, FRAMES, noise=NOISE, cut_at=CUT_AT):
+            yield uploader.frame(step), step.inputs["radiance"][..., :3], step.clean
+
+
+def _lit_frames(gpu: Gpu, method: Method) -> Iterator[tuple[FrameInputs, None, np.ndarray]]:
+    """Frames of ``lit_scene``, whose few lights are all computed exactly: their direct light has no noise."""
+    scene, (width, height) = lit_scene(), SIZE
+    settings = Settings(
+        width=width, height=height, light="path-traced", bounces=1, environment="none", light_unit="candela",
+        exposure=1.0, reprojection="motion",
+    )  # fmt: skip
+    request = InputRequest(gpu, scene, choose_camera(scene), settings, parse_input("path-traced@1+all-lights"))
+    with RasterInputs(request, (*method.reads, "radiance"), cuts=(CUT_AT,)) as inputs:
+        for number in range(FRAMES):
+            frame = inputs.advance(number)
+            yield frame, None, read_result(frame.textures["radiance"])[..., :3]
+
+
+def lit_scene() -> Scene:
+    """A floor, a pillar and four lamps, one of which moves and one of which goes out; the camera moves."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+    plane = Mesh("plane", (Primitive(corners, triangles, 0, normals=np.tile(np.float32([0, 0, 1]), (4, 1))),))
+    down, times = (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)), np.array([0.0, 1.0])
+    nodes = NodeList()
+    nodes.add("floor", mesh=0, rotation=down, scale=(4.0, 4.0, 1.0))
+    nodes.add("pillar", mesh=0, translation=(0.3, 0.6, -0.5), scale=(0.3, 0.6, 1.0))
+    camera = nodes.add("camera", translation=(0.0, 1.2, 3.0), camera=0)
+    places = [(-1.5, 1.5, 0.5), (1.5, 1.0, 0.0), (0.0, 2.0, -2.0), (0.5, 0.8, 1.0)]
+    lamps = [nodes.add(f"lamp {i}", translation=place, light=i) for i, place in enumerate(places)]
+    moves = [(camera, "translation", "LINEAR", [(0.0, 1.2, 3.0), (0.6, 1.2, 3.0)])]
+    moves += [(lamps[0], "translation", "LINEAR", [places[0], (1.5, 1.5, 0.5)])]
+    moves += [(lamps[3], "scale", "STEP", [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0)])]
+    channels = [Channel("node", n, path, how, times / 4, np.array(rows)) for n, path, how, rows in moves]
+    colors = [(1.0, 0.6, 0.4), (0.4, 0.6, 1.0), (1.0, 1.0, 1.0), (0.3, 1.0, 0.3)]
+    return Scene(
+        "lamps", nodes.nodes(), (plane,), (Material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=0.7),),
+        cameras=(Camera(yfov=np.radians(60.0), znear=0.1),),
+        lights=tuple(Light(color=color, intensity=2.0 + i) for i, color in enumerate(colors)), channels=tuple(channels),
+    )  # fmt: skip
+
+
+def write_example(path: Path, python: bool = False, samples: bool = False) -> list[Path]:
     """A working method at ``path``: a folder with method.toml and GLSL, or for ``python`` one file.
 
+    ``samples``: a method that computes its direct light itself, from samples of lights and shadow rays.
     -> the files.  Raises OutputError if the path exists or cannot be written.
     """
     path = path.with_name(f"{path.name}.py") if python and path.suffix != ".py" else path
     if path.exists():
         raise OutputError("exists", where=str(path), hint="choose another name")
-    templates = {"method.py": path} if python else {name: path / name for name in ("method.toml", "reuse.glsl")}
+    folder = "samples/" if samples else ""
+    templates = {"method.py": path} if python else {
+        f"{folder}{name}": path / name for name in ("method.toml", "reuse.glsl")
+    }  # fmt: skip
     new_files: list[Path] = []
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -13,23 +13,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from taubench_gl.errors import MethodError
+from taubench_gl.gpu.layout import Struct
 
 Value = float | int | bool | str
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A texture format for histories and buffers.  ``dtype`` of moderngl; ``glsl``: type of one value."""
+    """A format for histories and buffers.  ``dtype`` of moderngl; ``glsl``: type of one value.
+
+    ``struct``: the method's own, a storage buffer of one record a pixel instead of a texture; None: a texture.
+    """
 
     name: str
     components: int
     dtype: str
     glsl: str
+    struct: Struct | None = None
 
     @property
     def bytes(self) -> int:
         """Per pixel."""
-        return self.components * int(self.dtype[1])
+        return self.components * int(self.dtype[1]) if self.struct is None else self.struct.dtype.itemsize
 
 
 FORMATS: dict[str, Format] = {
@@ -70,6 +75,9 @@ MAX_WRITES, MAX_READS = 8, 16
 MAX_REPEAT = 64
 
 REFERENCE_INPUT = "reference"
+LIGHTS, EMITTED = "lights", "emitted"
+"""Inputs that every method with ``light = "own"`` reads.  LIGHTS is no texture, but ``FrameInputs.light``."""
+
 NOT_OF_A_RENDERER = (REFERENCE_INPUT, "exact_mask")
 """Inputs that no renderer has: methods that read them are measured, and never ranked."""
 
@@ -194,7 +202,7 @@ class Method:
     frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
     its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
     does not have.  ``upscales``: inputs can be smaller than the result; ``input_sized``: its histories and buffers that
-    have the size of the inputs.
+    have the size of the inputs.  ``structs``: the formats that are its own.
     """
 
     name: str
@@ -214,6 +222,7 @@ class Method:
     base: Path | None = None
     upscales: bool = False
     input_sized: frozenset[str] = frozenset()
+    structs: tuple[Struct, ...] = ()
 
     def values(self, changes: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``changes``, else the default.  Raises MethodError, which lists all errors."""
@@ -241,6 +250,11 @@ class Method:
         """Why it is not ranked: it reads what a renderer does not know.  None for other methods."""
         lost = [name for name in NOT_OF_A_RENDERER if name in self.reads]
         return f"reads {' and '.join(lost)}, which no renderer has" if lost else None
+
+    @property
+    def own_light(self) -> bool:
+        """Whether it computes direct light itself, from lights and shadow rays."""
+        return LIGHTS in self.reads
 
     @property
     def shader_folders(self) -> tuple[Path, ...]:

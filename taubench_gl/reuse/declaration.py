@@ -12,10 +12,13 @@ from typing import Any
 
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import GraphicsError, MethodError
+from taubench_gl.gpu.layout import TYPES, Field, Struct
 from taubench_gl.gpu.shader import MAX_INCLUDES, read_source
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import (
+    EMITTED,
     FORMATS,
+    LIGHTS,
     MAX_BLOCK,
     MAX_READS,
     MAX_REPEAT,
@@ -39,7 +42,7 @@ BUILTIN = PACKAGE / "reuse" / "methods"
 SHARED_KEYS = ("name", "title", "cite", "reads", "settings", "upscales", "stages")
 """Keys of method.toml that are also attributes of a class."""
 
-KEYS = (*SHARED_KEYS, "base", "history", "buffers", "keyframe", "pass")
+KEYS = (*SHARED_KEYS, "base", "light", "structs", "history", "buffers", "keyframe", "pass")
 PASS_KEYS = ("shader", "reads", "writes", "repeat", "block", "size")
 SETTING_KEYS = ("default", "min", "max", "choices", "scale", "doc")
 STAGE_KEYS = ("doc", "paper", "shader", "missing")
@@ -77,6 +80,13 @@ _OURS = frozenset((*_OUR_WORDS.split(), *REPORTS))
 _UPSCALING_WORDS = (
     "input_size output_size pass_size input_from_output output_from_input input_pixel output_scale pass_from_input"
 )
+_LIGHT_WORDS = (
+    "surface_at prev_surface_at sample_light light_at prev_light_at incident reflected visible prev_visible brdf "
+    "random light_tally light_in visible_in surface_of surface_row luminance evaluate_brdf offset_origin trace occluded"
+)
+"""Functions of a method that computes its direct light itself (shaders/reuse/light.glsl)."""
+
+_STRUCT_NAME = re.compile(r"[A-Z][A-Za-z0-9]{0,39}")
 _READ_WORDS = {"material": ("roughness", "metallic"), "emitted": ("remodulate",)}
 """Functions that are generated where an input is read."""
 
@@ -86,7 +96,8 @@ def load_folder(folder: Path) -> Method:
     path = folder / FILE
     raw = read_toml(path, fault=MethodError, max_bytes=_MAX_BYTES)
     declared = _Folder(folder, raw)
-    fields = {name: getattr(declared, name) for name in ("history", "buffers", "passes", "keyframe", "folder", "base")}
+    names = ("history", "buffers", "passes", "keyframe", "folder", "base", "structs")
+    fields = {name: getattr(declared, name) for name in names}
     fields["input_sized"] = frozenset(declared.input_sized)
     fields["reports"] = tuple(name for name in REPORTS if any(name in info.writes for info in declared.passes))
     return declared.method(str(path), declared.files, where=str(folder), **fields)
@@ -114,7 +125,8 @@ class Declaration:
         self.name = self.text("name", name)
         self.title = self.text("title", self.name)
         self.cite = self.texts("cite")
-        self.reads = self.names("reads", raw.get("reads") or None, list(INPUTS))
+        self.own_light = raw.get("light") == "own"
+        self.reads = self.names("reads", raw.get("reads") or ([] if self.own_light else None), list(INPUTS))
         self.upscales = raw.get("upscales", False)
         if not isinstance(self.upscales, bool):
             self.fault("upscales", f"{self.upscales!r} is not true or false")
@@ -129,7 +141,8 @@ class Declaration:
         if self.errors:
             raise MethodError("; ".join(self.errors), where=origin)
         common = {"settings": self.settings, "stages": stages, "upscales": self.upscales}
-        return Method(self.name, self.title, self.cite, self.reads, **common, **rest)
+        own = tuple(name for name in (EMITTED, LIGHTS) if self.own_light and name not in self.reads)
+        return Method(self.name, self.title, self.cite, (*self.reads, *own), **common, **rest)
 
     def fault(self, key: str, message: str) -> None:
         self.errors.append(f"{key}: {message}")
@@ -190,6 +203,7 @@ class Declaration:
             return f"{no_name}: lower-case letters, digits, single _; 40 characters"
         generated = {word for read in self.reads for word in _READ_WORDS.get(read, ())}
         generated |= set(_UPSCALING_WORDS.split()) if self.upscales else set()
+        generated |= set(_LIGHT_WORDS.split()) if self.own_light else set()
         if name in _GLSL_WORDS or name in _OURS or name in generated or name.startswith("gl_"):
             return f"{no_name}: it is reserved in GLSL or in the generated shader"
         if name.startswith("prev_"):
@@ -278,6 +292,10 @@ class _Folder(Declaration):
         self.folder, self.base = folder, self.base_folder()
         self.files: set[str] = set()  # shaders of the passes, and their includes
         self.input_sized: set[str] = set()
+        if "light" in raw and (not self.own_light or self.upscales):
+            self.fault("light", 'must be "own", of a method that does not upscale')
+        self.structs = self.declare_structs()
+        self.formats = {**FORMATS, **{s.name: Format(s.name, 0, "f4", s.name, s) for s in self.structs}}
         self.history: dict[str, Format] = {}
         self.buffers: dict[str, Format] = {}
         self.declare_formats("history", "history", self.history)
@@ -295,6 +313,23 @@ class _Folder(Declaration):
             return None if value is None else BUILTIN / value
         return self.fault("base", f"there is no built-in method in GLSL {value!r}{suggestion(str(value), methods)}")
 
+    def declare_structs(self) -> tuple[Struct, ...]:
+        """The method's own formats: name -> fields and their types."""
+        out = []
+        for name, fields in self.table("structs", '{ Reservoir = { light = "int", weight = "float" } }').items():
+            at = f"structs.{name}"
+            if not _STRUCT_NAME.fullmatch(name):
+                self.fault(at, "is not a name: a capital letter, then letters and digits")
+            elif not isinstance(fields, Mapping) or not fields:
+                self.fault(at, 'must be a table such as { light = "int", weight = "float" }')
+            elif wrong := [
+                f for f, t in fields.items() if t not in TYPES or not _NAME.fullmatch(f) or f in _GLSL_WORDS
+            ]:
+                self.fault(f"{at}.{wrong[0]}", f"is not a name with one of the types {', '.join(TYPES)}")
+            else:
+                out.append(Struct(name, *(Field(field, kind, "") for field, kind in fields.items())))
+        return tuple(out)
+
     def declare_formats(self, key: str, kind: str, formats: dict[str, Format]) -> None:
         """Fill ``formats``.  One error for a wrong format, not one for each use of the name."""
         for name, value in self.table(key, 'accumulated = "rgba32f"').items():
@@ -306,9 +341,9 @@ class _Folder(Declaration):
             if error := self.name_error(name, kind, self.history):
                 self.fault(key, error)
                 continue
-            if not isinstance(value, str) or value not in FORMATS:
-                self.fault(f"{key}.{name}", f"{value!r} is not a format (available: {', '.join(FORMATS)})")
-            formats[name] = FORMATS.get(str(value), RESULT_FORMAT)
+            if not isinstance(value, str) or value not in self.formats:
+                self.fault(f"{key}.{name}", f"{value!r} is not a format (available: {', '.join(self.formats)})")
+            formats[name] = self.formats.get(str(value), RESULT_FORMAT)
 
     def size(self, at: str, table: Mapping[str, Any]) -> str:
         """The key ``size`` of a history, buffer or pass."""
@@ -355,6 +390,8 @@ class _Folder(Declaration):
                 self.fault(f"{at}.writes", f"{len(writes)} textures; the limit per pass is {MAX_WRITES}")
             repeat = self.count(f"{at}.repeat", entry.get("repeat", 1), MAX_REPEAT)
             block = self.block(f"{at}.block", entry.get("block"))
+            if block and self.own_light:
+                self.fault(f"{at}.block", 'a pass of a method with light = "own" runs once per pixel')
             info = PassInfo(str(entry.get("shader")), reads, writes, repeat or 1, block, self.size(at, entry))
             self.check_shader(at, entry.get("shader"), info)
             written_images += [name for name in writes if name not in written_images and name not in REPORTS]

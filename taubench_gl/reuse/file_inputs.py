@@ -17,6 +17,7 @@ from taubench_gl.pathtraced.motion import position_from_motion, position_from_sc
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
+from taubench_gl.reuse.contract import LIGHTS
 from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, input_texture, texture_bytes
 from taubench_gl.reuse.inputs import CHANNEL_INPUTS, HISTORY_INPUTS, InputRequest, Inputs, MaskInputs, Textures
 from taubench_gl.reuse.reshade import RESHADED
@@ -98,7 +99,7 @@ class FileInputs(Inputs):
             out |= dict.fromkeys(LIGHT_INPUTS, f"the files lack {', '.join(lacking)}")
         lost = {name: field for name, field in ALBEDOS.items() if field not in self._passes}
         out |= {name: f"the files lack {name_of(field)}" for name, field in lost.items()}
-        others = ("hit_distance", "sample_count", "variance", "reactive", "transparency", *RESHADED)
+        others = ("hit_distance", "sample_count", "variance", "reactive", "transparency", LIGHTS, *RESHADED)
         return out | dict.fromkeys(others, "files do not have it")
 
     def _missing_channels(self, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:

@@ -140,7 +140,7 @@ FAR_AWAY_PX = 1.0e6
 class FrameInputs:
     """The inputs of one frame.  ``textures`` contains at least the inputs that the method declares.
 
-    ``missing``: input -> why this kind of frames does not have it.
+    ``missing``: input -> why this kind of frames does not have it; ``light``: for methods with ``light = "own"``.
     """
 
     index: int  # 0 for the first frame of the sequence, which has no history
@@ -155,6 +155,7 @@ class FrameInputs:
     exposure: float
     cut: bool  # declared by the caller: this frame has no history
     missing: Mapping[str, str] = field(default_factory=dict)
+    light: Any = None  # scene_light.SceneLight
 
 
 def input_texture(gpu: Gpu, name: str, size: tuple[int, int]) -> moderngl.Texture:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -13,6 +14,7 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.pair_record import PAIR_FIELDS, pair_values
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE
 from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.shader import VERSION, Source, compile_compute, resolve
 from taubench_gl.reuse.contract import (
@@ -28,6 +30,7 @@ from taubench_gl.reuse.contract import (
     Value,
 )
 from taubench_gl.reuse.frame import INPUTS, FrameInputs, read_result
+from taubench_gl.reuse.scene_light import SceneLight
 
 FRAME = Struct(
     "ReuseFrame",
@@ -46,6 +49,9 @@ FRAME = Struct(
     Field("is_key", "uint", "1 if this frame is the key frame (methods that declare one)"),
     Field("key_age", "int", "frames since the key frame"),
 )
+
+Stored = moderngl.Texture | moderngl.Buffer
+"""A history or buffer of a method: of pixels, or of records."""
 
 _REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
 _CHANGED = int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR)
@@ -90,12 +96,32 @@ def has_input_size(method: Method, name: str) -> bool:
     return name in method.reads or bool({name, name.removeprefix("prev_")} & method.input_sized)
 
 
-def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
-    """GLSL text before the shader of ``info``: frame, settings, and functions to read and write by name.
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """How a pass is compiled.
 
-    ``report``: store the outputs of REPORTS; without it, writing them does nothing.
+    ``report``: store the outputs of REPORTS; without it, writing them does nothing.  ``light``: of the frames of a
+    method with ``light = "own"``; ``count``: count its samples.
     """
-    lines = [FRAME.glsl, "layout(std430, binding = 0) readonly buffer FrameBlock { ReuseFrame frame; };"]
+
+    report: bool = False
+    light: SceneLight | None = None
+    count: bool = False
+
+    def first(self, form: str) -> int:
+        """The first binding that is free for a method, of textures, images or buffers."""
+        return 0 if self.light is None else self.light.bound(form)
+
+
+PLAIN = Variant()
+
+
+def preamble(method: Method, info: PassInfo, variant: Variant = PLAIN) -> str:
+    """GLSL text before the shader of ``info``: frame, settings, and functions to read and write by name."""
+    report, places = variant.report, block_places(method, info, variant)
+    lines = [FRAME.glsl]
+    lines.append(f"layout(std430, binding = {places['frame']}) readonly buffer FrameBlock {{ ReuseFrame frame; }};")
+    lines += [text for s in method.structs for text in s.glsl.splitlines()]
     size = f"frame.size.{_SIZE[info.size]}"
     lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
     lines += [
@@ -119,9 +145,21 @@ def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
         lines += [f"const int {s.name.upper()}_{c.upper()} = {i};" for i, c in enumerate(s.choices)]
     for name in info.reads:
         image_size = _SIZE["input" if method.upscales and has_input_size(method, name) else "output"]
-        lines += _reader(name, format_of(method, name), f"frame.size.{image_size}")
-    for binding, name in enumerate(_stored(info, report)):
-        lines += _writer(name, format_of(method, name), binding)
+        form = format_of(method, name)
+        if form.struct is None:
+            lines += _reader(name, form, f"frame.size.{image_size}")
+        else:
+            lines += _record_reader(name, form, f"frame.size.{image_size}", places[f"reads {name}"])
+    if method.own_light:
+        lines += _LIGHT_RESULT.replace("BINDING", str(variant.first(TEXTURE))).splitlines()
+    for binding, name in enumerate(_images(method, info, report), variant.first(IMAGE)):
+        lines += _writer(name, format_of(method, name), binding, method.own_light)
+    for name in _records(method, info.writes):
+        lines += _record_writer(name, format_of(method, name), size, places[f"writes {name}"])
+    if variant.count:
+        lines.append(
+            f"layout(std430, binding = {places['counts']}) buffer LightCountsBuffer {{ uint light_counts[]; }};"
+        )
     if not report:
         lines += [
             f"void write_{name}(ivec2 p, vec{n} v) {{}}" for name in info.writes if name in REPORTS for n in (3, 4)
@@ -174,7 +212,22 @@ def _reader(name: str, form: Format, size: str) -> list[str]:
     return lines
 
 
-def _writer(name: str, form: Format, binding: int) -> list[str]:
+def _record_reader(name: str, form: Format, size: str, binding: int) -> list[str]:
+    return [
+        f"layout(std430, binding = {binding}) readonly buffer Read_{name} {{ {form.glsl} {name}_records[]; }};",
+        f"{form.glsl} fetch_{name}(ivec2 p) {{ ivec2 q = clamp(p, ivec2(0), {size} - 1); "
+        f"return {name}_records[q.y * {size}.x + q.x]; }}",
+    ]
+
+
+def _record_writer(name: str, form: Format, size: str, binding: int) -> list[str]:
+    return [
+        f"layout(std430, binding = {binding}) writeonly buffer Write_{name} {{ {form.glsl} {name}_written[]; }};",
+        f"void write_{name}(ivec2 p, {form.glsl} v) {{ if (in_image(p)) {name}_written[p.y * {size}.x + p.x] = v; }}",
+    ]
+
+
+def _writer(name: str, form: Format, binding: int, own_light: bool = False) -> list[str]:
     image = f"{name}_image"
     prefix = "u" if form.dtype[0] == "u" else ""
     padded = {1: f"{prefix}vec4(v, 0, 0, 0)", 2: f"{prefix}vec4(v, 0, 0)", 4: "v"}[form.components]
@@ -184,11 +237,19 @@ def _writer(name: str, form: Format, binding: int) -> list[str]:
     ]
     if name in REPORTS:
         lines.append(f"void write_{name}(ivec2 p, vec3 v) {{ imageStore({image}, p, vec4(v, 1.0)); }}")
-    if name == RESULT:  # a = -1: the weight of history is not reported
+    if name == RESULT and own_light:
+        lines[1] = f"void write_result(ivec2 p, vec4 v) {{ imageStore({image}, p, vec4(with_rest(p, v.rgb), v.a)); }}"
+        lines.append(f"void write_result(ivec2 p, vec3 v) {{ imageStore({image}, p, vec4(with_rest(p, v), -1.0)); }}")
+    elif name == RESULT:  # a = -1: the weight of history is not reported
         lines.append(f"void write_{name}(ivec2 p, vec3 v) {{ imageStore({image}, p, vec4(v, -1.0)); }}")
     return lines
 
 
+_LIGHT_RESULT = """\
+layout(binding = BINDING) uniform sampler2D light_rest;
+// The image of direct light, exposure not applied: with the input's indirect light and emission, exposure applied.
+vec3 with_rest(ivec2 p, vec3 direct) { return direct * frame.exposure + texelFetch(light_rest, p, 0).rgb; }"""
+_COUNT = "for (int i = 0; i < 3; ++i) light_counts[3 * (p.y * SIZE.x + p.x) + i] += light_tally[i];"
 _PIXEL_MAIN = "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (all(lessThan(p, SIZE))) reuse(p); }"
 _BLOCK_MAIN = "void main() { reuse_block(ivec2(gl_WorkGroupID.xy), int(gl_LocalInvocationID.x)); }"
 
@@ -204,9 +265,10 @@ def group_count(info: PassInfo, size: tuple[int, int], group: tuple[int, int]) -
     return -(-size[0] // step[0]) + more, -(-size[1] // step[1]) + more
 
 
-def _stored(info: PassInfo, report: bool) -> tuple[str, ...]:
+def _images(method: Method, info: PassInfo, report: bool) -> tuple[str, ...]:
     """The outputs of a pass that have a texture."""
-    return tuple(name for name in info.writes if report or name not in REPORTS)
+    records = _records(method, info.writes)
+    return tuple(name for name in info.writes if (report or name not in REPORTS) and name not in records)
 
 
 def reporting_passes(method: Method) -> tuple[PassInfo, ...]:
@@ -220,7 +282,19 @@ def reporting_passes(method: Method) -> tuple[PassInfo, ...]:
     return some if kept.isdisjoint(name for info in others for name in info.writes) else method.passes
 
 
-def build_source(method: Method, info: PassInfo, group: tuple[int, int], report: bool = False) -> Source:
+def _records(method: Method, names: Sequence[str]) -> tuple[str, ...]:
+    """Those of what a pass reads or writes that are buffers of records."""
+    return tuple(name for name in names if format_of(method, name).struct is not None)
+
+
+def block_places(method: Method, info: PassInfo, variant: Variant) -> dict[str, int]:
+    """Binding points of the storage buffers of a pass."""
+    names = ["frame", *(f"reads {n}" for n in _records(method, info.reads))]
+    names += [f"writes {n}" for n in _records(method, info.writes)] + ["counts"] * variant.count
+    return {name: place for place, name in enumerate(names, variant.first(BUFFER))}
+
+
+def build_source(method: Method, info: PassInfo, group: tuple[int, int], variant: Variant = PLAIN) -> Source:
     """The complete shader of one pass.  Errors refer to file and line of the user.  Raises MethodError."""
     group = group_size(info, group)
     lines = [VERSION.rstrip("\n"), f"layout(local_size_x = {group[0]}, local_size_y = {group[1]}) in;"]
@@ -230,16 +304,18 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int], report:
         lines.extend(text.splitlines())
         origin.extend(names)
 
-    common = resolve("common/reuse.glsl")
+    size = f"frame.size.{_SIZE[info.size]}"
+    common = resolve("common/reuse.glsl") if variant.light is None else variant.light.text
     append("\n".join(common.text.splitlines()[1:]), common.origin[1:])
-    generated = preamble(method, info, report)
+    generated = preamble(method, info, variant)
     append(generated, tuple(f"generated for {info.shader}, line {i}" for i in range(1, generated.count("\n") + 2)))
     try:
         shader = resolve(info.shader, roots=method.shader_folders)
     except GraphicsError as error:
         raise MethodError(error.what, where=method.label) from None
     append("\n".join(shader.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in shader.origin[1:]))
-    append(_BLOCK_MAIN if info.block else _PIXEL_MAIN.replace("SIZE", f"frame.size.{_SIZE[info.size]}"), ("main",))
+    main = _PIXEL_MAIN.replace("reuse(p);", f"{{ reuse(p); {_COUNT} }}") if variant.count else _PIXEL_MAIN
+    append(_BLOCK_MAIN if info.block else main.replace("SIZE", size), ("main",))
     return Source("\n".join(lines) + "\n", tuple(origin))
 
 
@@ -249,20 +325,27 @@ class GlslPasses(GpuOwner):
     ``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales.
     """
 
-    def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int]):
+    def __init__(
+        self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], count: bool = False
+    ):
+        """``count``: what a method with ``light = "own"`` samples.  Its programs depend on the scene: they are compiled
+        for the first frame."""
         super().__init__(gpu)
-        self._method = method
+        self._method, self._variant = method, Variant(count=count and method.own_light)
         self._sizes = {"output": size, "input": input_size}
         self._group = Tuning(gpu.software).shading_group
         self._programs: list[moderngl.ComputeShader] = []
         self._reporting: list[moderngl.ComputeShader] = []  # the same passes, storing REPORTS; compiled on demand
-        self._now: dict[str, moderngl.Texture] = {}
-        self._before: dict[str, moderngl.Texture] = {}
-        self._spare: dict[str, moderngl.Texture] = {}
+        self._now: dict[str, Stored] = {}
+        self._before: dict[str, Stored] = {}
+        self._spare: dict[str, Stored] = {}
         self._key_view = None
         self._key_age = 0
         with self.opening():
-            self._programs = [self._compile(info) for info in method.passes]
+            if not method.own_light:
+                self._programs = [self._compile(info) for info in method.passes]
+            if self._variant.count:
+                self._counts = self.own(gpu.ctx.buffer(reserve=12 * size[0] * size[1]))
             self._parameters = self.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
             for name, form in {**method.history, **method.buffers, RESULT: RESULT_FORMAT}.items():
                 image_size = self._sizes["input" if name in method.input_sized else "output"]
@@ -273,26 +356,37 @@ class GlslPasses(GpuOwner):
                     self._spare[name] = self._texture(form, image_size)
 
     def _compile(self, info: PassInfo, report: bool = False) -> moderngl.ComputeShader:
-        source = build_source(self._method, info, self._group, report)
+        source = build_source(self._method, info, self._group, replace(self._variant, report=report))
         try:
             return self.own(compile_compute(self.gpu.ctx, source))
         except GraphicsError as error:
             message = error.what.removesuffix("; candidates are:")  # a list follows, too long for one line
             raise MethodError(message, where=self._method.label) from None
 
-    def _texture(self, form: Format, size: tuple[int, int]) -> moderngl.Texture:
+    def _texture(self, form: Format, size: tuple[int, int]) -> Stored:
+        if form.struct is not None:
+            return self.own(self.gpu.ctx.buffer(reserve=form.bytes * size[0] * size[1]))
         return self.own(self.gpu.texture(size, form.components, form.dtype))
 
     def clear(self) -> None:
         """Set all history, buffers and the result to 0; the next frame is a key frame."""
         self._key_view = None
-        for texture in (*self._now.values(), *self._before.values(), *self._spare.values()):
-            width, height = texture.size
-            texture.write(np.zeros((height, width * texture.components), dtype=texture.dtype))
+        for stored in (*self._now.values(), *self._before.values(), *self._spare.values()):
+            if isinstance(stored, moderngl.Buffer):
+                stored.clear()
+                continue
+            width, height = stored.size
+            stored.write(np.zeros((height, width * stored.components), dtype=stored.dtype))
 
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
         """All passes of one frame.  -> the result.  Swaps the histories: they are ``prev_`` in the next frame."""
         self._write_frame(frame, values, has_history)
+        if frame.light is not self._variant.light and self._method.own_light:
+            self._variant = replace(self._variant, light=frame.light)
+            self._require_bindings()
+            self._programs, self._reporting = [self._compile(info) for info in self._method.passes], []
+        if self._variant.count:
+            self._counts.clear()
         self._run_passes(self._method.passes, self._programs, frame, values)
         self._swap()
         return self._now[RESULT]
@@ -301,7 +395,6 @@ class GlslPasses(GpuOwner):
         self, passes: Sequence[PassInfo], programs: Sequence[moderngl.ComputeShader], frame: FrameInputs,
         values: Mapping[str, Value], report: bool = False,
     ) -> None:  # fmt: skip
-        self._parameters.bind_to_storage_buffer(0)
         for info, program in zip(passes, programs, strict=True):
             self._set(program, {name: s.number(values[name]) for name, s in self._method.settings.items()})
             for iteration in range(self._method.number(info.repeat, values)):
@@ -333,26 +426,69 @@ class GlslPasses(GpuOwner):
     def _dispatch(
         self, info: PassInfo, program: moderngl.ComputeShader, frame: FrameInputs, report: bool = False
     ) -> None:
-        unit = 0
+        variant = self._variant
+        unit = variant.first(TEXTURE)
+        if variant.light is not None:
+            variant.light.bind()
+            variant.light.rest.use(unit)
+            unit += 1
+        self._bind_buffers(info)
         for name in info.reads:
             if f"{name}_texture" in program:  # GL removes unused uniforms
                 self._readable(name, frame).use(unit)
                 program[f"{name}_texture"] = unit
                 unit += 1
-        for binding, name in enumerate(_stored(info, report)):
-            target = self._spare if name in info.reads else self._now
-            target[name].bind_to_image(binding, read=False, write=True)
+        for binding, name in enumerate(_images(self._method, info, report), variant.first(IMAGE)):
+            self._target(name, info).bind_to_image(binding, read=False, write=True)
         program.run(*group_count(info, self._sizes[info.size], self._group))
         self.gpu.ctx.memory_barrier()
         for name in info.writes:
             if name in info.reads:
                 self._now[name], self._spare[name] = self._spare[name], self._now[name]
 
-    def _readable(self, name: str, frame: FrameInputs) -> moderngl.Texture:
+    def _require_bindings(self) -> None:
+        """Raise MethodError where a pass and the light of its scene need more than the device has."""
+        limits, variant = self.gpu.ctx.info, self._variant
+        for info in self._method.passes:
+            textures = [name for name in info.reads if name not in _records(self._method, info.reads)]
+            for kind, needed, limit in (
+                ("textures", variant.first(TEXTURE) + 1 + len(textures), limits["GL_MAX_COMPUTE_TEXTURE_IMAGE_UNITS"]),
+                ("buffers", max(block_places(self._method, info, variant).values()) + 1,
+                 limits["GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS"]),
+            ):  # fmt: skip
+                if needed > limit:
+                    message = f"{info.shader} needs {needed} {kind} in this scene, the device has {limit}"
+                    raise MethodError(message, where=self._method.label, hint="read less in a pass")
+
+    def _bind_buffers(self, info: PassInfo) -> None:
+        places = block_places(self._method, info, self._variant)
+        self._parameters.bind_to_storage_buffer(places["frame"])
+        for name in _records(self._method, info.reads):
+            self._readable(name).bind_to_storage_buffer(places[f"reads {name}"])
+        for name in _records(self._method, info.writes):
+            self._target(name, info).bind_to_storage_buffer(places[f"writes {name}"])
+        if self._variant.count:
+            self._counts.bind_to_storage_buffer(places["counts"])
+
+    def _target(self, name: str, info: PassInfo) -> Stored:
+        """What a pass writes: a second one where it reads the same name."""
+        return (self._spare if name in info.reads else self._now)[name]
+
+    def _readable(self, name: str, frame: FrameInputs | None = None) -> Stored:
         if name in self._now:
             return self._now[name]
         history = name.removeprefix("prev_")
         return self._before[history] if history in self._before else frame.textures[name]
+
+    def records(self, name: str) -> np.ndarray:
+        """A history of records as the last frame left it, (h, w), row 0 at the top."""
+        struct, (width, height) = self._method.history[name].struct, self._sizes["output"]
+        return np.frombuffer(self._before[name].read(), struct.dtype).reshape(height, width)[::-1]
+
+    def light_counts(self) -> np.ndarray:
+        """As of ``MethodRunner.light_counts``."""
+        width, height = self._sizes["output"]
+        return np.frombuffer(self._counts.read(), np.uint32).reshape(height, width, 3)[::-1]
 
     @staticmethod
     def _set(program: moderngl.ComputeShader, uniforms: Mapping[str, float | int | bool]) -> None:

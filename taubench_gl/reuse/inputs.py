@@ -33,10 +33,13 @@ from taubench_gl.gpu.declare import WRITE, ComputePass
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import cycle
+from taubench_gl.reuse.contract import LIGHTS
 from taubench_gl.reuse.derived import NEEDS, ComposePass, DerivedInputs, channels_for, with_needs
 from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, read_result, texture_bytes
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.reshade import CHANNELS_READ, RESHADED, Reshade
+from taubench_gl.reuse.scene_light import CHANNELS as LIGHT_CHANNELS
+from taubench_gl.reuse.scene_light import SceneLight, refusal
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -80,6 +83,7 @@ def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
         out |= dict.fromkeys(RESHADED, why)
     if not traced:
         out |= dict.fromkeys(("hit_distance", "variance"), "only path-traced light has it (--input path-traced@N)")
+        out[LIGHTS] = "only path-traced input has light to sample (--input path-traced@N)"
     if kind.upscale != 1:
         out["exact_mask"] = "exact frames have the size of the output"
     for name, needs in NEEDS.items():
@@ -130,6 +134,7 @@ class Inputs(GpuOwner):
         if self._exact_masks is not None:
             self._run_exact(frame, reprojection(view.centered(), previous.centered(), *self.output_size), declared)
         textures = self._channels() | self._compute(frame, view, pair, declared)
+        light = self._light(frame, view, previous, textures)
         out = FrameInputs(
             index=self._index,
             time=frame / self.settings.sequence.fps,
@@ -142,6 +147,7 @@ class Inputs(GpuOwner):
             exposure=self.settings.lighting.exposure_factor,
             cut=frame in self._cuts,
             missing=self.missing,
+            light=light,
         )
         self._index, self._previous = self._index + 1, view
         return out
@@ -156,6 +162,10 @@ class Inputs(GpuOwner):
         self._exact_masks.run(pair, declared)
         if self.keeps_exact and self.exact is not self.source:
             self._kept[frame] = self._exact_masks.mask.read(), self._exact_masks.motion.read()
+
+    def _light(self, frame: int, view: View, previous: View, textures: Textures) -> SceneLight | None:
+        """For methods that compute direct light themselves; None: no method does, or these frames lack it."""
+        return None
 
     def _draw(self, frame: int) -> View:
         """Advance the source of the input to ``frame``; its view."""
@@ -260,6 +270,7 @@ class RasterInputs(Inputs):
         extra += channels_for(self.reads)
         reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
         extra += CHANNELS_READ if reshades else ()
+        extra += LIGHT_CHANNELS if LIGHTS in self.reads and kind.path_samples else ()
         animated, shading = request.animated, Shading() if kind.exact else kind.shading()
         how = {"extra": extra, "shading": shading, "jitter": offset, "timer": self.timer}
         self.source = self.open_source(animated, self.settings, **how)
@@ -280,6 +291,12 @@ class RasterInputs(Inputs):
         self.reshade: Reshade | None = None
         if reshades and self.source.light is not None and self.source.light.written:
             self.reshade = Reshade(self, self.source, self.settings)
+        self.scene_light: SceneLight | None = None
+        if LIGHTS in self.reads and LIGHTS not in self.missing:
+            if why := refusal(self.source):
+                self.missing[LIGHTS] = why
+            else:
+                self.scene_light = SceneLight(self, self.source, self.settings, kind.seed)
         if {"mask", "motion"} & self.reads or self.reshade is not None:
             self._masks = MaskInputs(self, self.source, self.settings, ())
         if needs_exact:
@@ -301,6 +318,8 @@ class RasterInputs(Inputs):
         super().begin(seed)
         if self.source.light is not None:
             self.source.light.seed = seed
+        if self.scene_light is not None:
+            self.scene_light.begin(seed)
 
     def radiance(self, frame: int, seed: int) -> Array:
         """``radiance`` of ``frame``, which ``advance`` drew last, with the random numbers of ``seed``.
@@ -313,6 +332,11 @@ class RasterInputs(Inputs):
         self._lit_by = seed
         return read_result(self._compose.textures["radiance"])
 
+    def _light(self, frame: int, view: View, previous: View, textures: Textures) -> SceneLight | None:
+        if self.scene_light is not None:
+            self.scene_light.run(frame, view, previous, textures["emitted"])
+        return self.scene_light
+
     def shading_ms(self) -> float:
         samples = self.timer.samples_ms()
         return float(sum(samples[name][-1] for name in SHADING_PASSES if len(samples.get(name, ()))))
@@ -321,7 +345,7 @@ class RasterInputs(Inputs):
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
         total = texture_bytes(*self._compose.textures.values(), *self._derived.textures.values())
-        total += sum(part.bytes for part in (self._masks, self.reshade) if part is not None)
+        total += sum(part.bytes for part in (self._masks, self.reshade, self.scene_light) if part is not None)
         return total + self.source.describe()["memory"]["gpu_bytes"]
 
     def describe(self) -> dict[str, Any]:

@@ -27,6 +27,11 @@ def builtin_methods() -> tuple[str, ...]:
     return tuple(sorted(p.name for p in BUILTIN.iterdir() if (p / FILE).is_file() or (p / f"{p.name}.py").is_file()))
 
 
+def frame_methods() -> tuple[str, ...]:
+    """Those of the built-in methods that reuse shaded frames; the others compute their direct light themselves."""
+    return tuple(name for name in builtin_methods() if not load_method(name).own_light)
+
+
 def installed_methods() -> dict[str, str]:
     """Entry points of other packages: name -> ``package.module:attribute``."""
     return {point.name: point.value for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}

@@ -33,7 +33,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.contract import LIGHTS, Method, Value
 from taubench_gl.reuse.frame import FrameInputs
 from taubench_gl.reuse.glsl_method import GlslPasses
 from taubench_gl.reuse.loading import load_method
@@ -46,7 +46,8 @@ class MethodRunner(GpuOwner):
     ``size``: of the result, pixels; ``input_size``: of the inputs, None: the same.  ``timer``: the entry of the method
     has its name; read-back and upload of a Python method are separate entries, ``NAME: read inputs`` and ``NAME:
     upload``.  ``check``: raise MethodError for results with non-finite pixels whose radiance is finite; this is not
-    timed and costs one 12-byte read-back.  Raises MethodError for wrong settings and shaders that do not compile.
+    timed and costs one 12-byte read-back.  ``count``: count what a method with ``light = "own"``
+    samples, for ``light_counts``.  Raises MethodError for wrong settings and shaders that do not compile.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class MethodRunner(GpuOwner):
         input_size: tuple[int, int] | None = None,
         timer: PassTimer | None = None,
         check: bool = True,
+        count: bool = False,
     ):
         super().__init__(gpu)
         self.size = (int(size[0]), int(size[1]))
@@ -68,7 +70,8 @@ class MethodRunner(GpuOwner):
         self.timer = timer or PassTimer(gpu, enabled=False)
         method_size, self._steps = self.own_size, 0
         require_memory(gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
-        make = GlslPasses if self.method.factory is None else partial(PythonSteps, timer=self.timer)
+        glsl = partial(GlslPasses, count=count)
+        make = glsl if self.method.factory is None else partial(PythonSteps, timer=self.timer)
         self._backend = self.own(make(gpu, self.method, method_size, self.input_size))
         self._check = _FiniteCheck(self, method_size) if check else None
         self._resample = _Resample(self, method_size, self.size) if method_size != self.size else None
@@ -115,13 +118,22 @@ class MethodRunner(GpuOwner):
             return {}
         return self._backend.reported(frame, self.values)
 
+    def light_counts(self) -> np.ndarray:
+        """Of the last step, with ``count``: each pixel's shadow rays, light samples, evaluations of reflected light.
+
+        (h, w, 3) uint32, row 0 at the top.
+        """
+        return self._backend.light_counts()
+
     def _check_inputs(self, frame: FrameInputs) -> None:
-        missing = [name for name in self.method.reads if name not in frame.textures]
+        textures = [name for name in self.method.reads if name != LIGHTS]
+        missing = [name for name in textures if name not in frame.textures]
+        missing += [LIGHTS] if self.method.own_light and frame.light is None else []
         if missing:
             reasons = list(dict.fromkeys(frame.missing[name] for name in missing if name in frame.missing))
             why = f": {'; '.join(reasons)}" if reasons else ""
             raise MethodError(f"frame {frame.index} has no {', '.join(missing)}{why}", where=self.method.label)
-        for name in self.method.reads:
+        for name in textures:
             if frame.textures[name].size != self.input_size:
                 width, height = frame.textures[name].size
                 raise MethodError(

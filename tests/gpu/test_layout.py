@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import taubench_gl.frame
-from taubench_gl.gpu.layout import _TYPES, Field, Struct, column_major
+from taubench_gl.gpu.layout import TYPES, Field, Struct, column_major
 
-WORDS = {name: int(np.prod(shape, dtype=int)) for name, (_, shape, _) in _TYPES.items()}
+WORDS = {name: int(np.prod(shape, dtype=int)) for name, (_, shape, _) in TYPES.items()}
 
 
 def all_structs() -> dict[str, Struct]:
@@ -44,7 +44,7 @@ STRUCTS = all_structs() | {
 def words_of(field: Field, access: str) -> list[str]:
     """GLSL expressions for the 32-bit words of one element."""
     bits = {"f": "floatBitsToUint({})", "i": "uint({})", "u": "{}"}
-    kind = bits[np.dtype(_TYPES[field.type][0]).kind]
+    kind = bits[np.dtype(TYPES[field.type][0]).kind]
     if field.type == "mat4":
         return [kind.format(f"{access}[{column}][{row}]") for column in range(4) for row in range(4)]
     if WORDS[field.type] == 1:
@@ -84,7 +84,7 @@ def test_every_field_comes_back_bit_for_bit(gpu, name: str) -> None:
     expected = []
     for item in items:
         for field in struct.fields:
-            base, shape, _ = _TYPES[field.type]
+            base, shape, _ = TYPES[field.type]
             shape = (field.count, *shape) if field.count else shape
             # Exponents away from NaN, Inf and denormals, which a copy through a float register may not keep.
             bits = rng.integers(0x01000000, 0x70000000, shape, dtype=np.uint32)

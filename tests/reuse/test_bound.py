@@ -13,7 +13,7 @@ from taubench_gl.reuse.bound import NO_HISTORY
 from taubench_gl.reuse.contract import FORMATS, Method, PassInfo
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.glsl_method import reporting_passes
-from taubench_gl.reuse.loading import builtin_methods, load_method
+from taubench_gl.reuse.loading import frame_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 from taubench_gl.settings import Settings
 
@@ -147,7 +147,7 @@ def test_reports_take_the_passes_that_write_them_and_leave_histories_whole(later
 
 
 def test_every_builtin_method_with_history_reports_it():
-    silent = {name for name in builtin_methods() if "reprojected_history" not in load_method(name).reports}
+    silent = {name for name in frame_methods() if "reprojected_history" not in load_method(name).reports}
     assert silent <= {"oidn", "fsr2-class"}  # filters one frame; blends tone-mapped colors at another size
 
 

@@ -42,7 +42,9 @@ def test_stages_of_the_built_in_methods():
         "reblur-class": {"checkerboard_input"},
         "fsr2-class": {"auto_reactive"},
     }
-    assert all(methods[name].stages for name in ("svgf", "asvgf", "bmfr", "fsr2-class", "reblur-class", "taa_clip"))
+    assert all(
+        methods[name].stages for name in ("svgf", "asvgf", "bmfr", "fsr2-class", "reblur-class", "taa_clip", "ris")
+    )
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,9 @@ from reuse_tools import evaluate, play
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import MethodError, OutputError
+from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.check import check_method, write_example
-from taubench_gl.reuse.contract import FORMATS
+from taubench_gl.reuse.contract import EMITTED, FORMATS, LIGHTS
 from taubench_gl.reuse.declaration import KEYS, PASS_KEYS
 from taubench_gl.reuse.frame import INPUTS
 from taubench_gl.reuse.glsl_method import FRAME, build_source
@@ -99,6 +100,11 @@ def test_new_and_check(gpu, tmp_path, monkeypatch, python):
     assert check_method(gpu, path).error == report.error, "the existing method is unchanged"
 
 
+def test_the_guide_shows_the_example_that_samples_lights():
+    for name in ("method.toml", "reuse.glsl"):
+        assert (PACKAGE / "reuse" / "template" / "samples" / name).read_text(encoding="utf-8") in GUIDE
+
+
 def test_glsl_and_python_examples_are_equal(gpu, tmp_path):
     """With motion of whole pixels nearest and bilinear history are the same, and so are GLSL and Python."""
     write_example(tmp_path / "a")
@@ -131,8 +137,11 @@ def test_list_and_show(monkeypatch, tmp_path):
         raw = {"reads": list(method.reads), "settings": method.settings}
         if method.factory is None:
             raw = tomllib.loads((method.folder / "method.toml").read_text())
+        own = [EMITTED, LIGHTS] if raw.get("light") == "own" else []
         assert (
-            facts["cite"] and facts["reads"] == raw["reads"] and set(facts["settings"]) == set(raw.get("settings", {}))
+            facts["cite"]
+            and facts["reads"] == [*raw.get("reads", []), *own]
+            and set(facts["settings"]) == set(raw.get("settings", {}))
         )
         assert facts["bytes_1080p"] >= 1920 * 1080 * 16
     shown = run.invoke(cli, ["reuse", "show", "taa_variance"], catch_exceptions=False).output

@@ -16,7 +16,7 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.gpu.shader import find_source
-from taubench_gl.reuse.loading import builtin_methods, load_method
+from taubench_gl.reuse.loading import builtin_methods, frame_methods, load_method
 from taubench_gl.reuse.synthetic import LENS, render_view, synthetic_steps
 
 SIZE = (48, 27)
@@ -27,7 +27,7 @@ def test_builtin_methods_are_documented():
         "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_clip", "taa_variance", "svgf", "asvgf",
         "bmfr", "bmfr_temporal", "reblur-class",
         "timewarp", "checkerboard", "upsample_2x2", "ideal-masks", "greedy", "oidn",
-        "fsr2-class",
+        "fsr2-class", "ris", "restir-di",
     }  # fmt: skip
     for name in builtin_methods():
         method = load_method(name)
@@ -40,8 +40,9 @@ def test_builtin_methods_are_documented():
             assert find_source(info.shader, method.shader_folders).read_text().startswith("//")
 
 
-NO_IDENTITY = {"bmfr", "reblur-class", "oidn", "fsr2-class"}
-"""Spatial filters; the kernel of fsr2-class is radial, so that it also weighs diagonal neighbors."""
+NO_IDENTITY = {"bmfr", "reblur-class", "oidn", "fsr2-class", *set(builtin_methods()) - set(frame_methods())}
+"""Spatial filters; the kernel of fsr2-class is radial, so that it also weighs diagonal neighbors.  Methods that compute
+their direct light themselves get no image."""
 
 
 @pytest.mark.parametrize("name", few(sorted(set(builtin_methods()) - NO_IDENTITY), 6))

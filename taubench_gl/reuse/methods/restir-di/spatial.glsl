@@ -1,0 +1,51 @@
+// The reservoir of a pixel and those of random neighbors.
+//
+// Paper      section 5, spatial reuse
+// Reference  references.reuse_methods.restir.spatial
+#include "combine.glsl"
+
+const float SIMILAR_NORMAL = 0.90630779; // cosine of 25 degrees
+const float SIMILAR_DEPTH = 0.1;
+const int NUMBER = 272; // of random numbers, 16 for each round
+
+bool similar(SurfacePoint a, SurfacePoint b) {
+    float da = length(a.p), db = length(b.p);
+    return b.lit && dot(a.s.n, b.s.n) > SIMILAR_NORMAL && abs(da - db) < SIMILAR_DEPTH * da;
+}
+
+// Neighbor i = 1 .. neighbors of pixel p, uniform in a disk; i = 0: p itself.
+ivec2 neighbor(ivec2 p, int i) {
+    if (i == 0) return p;
+    vec4 u = random(p, NUMBER + 16 * iteration + i);
+    float angle = 2.0 * PI * u.y;
+    return p + ivec2(floor(radius * sqrt(u.x) * vec2(cos(angle), sin(angle)) + 0.5));
+}
+
+void reuse(ivec2 p) {
+    SurfacePoint x = surface_at(p);
+    Kept own = fetch_combined(p);
+    if (!x.lit || neighbors == 0) {
+        write_combined(p, own);
+        return;
+    }
+    Combined c = nothing_combined();
+    for (int i = 0; i <= neighbors; ++i) {
+        ivec2 q = neighbor(p, i);
+        float u = random(p, NUMBER + 16 * iteration + i).z;
+        if (i == 0 || similar(x, surface_at(q))) combine(c, x, fetch_combined(q), i, u);
+    }
+    float z = 0.0; // counts of the reservoirs that could hold the kept sample
+    bool here = true;
+    if (c.from >= 0 && combination != COMBINATION_BIASED) {
+        LightPoint at = light_at(c.kept.light, c.kept.uv);
+        for (int i = 0; i <= neighbors; ++i) {
+            ivec2 q = neighbor(p, i);
+            SurfacePoint y = surface_at(q);
+            if (i > 0 && !similar(x, y)) continue;
+            bool held = target_of(y, at) > 0.0 && (c.from == i || !visibility_reuse || visible(y, at));
+            if (held) z += fetch_combined(q).count;
+            if (i == 0) here = held;
+        }
+    }
+    write_combined(p, closed(c, z, here));
+}
