@@ -179,6 +179,7 @@ def firefox(session_firefox: Any) -> Iterator[Callable[[Path, str], Any]]:
 
     console_errors()
     yield open_page
+    driver.navigate("about:blank")  # pages that play take time from other tests
     assert console_errors() == []
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import re
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -248,14 +251,22 @@ def test_catmull_rom_reproduces_parabolas():
     assert np.abs(reference.sample_history(values, at, "bilinear") - expected).max() > 0.01
 
 
+def found(module: ModuleType, name: str) -> bool:
+    """Whether ``module`` has ``name``, or a module within it the last part of a name with dots."""
+    first, _, rest = name.partition(".")
+    if rest:
+        return hasattr(importlib.import_module(f"{module.__name__}.{first}"), rest)
+    return hasattr(module, name) or importlib.util.find_spec(f"{module.__name__}.{name}") is not None
+
+
 def test_references_cited_by_shaders_exist():
     """The header line ``Reference`` of the built-in methods and of the include names functions of the references."""
     cited = set()
     for path in [*BUILTIN.glob("*/*.glsl"), SHADERS / "common" / "reuse.glsl"]:
         pattern = r"Reference\s+(references\.reuse_methods|metrics\.blending)([^\n]*)"
         for module, names in re.findall(pattern, path.read_text()):
-            for name in re.findall(r"\w+", names):
-                assert hasattr(blending if module == "metrics.blending" else reference, name), f"{path}: {name}"
+            for name in re.findall(r"\w+(?:\.\w+)*", names):
+                assert found(blending if module == "metrics.blending" else reference, name), f"{path}: {name}"
                 cited.add(name)
     assert len(cited) >= 12
     assert all(load_method(name).cite for name in builtin_methods())
