@@ -37,7 +37,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         function = item.nodeid.partition("[")[0]
         step = long.get(function, 0)
-        if cases[function] % step if step else item.nodeid in long:
+        if long.get(item.nodeid) == 0 or (step and cases[function] % step):
             item.add_marker("long")
         cases[function] += 1
 

@@ -1,7 +1,7 @@
 // Candidates of this frame and, with visibility_reuse, a shadow ray to the winner.
 //
 // Paper      algorithm 3
-// Reference  references.reuse_methods.restir.initial
+// Reference  references.reuse_methods.restir.Restir.initial
 #include "reservoir.glsl"
 
 void reuse(ivec2 p) {

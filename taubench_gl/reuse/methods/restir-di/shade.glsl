@@ -1,7 +1,7 @@
 // The light of the kept sample, with one shadow ray; the reservoir of the next frame's history.
 //
 // Paper      algorithm 5
-// Reference  references.reuse_methods.restir.shade
+// Reference  references.reuse_methods.restir.Restir.frame
 // Departs    With visibility_reuse the unbiased combination keeps no occluded sample: its reservoir could not hold it.
 
 void reuse(ivec2 p) {

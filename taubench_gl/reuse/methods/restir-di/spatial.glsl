@@ -1,7 +1,7 @@
 // The reservoir of a pixel and those of random neighbors.
 //
 // Paper      section 5, spatial reuse
-// Reference  references.reuse_methods.restir.spatial
+// Reference  references.reuse_methods.restir.Restir.spatial
 #include "combine.glsl"
 
 const float SIMILAR_NORMAL = 0.90630779; // cosine of 25 degrees

@@ -1,7 +1,7 @@
 // The reservoir of this frame and that of the surface in the previous frame.
 //
 // Paper      section 5, temporal reuse
-// Reference  references.reuse_methods.restir.temporal
+// Reference  references.reuse_methods.restir.Restir.temporal
 // Departs    History is found in the pixel nearest to the previous position; what the geometry mask discards is left out.
 #include "combine.glsl"
 
