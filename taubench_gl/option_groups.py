@@ -88,6 +88,12 @@ class PathTracedOptions(Checked):
             raise SettingsError("a camera file and a scene file are given", hint="give one")
 
 
+LIGHT_SAMPLES = setting(1, "noisy: light samples per pixel", at_least(1))
+VPL_SAMPLES = setting(4, "noisy: VPL samples per pixel", at_least(1))
+REFERENCE_SAMPLES = setting(16, "max: samples per pixel", at_least(1))
+"""Fields of the same names of ``export`` and ``reuse evaluate``: their light is the same by the same words."""
+
+
 @dataclass(frozen=True, slots=True)
 class TrainingOptions(Checked):
     """Light of an export for training, by the words of ``reuse evaluate``.  Raises SettingsError."""
@@ -99,8 +105,8 @@ class TrainingOptions(Checked):
         metavar="KIND",
         shown="none",
     )
-    light_samples: int = setting(1, "noisy: light samples per pixel", at_least(1))
-    vpl_samples: int = setting(4, "noisy: VPL samples per pixel", at_least(1))
+    light_samples: int = LIGHT_SAMPLES
+    vpl_samples: int = VPL_SAMPLES
     seeds: int = setting(
         1,
         "Images of the input, with this many seeds from --seed on: noisy0_*, noisy1_*, ...",
@@ -114,7 +120,7 @@ class TrainingOptions(Checked):
         metavar="path-traced@M|max",
         shown="none",
     )
-    reference_samples: int = setting(16, "max: samples per pixel", at_least(1))
+    reference_samples: int = REFERENCE_SAMPLES
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
@@ -182,8 +188,8 @@ class ReuseOptions(Checked):
         some_of(METRICS),
         short=True,
     )
-    light_samples: int = setting(1, "noisy: light samples per pixel", at_least(1))
-    vpl_samples: int = setting(4, "noisy: VPL samples per pixel", at_least(1))
+    light_samples: int = LIGHT_SAMPLES
+    vpl_samples: int = VPL_SAMPLES
     reference: str | None = setting(
         None,
         "path-traced: path-traced light with the samples that fit --reference-time; path-traced@M: of M samples per "
@@ -196,7 +202,7 @@ class ReuseOptions(Checked):
     reference_time: float = setting(
         120.0, "path-traced: time for references that are not stored", above_zero(), metavar="SECONDS"
     )
-    reference_samples: int = setting(16, "max: samples per pixel", at_least(1))
+    reference_samples: int = REFERENCE_SAMPLES
     mapping: str | None = setting(
         None,
         "exr: names of the passes: blender, falcor, godot, mitsuba, taubench, unity, unreal or a TOML file",

@@ -16,10 +16,13 @@ const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE
 
 #ifdef light_table_at
 // Records of a float texture, a field a texel, LIGHT_ROW records in a row.
+#define LIGHT_RECORD_AT(texel, at) LightRecord(texel(at), texel(at + ivec2(1, 0)), texel(at + ivec2(2, 0)), texel(at + ivec2(3, 0)))
+
+ivec2 light_texel(int i) { return ivec2(4u * (uint(i) % uint(LIGHT_ROW)), uint(i) / uint(LIGHT_ROW)); }
+
 LightRecord light_record(int i) {
-    ivec2 at = ivec2(4u * (uint(i) % uint(LIGHT_ROW)), uint(i) / uint(LIGHT_ROW));
-    return LightRecord(light_table_at(at), light_table_at(at + ivec2(1, 0)), light_table_at(at + ivec2(2, 0)),
-                       light_table_at(at + ivec2(3, 0)));
+    ivec2 at = light_texel(i);
+    return LIGHT_RECORD_AT(light_table_at, at);
 }
 #endif
 

@@ -116,9 +116,8 @@ LightSample sample_light(vec4 u) {
 
 #if PUNCTUAL
 LightRecord prev_light_record(int i) {
-    ivec2 at = ivec2(4u * (uint(i) % uint(LIGHT_ROW)), uint(i) / uint(LIGHT_ROW));
-    return LightRecord(prev_light_table_at(at), prev_light_table_at(at + ivec2(1, 0)), prev_light_table_at(at + ivec2(2, 0)),
-                       prev_light_table_at(at + ivec2(3, 0)));
+    ivec2 at = light_texel(i);
+    return LIGHT_RECORD_AT(prev_light_table_at, at);
 }
 #endif
 

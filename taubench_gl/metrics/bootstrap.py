@@ -34,10 +34,6 @@ class Interval:
     high: float
     p_value: float
 
-    @property
-    def contains_zero(self) -> bool:
-        return self.low <= 0.0 <= self.high
-
 
 def block_length(series: Array) -> int:
     """Block length for the mean of a stationary series (n,), from 1 to n / MIN_BLOCKS.

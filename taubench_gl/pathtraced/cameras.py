@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -222,14 +222,6 @@ class FittedCamera:
         fit = fit_camera(frame.position, frame.sky, depth, where=f"frame {number}")
         self._worst, self._last = max(self._worst, fit.median_px), fit.describe()
         return fit.view
-
-
-def in_world(frame: PathTracedFrame, view: View) -> PathTracedFrame:
-    """The frame with world positions, float32.  Frames whose positions are not relative are returned unchanged."""
-    if not frame.relative or frame.position is None:
-        return frame
-    position = (frame.position.astype(np.float64) + view.position).astype(np.float32)
-    return replace(frame, position=position, prev_position=None, relative=False)
 
 
 def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
