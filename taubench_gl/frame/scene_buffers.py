@@ -46,6 +46,11 @@ class Group:
     first: int
     count: int
 
+    def joins(self, other: Group) -> bool:
+        """Whether ``other`` follows and differs at most in the material."""
+        same = (self.posed, self.cull, self.mirrored) == (other.posed, other.cull, other.mirrored)
+        return same and self.first + self.count == other.first
+
 
 class SceneBuffers:
     """Pools, the record table and draw commands.

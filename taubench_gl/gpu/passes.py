@@ -163,11 +163,16 @@ class CompiledRaster:
         self.bindings = {use.name: binding for use, binding in declaration.bindings()}
         self._shaders = context.shaders
         self._interface, self._outputs = declaration.interface(), declaration.fragment_outputs()
+        self._programs: dict[int, tuple[Mapping[str, object], moderngl.Program]] = {}  # by identity of the macros
 
     def program(self, defines: Mapping[str, object]) -> moderngl.Program:
-        """The variant with these macros."""
-        macros = {**self.declaration.defines, **defines}
-        return self._shaders.render(*self.declaration.shaders, macros, self._interface, self._outputs)
+        """The variant with these macros, which stay as they are: draws pass the same mapping frame after frame."""
+        known = self._programs.get(id(defines))
+        if known is None:
+            macros = {**self.declaration.defines, **defines}
+            program = self._shaders.render(*self.declaration.shaders, macros, self._interface, self._outputs)
+            known = self._programs[id(defines)] = defines, program
+        return known[1]
 
 
 def fitted(gpu: Gpu, buffer: moderngl.Buffer, payload: np.ndarray) -> moderngl.Buffer:

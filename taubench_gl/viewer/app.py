@@ -24,6 +24,9 @@ from taubench_gl.viewer.layout import Layout, around
 from taubench_gl.viewer.model import ViewerModel, free_name
 from taubench_gl.viewer.panels import Panels
 
+PANELS_KEPT = 2
+"""Frames of playback that show the panels of the frame before them."""
+
 
 class Viewer(ViewerModel):
     """A ViewerModel with an ImGui context, input and panels."""
@@ -40,7 +43,8 @@ class Viewer(ViewerModel):
         self._triangle = self.own(gpu.ctx.vertex_array(self._blit, []))
         self.panels = Panels(self)
         self.input = Input(self)
-        self._composed: tuple[int, int] | None = None  # the window's size, if its panels are of the last frame drawn
+        self._composed: tuple[int, int] | None = None  # the window's size when panels were composed last
+        self._kept = 0  # frames since
 
     def _serve(self, request: str) -> None:
         if request == "window screenshot":
@@ -97,10 +101,11 @@ class Viewer(ViewerModel):
         self._renderer.render(framebuffer)
 
     def _panels_due(self) -> bool:
-        """Whether to compose the panels: during playback without input, each second frame shows those of the last."""
-        due = not self.state.playing or self.input.answers > 0 or self._composed != self.window_size
+        """Whether to compose the panels: during playback without input, those of one frame stay for the next two."""
+        kept = self.state.playing and self.input.answers == 0 and self._composed == self.window_size
+        due = not kept or self._kept >= PANELS_KEPT
         self.input.answers = max(self.input.answers - 1, 0)
-        self._composed = self.window_size if due else None
+        self._composed, self._kept = self.window_size, 0 if due else self._kept + 1
         return due
 
     def _clear(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:

@@ -197,13 +197,20 @@ class GBufferPass(Owner):
 
     def _draw_depth(self, frame: FrameContext, groups: Iterable[Group]) -> None:
         """Depth of what no alpha mask cuts out, a little too far away."""
-        ctx = self._gpu.ctx
-        ctx.polygon_offset = PREPASS_OFFSET
+        ctx, runs = self._gpu.ctx, list[Group]()
         for group in groups:
-            if not frame.materials.keys[group.material + 1].alpha_test:
-                set_facing(ctx, group)
-                variant = geometry_variant(MaterialKey((), False, False), group.posed)
-                frame.buffers.draw(group, self._prepass.program(variant))
+            if frame.materials.keys[group.material + 1].alpha_test:
+                continue
+            last = runs[-1] if runs else None
+            if last is not None and last.joins(group):
+                runs[-1] = replace(last, count=last.count + group.count)
+            else:
+                runs.append(group)
+        ctx.polygon_offset = PREPASS_OFFSET
+        for run in runs:
+            set_facing(ctx, run)
+            variant = geometry_variant(MaterialKey((), False, False), run.posed)
+            frame.buffers.draw(run, self._prepass.program(variant))
         ctx.polygon_offset = 0.0, 0.0
 
     def release(self) -> None:

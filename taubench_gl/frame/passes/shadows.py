@@ -99,9 +99,10 @@ def merged(
     out: list[tuple[Group, Variant, int, int]] = []
     for group, first, count in runs:
         variant = variant_of(group)
-        if out and not reads_material(variant[0]):
+        if out:
             before, same, start, length = out[-1]
-            if (before.posed, same, start + length) == (group.posed, variant, first):
+            alike = same[0] is variant[0] and before.posed == group.posed and not reads_material(variant[0])
+            if alike and start + length == first:
                 out[-1] = before, variant, start, length + count
                 continue
         out.append((group, variant, first, count))
