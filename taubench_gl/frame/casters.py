@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.frame.shadow_faces import Face
+from taubench_gl.frame.shadow_faces import FaceTable
 
 Array = np.ndarray
 Rect = tuple[int, int, int, int]
@@ -35,10 +35,9 @@ class Casters:
         """Equal exactly while nothing moves, bends, appears or vanishes."""
         return self.visible.tobytes() + self.versions[self.visible].tobytes()
 
-    def seen_by(self, face: Face) -> tuple[Array, bytes]:
-        """Draws that can be seen in ``face``, and bytes that are equal while the image of the face is."""
-        seen = np.flatnonzero(self.visible & face.sees(self.centers, self.radii))
-        return seen, face.key + seen.tobytes() + self.versions[seen].tobytes()
+    def seen_by(self, faces: FaceTable) -> list[Array]:
+        """Draws that can be seen in each face."""
+        return [np.flatnonzero(seen) for seen in self.visible & faces.sees(self.centers, self.radii)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,6 @@ class _Cached:
     """What a face of the atlas was drawn from."""
 
     face: bytes  # where it looks
-    state: bytes  # equal while its image is
     draws: Array  # (K,) that the map shows
     versions: Array  # (K,)
     low: Array  # (K, 2) texels each may cover
@@ -63,32 +61,48 @@ class ShadowMapCache:
     def __init__(self, count: int):
         self._cached: list[_Cached | None] = [None] * count
 
-    def update(self, i: int, face: Face, casters: Casters) -> tuple[Rect, Array] | None:
-        """Dirty rectangle of face i and the draws to draw there; None if its map is up to date.
+    def update(self, rows: Array, faces: FaceTable, casters: Casters) -> list[tuple[int, Rect, Array]]:
+        """Of faces number ``rows`` (F,), those out of date: number, dirty rectangle and draws to draw there.
 
-        The map counts as drawn after this call.
+        Their maps count as drawn after this call.
         """
-        before = self._cached[i]
-        seen, state = casters.seen_by(face)
-        if before is not None and before.state == state:
-            return None
-        cover = face.cover(casters.centers[seen], casters.radii[seen])
-        self._cached[i] = now = _Cached(face.key, state, seen, casters.versions[seen], *cover)
-        if before is None or before.face != now.face:
-            return (0, 0, face.resolution, face.resolution), seen
-        moved = [_differ(now, before), _differ(before, now)]
-        low = np.concatenate([now.low[moved[0]], before.low[moved[1]]])
-        high = np.concatenate([now.high[moved[0]], before.high[moved[1]]])
-        full = np.all(high > low, axis=1)
-        if not full.any():
-            return None
-        corner, end = low[full].min(axis=0), high[full].max(axis=0)
-        there = np.all((now.low < end) & (now.high > corner), axis=1)
-        return (*corner.tolist(), *(end - corner).tolist()), seen[there]
+        seen = casters.seen_by(faces)
+        ends = np.cumsum([len(draws) for draws in seen])
+        of_face, draws = np.repeat(np.arange(len(seen)), [len(draws) for draws in seen]), np.concatenate(seen)
+        versions = casters.versions[draws]
+        low, high = faces.cover(of_face, casters.centers[draws], casters.radii[draws])
+        stale = []
+        for k, (row, key, end) in enumerate(zip(rows.tolist(), faces.keys(), ends.tolist(), strict=True)):
+            part = slice(end - len(seen[k]), end)
+            now, before = _Cached(key, seen[k], versions[part], low[part], high[part]), self._cached[row]
+            self._cached[row] = now
+            if before is None or before.face != key:
+                side = int(faces.resolution[k])
+                stale.append((row, (0, 0, side, side), seen[k]))
+            elif (dirty := _dirty(now, before)) is not None:
+                stale.append((row, *dirty))
+        return stale
+
+
+def _dirty(now: _Cached, before: _Cached) -> tuple[Rect, Array] | None:
+    """The rectangle where one view of two moments may differ, and the draws there; None where it does not."""
+    moved = _differ(now, before), _differ(before, now)
+    if not (moved[0].any() or moved[1].any()):
+        return None
+    low = np.concatenate([now.low[moved[0]], before.low[moved[1]]])
+    high = np.concatenate([now.high[moved[0]], before.high[moved[1]]])
+    full = np.all(high > low, axis=1)
+    if not full.any():
+        return None
+    corner, end = low[full].min(axis=0), high[full].max(axis=0)
+    there = np.all((now.low < end) & (now.high > corner), axis=1)
+    return (*corner.tolist(), *(end - corner).tolist()), now.draws[there]
 
 
 def _differ(a: _Cached, b: _Cached) -> Array:
     """Which draws of a are not in b, or have another version there.  (K,) bool."""
+    if np.array_equal(a.draws, b.draws):
+        return a.versions != b.versions
     place = np.searchsorted(b.draws, a.draws)
     inside = place < len(b.draws)
     same = np.zeros(len(a.draws), dtype=bool)

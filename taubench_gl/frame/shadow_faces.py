@@ -6,7 +6,7 @@ casters stand still keeps its texels, so shadow edges do not shimmer under a mov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,11 +76,6 @@ class Face:
     near: float  # near plane, or depth range of a parallel map
     resolution: int
 
-    @property
-    def key(self) -> bytes:
-        """Equal for faces with the same view volume."""
-        return np.concatenate([self.origin, self.right, self.up, self.forward, [self.half, self.near]]).tobytes()
-
     def clip_from_relative(self, camera: Array) -> Array:
         """(4, 4) float64, reversed Z in [0, 1] <- world axes relative to ``camera`` (3,)."""
         rows = np.stack([self.right / self.half, self.up / self.half, self.forward])
@@ -96,30 +91,49 @@ class Face:
             out[3, :3], out[3, 3] = rows[2], offset[2]
         return out
 
-    def sees(self, centers: Array, radii: Array) -> Array:
-        """Which spheres (K, 3) world, (K,) can cast into this map.  (K,) bool, conservative."""
-        q = centers - self.origin
-        x, y, z = q @ self.right, q @ self.up, q @ self.forward
-        if self.parallel:
-            return (np.abs(x) <= self.half + radii) & (np.abs(y) <= self.half + radii)
-        slack = radii * np.hypot(1.0, self.half)  # distance to a slanted side plane, measured along the axis
-        reach = z * self.half
-        return (z + radii > 0) & (np.abs(x) <= reach + slack) & (np.abs(y) <= reach + slack)
 
-    def cover(self, centers: Array, radii: Array) -> tuple[Array, Array]:
-        """Texels that spheres (K, 3) world, (K,) may cover: first and end (K, 2) int64, conservative, in the map."""
-        q = centers - self.origin
-        across = np.stack([q @ self.right, q @ self.up], axis=-1)
-        near, far = across - radii[:, None], across + radii[:, None]
-        if not self.parallel:
-            z = q @ self.forward
-            front, back = z - radii, z + radii
-            ahead = front > self.near  # a sphere that reaches behind the near plane may be anywhere
-            nearest, farthest = np.where(ahead, front, 1.0)[:, None], np.where(ahead, back, 1.0)[:, None]
-            near = np.where(ahead[:, None], near / np.where(near < 0, nearest, farthest), -np.inf)
-            far = np.where(ahead[:, None], far / np.where(far > 0, nearest, farthest), np.inf)
-        texels = [(0.5 + 0.5 * side / self.half) * self.resolution for side in (near, far)]
-        low, high = np.clip([texels[0] - COVER_MARGIN, texels[1] + COVER_MARGIN], 0, self.resolution)
+class FaceTable:
+    """Faces side by side: arithmetic over all of them at once."""
+
+    def __init__(self, faces: Sequence[Face]):
+        self.origin = np.array([f.origin for f in faces]).reshape(-1, 3)  # (F, 3) world
+        self.axes = np.array([(f.right, f.up, f.forward) for f in faces]).reshape(-1, 3, 3)
+        self.half, self.near = (np.array([getattr(f, name) for f in faces]) for name in ("half", "near"))  # (F,)
+        self.parallel = np.array([f.parallel for f in faces], dtype=bool)
+        self.resolution = np.array([f.resolution for f in faces], dtype=np.int64)
+
+    def keys(self) -> list[bytes]:
+        """Equal for faces with the same view volume."""
+        volumes = np.concatenate(
+            [self.origin, self.axes.reshape(-1, 9), self.half[:, None], self.near[:, None]], axis=1
+        )
+        return [volume.tobytes() for volume in volumes]
+
+    def sees(self, centers: Array, radii: Array) -> Array:
+        """Which spheres (K, 3) world, (K,) can cast into each map.  (F, K) bool, conservative."""
+        at = np.einsum("fkj,fij->ifk", centers - self.origin[:, None], self.axes)
+        half, parallel = self.half[:, None], self.parallel[:, None]
+        slack = radii * np.where(parallel, 1.0, np.hypot(1.0, half))  # of a slanted side plane, along the axis
+        reach = np.where(parallel, half, at[2] * half) + slack
+        ahead = parallel | (at[2] + radii > 0)
+        return ahead & (np.abs(at[0]) <= reach) & (np.abs(at[1]) <= reach)
+
+    def cover(self, rows: Array, centers: Array, radii: Array) -> tuple[Array, Array]:
+        """Texels that spheres (P, 3) world, (P,) may cover in the maps of faces ``rows`` (P,).
+
+        First and end (P, 2) int64 of a rectangle, conservative, cut at the map.
+        """
+        at = np.einsum("pj,pij->pi", centers - self.origin[rows], self.axes[rows])
+        across, z, radius, parallel = at[:, :2], at[:, 2:], radii[:, None], self.parallel[rows, None]
+        near, far = across - radius, across + radius
+        front, back = z - radius, z + radius
+        ahead = parallel | (front > self.near[rows, None])  # what reaches behind the near plane may be anywhere
+        nearest, farthest = (np.where(ahead & ~parallel, depth, 1.0) for depth in (front, back))
+        near = np.where(ahead, near / np.where(near < 0, nearest, farthest), -np.inf)
+        far = np.where(ahead, far / np.where(far > 0, nearest, farthest), np.inf)
+        texels = self.resolution[rows, None]
+        low, high = ((0.5 + 0.5 * side / self.half[rows, None]) * texels for side in (near, far))
+        low, high = (np.clip(side, 0, texels) for side in (low - COVER_MARGIN, high + COVER_MARGIN))
         return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 

@@ -22,7 +22,7 @@ from taubench_gl.frame.raytracing.atlas import plan_atlas
 from taubench_gl.frame.raytracing.emitters import EMITTER, emitter_table, pyramid
 from taubench_gl.frame.raytracing.instances import changing_nodes, instance_table
 from taubench_gl.frame.records import RecordTable
-from taubench_gl.frame.shadow_faces import faces_of, map_sizes, pack
+from taubench_gl.frame.shadow_faces import FaceTable, faces_of, map_sizes, pack
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene.model import Camera, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench, limits
@@ -125,7 +125,8 @@ def faces_of_lights(bench: Bench) -> Outcome:
             errors.append(worst(clip / clip[3] - [x, y, z, 1.0]))
         # Spheres at random: any of their points that a texel shows must be inside what is covered.
         centers, radii = rng.uniform(-8.0, 8.0, (60, 3)), rng.uniform(0.01, 2.0, 60)
-        seen, (first, end) = face.sees(centers, radii), face.cover(centers, radii)
+        table, only = FaceTable([face]), np.zeros(60, dtype=int)
+        (seen,), (first, end) = table.sees(centers, radii), table.cover(only, centers, radii)
         shell = math3d.normalize(rng.normal(size=(200, 3)))
         points = centers[:, None] + radii[:, None, None] * shell
         clip = np.concatenate([points - eye, np.ones((60, 200, 1))], axis=-1) @ matrix.T
@@ -137,15 +138,15 @@ def faces_of_lights(bench: Bench) -> Outcome:
         errors += [float((inside.any(axis=1) & ~seen).any()), float((inside & ~covered).any())]
         # And not much more: at most the margin, and a pixel, beyond a sphere straight ahead.
         ahead = face.origin + 5.0 * face.forward
-        low, high = face.cover(ahead[None], np.array([0.3]))
+        low, high = table.cover(only[:1], ahead[None], np.array([0.3]))
         wide = 0.3 if face.parallel else 0.3 / 4.7
         across = face.resolution * wide / face.half
         margin = high - low - across
         errors.append(float(margin.min() < 0.0 or margin.max() > 8.0))
         behind = face.origin - 9.0 * face.forward
-        errors.append(float(face.sees(behind[None], np.array([1.0]))[0] != face.parallel))
+        errors.append(float(table.sees(behind[None], np.array([1.0]))[0, 0] != face.parallel))
         aside = face.origin + (20.0 * face.half) * face.right + 5.0 * face.forward
-        errors.append(float(face.sees(aside[None], np.array([1.0]))[0]))
+        errors.append(float(table.sees(aside[None], np.array([1.0]))[0, 0]))
     for limit in (80, 128, 4096):
         packed = dataclasses.replace(faces[0], resolution=48)
         offsets, size = pack([*faces, packed, packed], limit)

@@ -8,7 +8,7 @@ from light_tools import opened, shoot
 from test_shadow_cache import SIZE, street
 
 from taubench_gl.frame.lights import UnrolledLights, unrolled_lights
-from taubench_gl.frame.shadow_faces import light_faces
+from taubench_gl.frame.shadow_faces import FaceTable, light_faces
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Light
 
@@ -26,7 +26,8 @@ def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
     points = centers[:, None] + radii[:, None, None] * on_sphere
     tried = 0
     for face in light_faces(0, light, where, direction, (np.zeros(3), 8.0), 128, cube=wide):
-        low, high = face.cover(centers, radii)
+        table, only = FaceTable([face]), np.zeros(len(radii), dtype=int)
+        low, high = table.cover(only, centers, radii)
         assert low.min() >= 0 and high.max() <= 128
         clip = points @ face.clip_from_relative(np.zeros(3))[:, :3].T + face.clip_from_relative(np.zeros(3))[:, 3]
         ahead = clip[..., 3] > 0
@@ -35,7 +36,7 @@ def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
         covered = np.all((texel >= low[:, None]) & (texel < high[:, None]), axis=-1)
         assert covered[inside].all()
         tried += inside.sum()
-        small = (radii < 0.1) & face.sees(centers, radii) & (np.linalg.norm(centers - where, axis=1) > 2.0)
+        small = (radii < 0.1) & table.sees(centers, radii)[0] & (np.linalg.norm(centers - where, axis=1) > 2.0)
         assert ((high - low)[small] < 40).all(), "a small thing far away must not cost the whole map"
     assert tried > 500
 

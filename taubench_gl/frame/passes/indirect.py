@@ -22,7 +22,7 @@ from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geomet
 from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
 from taubench_gl.frame.patches import PATCH, Patches, lamps_of
 from taubench_gl.frame.scene_buffers import Group
-from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, first_faces, pack
+from taubench_gl.frame.shadow_faces import FACE, Face, FaceTable, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import NARROW, PATCH_LIGHT_CHUNK, VPL_CHUNK, WIDE
 from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass, RasterPass, Resource, Use, stage
@@ -431,7 +431,7 @@ class IndirectPass:
         frame.tables |= self.tables
         faces = faces_of(spec.scene, frame.state, self._mapped, spec.animated.bounds, self._resolution, spec.sun)
         lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"]))
-        key = frame.casters.key() + lit + b"".join(face.key for face in faces)
+        key = frame.casters.key() + lit + b"".join(FaceTable(faces).keys())
         if self._patches is not None:
             key += self._patches.place_lights(frame)
         self._age += 1
@@ -458,7 +458,10 @@ class IndirectPass:
         # A light that is off has no VPLs: its faces are cleared.
         on = np.any(frame.light_rows["color"][:, :3] != 0.0, axis=1)
         nothing = np.zeros(0, dtype=np.int64)
-        seen = [frame.casters.seen_by(face)[0] if on[face.light] else nothing for face in faces]
+        seen = [
+            draws if on[face.light] else nothing
+            for face, draws in zip(faces, frame.casters.seen_by(FaceTable(faces)), strict=True)
+        ]
         keys = self._spec.material_keys(CHANNEL_NAMES)
 
         def variant(group: Group) -> Variant:

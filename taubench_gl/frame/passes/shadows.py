@@ -16,7 +16,7 @@ from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
-from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, Face, faces_of, first_faces, pack
+from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, Face, FaceTable, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import Pass, RasterPass, Resource, stage
@@ -161,7 +161,8 @@ class FaceDrawer:
                 row = 2 * at + group.posed
                 binding = raster.bindings["F"]
                 self._frames.bind_to_uniform_block(binding, offset=row * STRIDE, size=FRAME.dtype.itemsize)
-                frame.materials.bind(group.material, raster.bindings, slots)
+                if reads_material(variant):
+                    frame.materials.bind(group.material, raster.bindings, slots)
                 scene.draw_commands(group, raster.program(variant), self._commands, first, count, records)
         if parts is not None:
             framebuffer.scissor = None
@@ -209,6 +210,7 @@ class ShadowPass(Owner):
         faces = spec.light_faces(spec.map_sizes)
         self._first_faces = first_faces(faces)
         self._offsets, _ = pack(faces, spec.tuning.texture_limit)
+        self._corners = np.array(self._offsets).reshape(-1, 2)
         self._cache = ShadowMapCache(len(faces))
         self.atlas = self.own(context.allocate_all([declaration])["shadow_atlas"])
         self.atlas.compare_func = ""
@@ -231,18 +233,14 @@ class ShadowPass(Owner):
         spec, light_rows = self._spec, frame.light_rows
         faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.animated.bounds, spec.map_sizes, spec.sun)
         light_rows["color"][:, 3] = -1.0
-        stale: list[tuple[Face, tuple[int, int], Array]] = []
-        parts: list[Rect] = []
         for row, first in self._first_faces.items():
             light_rows["color"][row, 3] = first
-        for i, face in enumerate(faces):
-            self._fill(i, face, frame)
-            if not np.any(light_rows["color"][face.light, :3]):
-                continue  # off: nothing reads its map
-            dirty = self._cache.update(i, face, frame.casters)
-            if dirty is not None:
-                parts.append(dirty[0])
-                stale.append((face, self._offsets[i], dirty[1]))
+        self._fill(FaceTable(faces), frame)
+        # Nothing reads the maps of a light that is off.
+        on = [i for i, face in enumerate(faces) if np.any(light_rows["color"][face.light, :3])]
+        dirty = self._cache.update(np.array(on), FaceTable([faces[i] for i in on]), frame.casters) if on else []
+        stale = [(faces[i], self._offsets[i], seen) for i, _, seen in dirty]
+        parts = [part for _, part, _ in dirty]
         self._padded[: len(self.rows)] = self.rows
         self._table.write(self._padded.tobytes())
         frame.tables |= {"shadow_atlas": self.atlas, "shadow_faces": self._table, "shadow_face_rows": self.rows}
@@ -258,9 +256,10 @@ class ShadowPass(Owner):
         self._drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts)
         self._gpu.hazards.wrote([self.atlas], drawn=True)
 
-    def _fill(self, i: int, face: Face, frame: FrameContext) -> None:
-        row, (x, y) = self.rows[i], self._offsets[i]
-        row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
-        row["right"], row["up"] = (*(face.right / face.half), x), (*(face.up / face.half), y)
-        row["forward"] = (*face.forward, face.near)
-        row["extent"][:2] = face.resolution, 2.0 * face.half / face.resolution
+    def _fill(self, faces: FaceTable, frame: FrameContext) -> None:
+        rows, half = self.rows[: len(faces.half)], faces.half[:, None]
+        rows["origin"][:, :3], rows["origin"][:, 3] = faces.origin - frame.view.position, faces.parallel
+        for axis, name in enumerate(("right", "up")):
+            rows[name][:, :3], rows[name][:, 3] = faces.axes[:, axis] / half, self._corners[:, axis]
+        rows["forward"][:, :3], rows["forward"][:, 3] = faces.axes[:, 2], faces.near
+        rows["extent"][:, 0], rows["extent"][:, 1] = faces.resolution, 2.0 * faces.half / faces.resolution
