@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from taubench_gl.glossary import OPTIONS
+
 Summary = Mapping[str, Any]
 
 NOT_GIVEN = "default"
@@ -83,6 +85,25 @@ def lighting_text(summary: Summary) -> str | None:
         text = f"{name.replace('_', ' ')} {_light_value(value)}"
         parts.append(text if reason == GIVEN or value is None else f"{text} ({reason})")
     return ", ".join([*parts, *_light_method(settings, summary.get("effects") or {})])
+
+
+def comparison_text(summary: Summary) -> str:
+    """``camera reprojection, nearest sampling``, and where the history is not the frame before, which one it is."""
+    settings = summary.get("settings") or {}
+    text = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
+    history = settings.get("history", "frame")
+    if history == "frame":
+        return text
+    eye = "right" if settings.get("eye") == "left" else "left"
+    where = (
+        f"camera {settings['other_eye']!r}"
+        if settings.get("other_eye") is not None
+        else (f"the {eye} eye, {settings.get('eyes'):g} m from the camera")
+    )
+    converges = settings.get("convergence")
+    if converges is not None and settings.get("other_eye") is None:
+        where += f", convergence at {converges:g} m"
+    return f"{text}, {OPTIONS[history].label} ({where})"
 
 
 def _light_method(settings: Summary, effects: Summary) -> list[str]:
