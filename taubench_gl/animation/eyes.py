@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from taubench_gl.animation.state import FrameState, View
-from taubench_gl.animation.views import CameraTrack, FileCamera, choose_camera
+from taubench_gl.animation.views import ORBIT, CameraTrack, FileCamera, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import EYES, Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +29,11 @@ class EyeCamera:
         return f"{self.name} of {self.camera.describe()}"
 
     def view_at(self, state: FrameState) -> View:
-        """The view at ``state.time``.  Parallel projections show every depth with the same shift and have none."""
-        view = self.camera.view_at(state)
+        """The view at ``state.time``."""
+        return self.beside(self.camera.view_at(state))
+
+    def beside(self, view: View) -> View:
+        """The other eye of ``view``.  Parallel projections show every depth with the same shift and have none."""
         shifted = self.convergence is not None and not view.camera.parallel
         position = view.position + self.offset * view.world_from_view[:, 0]
         shift = view.shift - self.offset / self.convergence if shifted else view.shift
@@ -52,3 +55,13 @@ def other_eye(scene: Scene, camera: CameraTrack, settings: Settings) -> CameraTr
         what = f"the other eye is {other.describe()}, which is the camera"
         raise SettingsError(what, hint="give another --other-eye or --camera", setting="other_eye")
     return other
+
+
+def both_eyes(scene: Scene, camera: CameraTrack, settings: Settings) -> dict[str, tuple[CameraTrack, Settings]]:
+    """``left`` and ``right``: each eye as the camera, and the settings with which the other one is its history."""
+    metrics, other = settings.metrics, other_eye(scene, camera, settings)
+    back: dict[str, object] = {"eye": "right" if metrics.eye == "left" else "left"}
+    if metrics.other_eye is not None:
+        back["other_eye"] = list(scene.camera_nodes).index(camera.node) if isinstance(camera, FileCamera) else ORBIT
+    eyes = {metrics.eye: (camera, settings), back["eye"]: (other, settings.replace(**back))}
+    return {name: eyes[name] for name in EYES}

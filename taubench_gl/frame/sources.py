@@ -139,7 +139,18 @@ class RasterSource(Owner):
         self.light = self.own(LightStage(renderer, spec) if any(declare(spec) for declare in LIGHT) else None)
 
     def advance(self, frame: int) -> View:
-        return self._draw(frame, None if self._jitter is None else self._jitter(frame))
+        return self._draw(frame, self._offset(frame))
+
+    def advance_eye(self, frame: int) -> View:
+        """With history ``eye``: make the other eye the current image, before ``advance_camera``; its view."""
+        return self._draw_eye(frame, self._offset(frame))
+
+    def advance_camera(self, frame: int) -> View:
+        """``advance`` without drawing its history: after ``advance_eye``."""
+        return self._draw_camera(frame, self._offset(frame))
+
+    def _offset(self, frame: int) -> np.ndarray | None:
+        return None if self._jitter is None else self._jitter(frame)
 
     def advance_sample(self, frame: int, sample: int) -> View:
         """``advance`` for one of the ``samples`` positions within a pixel (``grid_offsets``), which has a history.
@@ -167,7 +178,7 @@ class RasterSource(Owner):
 
     def draw(self, frame: int) -> View:
         """``advance`` without light and without the other eye; ``trace`` lights it."""
-        return self._rasterize(frame, None if self._jitter is None else self._jitter(frame))
+        return self._rasterize(frame, self._offset(frame))
 
     def draw_history(self, frame: int) -> None:
         """Draw what is the history of ``frame``, without light: the frame before, or the other eye."""
@@ -230,11 +241,18 @@ class RasterSource(Owner):
 
     def _draw(self, frame: int, offset: np.ndarray | None) -> View:
         if self.eye is not None:
-            other = self._seen_by(self.eye, frame, offset)
-            self.renderer.draw(frame / self._fps, frame / self._fps, views=(other, other), history=self._history)
-            self.current_view = other
-            if self.light is not None:
-                self.light.run(frame + OTHER_EYE)
+            self._draw_eye(frame, offset)
+        return self._draw_camera(frame, offset)
+
+    def _draw_eye(self, frame: int, offset: np.ndarray | None) -> View:
+        time, view = frame / self._fps, self._seen_by(self.eye, frame, offset)
+        self.renderer.draw(time, time, views=(view, view), history=self._history)
+        self.current_view = view
+        if self.light is not None:
+            self.light.run(frame + OTHER_EYE)
+        return view
+
+    def _draw_camera(self, frame: int, offset: np.ndarray | None) -> View:
         view = self._rasterize(frame, offset)
         self.previous_view, self.current_view = self.current_view or view, view
         if self.light is not None:

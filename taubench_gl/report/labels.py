@@ -91,19 +91,20 @@ def comparison_text(summary: Summary) -> str:
     """``camera reprojection, nearest sampling``, and where the history is not the frame before, which one it is."""
     settings = summary.get("settings") or {}
     text = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
+    return ", ".join([text, *history_text(settings)])
+
+
+def history_text(settings: Summary) -> list[str]:
+    """``history of the other eye (the right eye, 0.064 m from the camera)``; nothing for that of the frame before."""
     history = settings.get("history", "frame")
     if history == "frame":
-        return text
-    eye = "right" if settings.get("eye") == "left" else "left"
-    where = (
-        f"camera {settings['other_eye']!r}"
-        if settings.get("other_eye") is not None
-        else (f"the {eye} eye, {settings.get('eyes'):g} m from the camera")
-    )
+        return []
+    if settings.get("other_eye") is not None:
+        return [f"{OPTIONS[history].label} (camera {settings['other_eye']!r})"]
     converges = settings.get("convergence")
-    if converges is not None and settings.get("other_eye") is None:
-        where += f", convergence at {converges:g} m"
-    return f"{text}, {OPTIONS[history].label} ({where})"
+    at = "" if converges is None else f", convergence at {converges:g} m"
+    side = "right" if settings.get("eye") == "left" else "left"
+    return [f"{OPTIONS[history].label} (the {side} eye, {settings.get('eyes'):g} m from the camera{at})"]
 
 
 def _light_method(settings: Summary, effects: Summary) -> list[str]:

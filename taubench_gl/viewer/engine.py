@@ -249,7 +249,10 @@ class ViewerEngine:
         self._observer = None
 
     def _choose_pair(self, state: ViewerState) -> tuple[Shot, Shot]:
-        """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view."""
+        """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view.
+
+        With history ``eye`` both eyes, of any camera.
+        """
         if not self.feed.free:
             state.camera, state.freeze_current, state.freeze_previous = "file", False, False
         before = max(state.frame - 1, state.first)
@@ -268,6 +271,8 @@ class ViewerEngine:
             last = Shot(before, seen.view)  # history of the frozen camera is the user's view
         self._before = last if state.camera != "file" else None
         self._last = seen
+        if state.live.history == "eye" and not (state.freeze_current and state.camera != "file"):
+            last = self.feed.other_eye(current)
         return self._freeze("previous", state.freeze_previous, last), current
 
     def _freeze(self, which: str, on: bool, shot: Shot) -> Shot:
@@ -280,6 +285,8 @@ class ViewerEngine:
 
     def _first(self, state: ViewerState, previous: Shot, current: Shot) -> bool:
         """Whether there is no history: the first frame with the file camera."""
+        if state.live.history == "eye":
+            return False
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
     def _submit(self, state: ViewerState, declared: int) -> None:
