@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.animation.eyes import other_eye
-from taubench_gl.animation.pairs import reprojection
+from taubench_gl.animation.pairs import reprojection, sky_directions
 from taubench_gl.api import pairs
 from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
@@ -273,3 +275,24 @@ def test_exact_reasons_of_the_other_eye_have_no_change_of_light():
     eye = rows["eye"]
     assert eye["brightened"] == eye["darkened"] == eye["view_dependent"] == 0 < eye["occluded"]
     assert eye["exact_new"] == 0 < eye["exact_outside"]
+
+
+@pytest.mark.parametrize("jitter", [(0.0, 0.0), (0.25, -0.4)])
+def test_rays_of_an_off_axis_image_are_those_that_its_projection_inverts(jitter):
+    """Sky directions, and with it the sky's motion: far points of both eyes differ by -f b / c pixels."""
+    camera, state = choose_camera(boards(2.0)), Poser(boards(2.0)).sample(0.0)
+    view = camera.view_at(state)
+    other = replace(
+        other_eye(boards(2.0), camera, settings(convergence=1.5)).view_at(state), jitter_px=np.array(jitter)
+    )
+    corner, dx, dy = sky_directions(other, 96, 54)
+    for column, row in ((0, 0), (95, 53), (17, 40)):
+        clip = other.clip_from_relative(96, 54) @ np.append(corner + column * dx + row * dy, 0.0)
+        pixel = 0.5 * np.array([96, 54]) * (clip[:2] / clip[3] + 1.0) - 0.5
+        np.testing.assert_allclose(pixel, [column, row], atol=1e-9)
+    far = np.array([3.0, 2.0, -1e9])
+    at = [
+        0.5 * 96 * (m @ np.append(far, 1.0))[0] / (m @ np.append(far, 1.0))[3]
+        for m in (v.centered().clip_from_relative(96, 54, np.zeros(3)) for v in (other, view))
+    ]
+    assert at[0] - at[1] == pytest.approx(focal(54) * BASE / 1.5, abs=1e-6)
