@@ -16,10 +16,12 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, open_session
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
 from taubench_gl.evaluation.histories import better
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.histories import takes_eye
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reuse_rate import RATE_BITS
+from taubench_gl.paths import ASSETS
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
@@ -296,3 +298,18 @@ def test_rays_of_an_off_axis_image_are_those_that_its_projection_inverts(jitter)
         for m in (v.centered().clip_from_relative(96, 54, np.zeros(3)) for v in (other, view))
     ]
     assert at[0] - at[1] == pytest.approx(focal(54) * BASE / 1.5, abs=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("history", ["eye", "both"])
+def test_sampled_light_estimates_what_every_decided_pixel_says(history):
+    how = {"history": history, "size": (48, 27), "frames": (0, 3), "columns": COLUMNS, "pairs": "all", "camera": None}
+    sampled = evaluate_scene(ASSETS / "demo.glb", Settings(light_within=3.0, **how), sampled=True).summary
+    decided = evaluate_scene(ASSETS / "demo.glb", Settings(light="path-traced", **how), sampled=True).summary
+    for column in ("color", "direct", "indirect"):
+        low, high = sampled["discard"][column]["interval95_percent"]
+        assert low - 1.0 <= decided["discard"][column]["mean_percent"] <= high + 1.0, column
+    low, high = sampled["reusable"]["shading"]["interval95_percent"]
+    assert low - 1.0 <= decided["reusable"]["shading"]["mean_percent"] <= high + 1.0
+    for column in ("frustum", "position", "normal"):
+        assert sampled["discard"][column]["mean_percent"] == decided["discard"][column]["mean_percent"]
