@@ -304,7 +304,7 @@ def test_rays_of_an_off_axis_image_are_those_that_its_projection_inverts(jitter)
 @pytest.mark.parametrize("history", ["eye", "both"])
 def test_sampled_light_estimates_what_every_decided_pixel_says(history):
     how = {"history": history, "size": (48, 27), "frames": (0, 3), "columns": COLUMNS, "pairs": "all", "camera": None}
-    sampled = evaluate_scene(ASSETS / "demo.glb", Settings(light_within=3.0, **how), sampled=True).summary
+    sampled = evaluate_scene(ASSETS / "demo.glb", Settings(light="auto", light_within=3.0, **how), sampled=True).summary
     decided = evaluate_scene(ASSETS / "demo.glb", Settings(light="path-traced", **how), sampled=True).summary
     for column in ("color", "direct", "indirect"):
         low, high = sampled["discard"][column]["interval95_percent"]
