@@ -31,20 +31,34 @@ def boards():
     return b.build()
 
 
-def exported(folder, **more):
-    """Arrays and camera of both eyes."""
-    export_scene(boards(), folder, Settings(**GIVEN | more), ExportOptions(format="npz", channels=CHANNELS))
-    out = {}
-    for eye in ("left", "right"):
-        with np.load(folder / eye / "frame_00000.npz") as arrays:
-            out[eye] = dict(arrays)
-    return out
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """exported(settings) -> folder, and arrays of both eyes; each export is made once."""
+    made = {}
+
+    def arrays(**more):
+        key = tuple(sorted(more.items()))
+        if key not in made:
+            folder = tmp_path_factory.mktemp("eyes")
+            export_scene(boards(), folder, Settings(**GIVEN | more), ExportOptions(format="npz", channels=CHANNELS))
+            made[key] = folder, {eye: dict(np.load(folder / eye / "frame_00000.npz")) for eye in ("left", "right")}
+        return made[key]
+
+    return arrays
 
 
-@pytest.mark.parametrize("more", [{}, {"convergence": CONVERGENCE}, {"other_eye": 1}, {"eye": "right"}])
-def test_disparity_is_f_b_over_z(tmp_path, more):
+@pytest.mark.parametrize(
+    "more",
+    [
+        pytest.param({}, marks=pytest.mark.long),
+        {"convergence": CONVERGENCE},
+        {"other_eye": 1},
+        pytest.param({"eye": "right"}, marks=pytest.mark.long),
+    ],
+)
+def test_disparity_is_f_b_over_z(exported, more):
     focal = 0.5 * HEIGHT / np.tan(0.5 * YFOV)
-    for arrays in exported(tmp_path, **more).values():
+    for arrays in exported(**more)[1].values():
         seen = (arrays["mask"][..., 0] & int(FRUSTUM)) == 0
         expected = (
             focal * BASE * (1.0 / arrays["depth"][seen] - (1.0 / more["convergence"] if "convergence" in more else 0.0))
@@ -53,9 +67,9 @@ def test_disparity_is_f_b_over_z(tmp_path, more):
         assert (np.abs(arrays["motion"][seen][..., 1]) < 1e-4).all() and seen.mean() > 0.8
 
 
-def test_the_eyes_see_the_same_points_but_for_hidden_ones(tmp_path):
+def test_the_eyes_see_the_same_points_but_for_hidden_ones(exported):
     """A point of the left eye is at x - disparity of the right one, which has it with the same disparity."""
-    eyes = exported(tmp_path, convergence=CONVERGENCE)
+    _, eyes = exported(convergence=CONVERGENCE)
     left, right = eyes["left"], eyes["right"]
     rows, columns = np.nonzero((left["mask"][..., 0]) == 0)
     there = np.floor(columns - left["disparity"][rows, columns, 0] + 0.5).astype(int)
@@ -67,16 +81,16 @@ def test_the_eyes_see_the_same_points_but_for_hidden_ones(tmp_path):
     assert abs(hidden[0].sum(axis=1).max() - strip) <= 1.0
 
 
-def test_cameras_of_both_eyes_are_in_the_files(tmp_path):
-    eyes = exported(tmp_path, convergence=CONVERGENCE)
+def test_cameras_of_both_eyes_are_in_the_files(exported):
+    folder, eyes = exported(convergence=CONVERGENCE)
     for eye, arrays in eyes.items():
-        view = read_camera_file(tmp_path / eye / "camera.json").views[0]
+        view = read_camera_file(folder / eye / "camera.json").views[0]
         assert view.position[0] == pytest.approx(0.0 if eye == "left" else BASE)
         assert view.shift == pytest.approx(0.0 if eye == "left" else -BASE / CONVERGENCE)
         point = arrays["position"][20, 31].astype(np.float64) * [1.0, -1.0, -1.0]  # relative to the camera, +y down
         pixel = arrays["intrinsics"] @ (point / point[2])
         np.testing.assert_allclose(pixel, [31.0, 20.0, 1.0], atol=1e-4)
-        assert json.loads((tmp_path / eye / "export.json").read_text())["settings"]["eye"] == eye
+        assert json.loads((folder / eye / "export.json").read_text())["settings"]["eye"] == eye
 
 
 def test_masks_are_those_that_evaluate_counts(tmp_path):
