@@ -214,7 +214,7 @@ def viewer_image(work: Path) -> None:
 
 def eyes_image(work: Path) -> None:
     steps, image_file = work / "steps.txt", work / "eyes.png"
-    shown = ("against history", "comparison difference", "beside on", "section.effects off")
+    shown = ("against history", "comparison difference", "beside on", "section.effects off", "show.direct on")
     lines = ["frame 24", *(f"set {name}" for name in shown), f"screenshot {image_file} window", "quit"]
     steps.write_text("\n".join(lines) + "\n")
     how = ("--size", "480x270", "--history", "eye", "--eyes", "0.12", "--lighting", "--window", "1400x800")

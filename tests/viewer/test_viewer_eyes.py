@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from viewer_tools import DEMO, QUIET
 
-from taubench_gl.conventions import FRUSTUM
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.eyes import both_eyes
+from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.run_schema import COUNT_COLUMNS
+from taubench_gl.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -49,3 +53,15 @@ def test_both_histories_begin_with_the_last_frame(drive):
     driven.run("set history eye\nframe 4\nset against history\nset comparison difference\nset beside on")
     expected = counts_of_evaluate(4, EYE)
     assert driven.engine.counts["position"] == expected["position"] > 0
+
+
+def test_the_image_beside_has_the_masks_of_the_other_eye(drive):
+    scene, settings = load_scene(DEMO), EYE.replace(frames=(7, 9))
+    camera, there = both_eyes(scene, choose_camera(scene), settings)["right"]
+    row = evaluate_scene(scene, there, camera=camera).frames[0]
+    driven = drive(settings=EYE)
+    driven.run("frame 8\nset against history\nset comparison difference\nset beside on")
+    mask = read_channel(driven.engine._reversed.mask_texture, "mask")[..., 0]
+    assert np.count_nonzero(mask & np.uint32(FRUSTUM)) == row["frustum"]
+    assert np.count_nonzero(mask & np.uint32(Reason.POSITION)) == row["position"] > 0
+    assert driven.engine.titles(driven.viewer.state)[1] == "the other eye"
