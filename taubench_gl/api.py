@@ -322,7 +322,9 @@ class _Saver:
         if self._recorder is not None:
             self.written += self._recorder.finish(run.out / FRAMES_FILE)
         _, frame, mask, base = self._worst
-        title = f"{run.summary['scene']['name']}: worst frame, pair of frames {frame - 1} and {frame}"
+        eye = run.summary["settings"]["history"] == "eye"
+        which = f"frame {frame} and the other eye" if eye else f"pair of frames {frame - 1} and {frame}"
+        title = f"{run.summary['scene']['name']}: worst frame, {which}"
         save_mask_image(run.out / "mask.png", mask, base, self._reasons(), title)
         self.written.append(run.out / "mask.png")
 

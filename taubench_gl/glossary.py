@@ -40,6 +40,7 @@ _REUSABLE = "docs/conventions.md, Reusable pixels"
 _SAMPLED = "docs/light.md, Sampled light"
 _EXACT = "docs/conventions.md, Exact visibility"
 _REPROJECTION = "docs/conventions.md, Reprojection"
+_HISTORY = "docs/conventions.md, The other eye"
 _CAMERA = "docs/conventions.md, Camera activity"
 _EQ_1, _EQ_2, _EQ_3, _EQ_4 = (f"paper, Eq. {n}" for n in (1, 2, 3, 4))
 _SECTION_3_2 = "paper, section 3.2"
@@ -397,8 +398,19 @@ OPTIONS: Mapping[str, Term] = _by_key(
         "bilinear", "bilinear sampling",
         "Blends the valid ones of the four history pixels around the reprojected point", "", _REPROJECTION,
     ),
+    Term("frame", "history of the last frame", "The history is the image of the frame before", "", _HISTORY),
+    Term(
+        "eye", "history of the other eye",
+        "The history is the image of the other eye at the same time: nothing has moved, and no light has changed", "",
+        _HISTORY,
+    ),
+    Term(
+        "both", "either history",
+        "Every pixel has the better of both: reusable history first, then reusable but for light, then comparable; the "
+        "last frame where they are equal", "", _HISTORY,
+    ),
 )  # fmt: skip
-"""Values of ``--reprojection`` and ``--sampling``."""
+"""Values of ``--reprojection``, ``--sampling`` and ``--history``."""
 
 
 def key_of(reason: Reason) -> str:
@@ -459,7 +471,7 @@ def page() -> str:
                 "One row per pair; an empty cell was not measured. A count column holds the number of pixels that have "
                 "the reason.",
             ),
-            *_section("Reprojection and sampling", OPTIONS.values()),
+            *_section("Reprojection, sampling and history", OPTIONS.values()),
         )
     )
 

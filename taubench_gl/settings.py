@@ -47,6 +47,8 @@ SCENE, PICTURE, MASKS, LIGHT, OUTPUT, FILES, MACHINE = (
 
 REPROJECTIONS = ("camera", "motion")
 SAMPLINGS = ("nearest", "bilinear")
+HISTORIES = ("frame", "eye", "both")
+EYES = ("left", "right")
 CULLINGS = ("gltf", "none")
 BLENDS = ("cutoff", "opaque", "stochastic")
 TEXTURES = ("mipmapped", "finest")
@@ -81,6 +83,9 @@ MAX_EXPOSURE = 1e30
 STORAGES = ("float", "half")
 PAIR_SAMPLES = ("auto", "all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"auto|all|(every|strata):([1-9][0-9]{0,6})")
+
+STEREO = ("history", "eyes", "eye", "convergence", "other_eye")
+"""Settings that say which image is the history."""
 
 DEFAULT_SIZE = (640, 360)
 PAPER_SIZE = (1920, 1080)
@@ -368,9 +373,34 @@ class MetricsSettings(Checked):
         "(docs/reject.md)",
     )
 
+    history: str = setting("frame", _values(*HISTORIES), one_of(HISTORIES), short=True)
+    eyes: float = setting(
+        0.064, "Distance of the other eye from the camera", above_zero("a distance above 0"), unit="m", metavar="METERS"
+    )
+    eye: str = setting("left", "Which eye the camera is: the other one is to its right, or to its left", one_of(EYES))
+    convergence: float | None = setting(
+        None,
+        "Distance in front of the eyes at which both show a point at the same pixel, by off-axis projection of the "
+        "other one",
+        above_zero("a distance in front of the camera, above 0"),
+        unit="m",
+        metavar="METERS",
+        shown="infinitely far: parallel eyes",
+    )
+    other_eye: str | int | None = setting(
+        None,
+        "Camera of the scene that is the other eye, by node name, camera name or index",
+        metavar="NAME|INDEX",
+        shown="one at the distance --eyes",
+    )
+
     def __post_init__(self) -> None:
         # super() without arguments does not work in a dataclass with slots: the decorator makes another class.
         Checked.__post_init__(self)
+        if self.history == "both" and (self.exact or self.samples_per_pixel > 1):
+            what = "history both chooses between two images in every pixel"
+            hint = "leave exact visibility and samples per pixel out, or give --history frame or eye"
+            raise SettingsError(what, hint=hint, setting="history")
         filled = {name: float(self.thresholds.get(name, FEATURE[name].threshold)) for name in FEATURES}
         object.__setattr__(self, "thresholds", filled)
         for name in FEATURES:

@@ -15,7 +15,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.report.palette import REASON_COLORS
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.run_schema import FRAME_COLUMNS
-from taubench_gl.settings import REPROJECTIONS, SAMPLINGS, Settings
+from taubench_gl.settings import HISTORIES, REPROJECTIONS, SAMPLINGS, Settings
 
 DEMO = ASSETS / "demo.glb"
 
@@ -36,7 +36,7 @@ def test_every_reason_bit_is_defined():
         (glossary.COLUMNS, COLUMNS),
         (glossary.FRAMES, FRAME_COLUMNS),
         (glossary.CAMERA, QUANTITIES),
-        (glossary.OPTIONS, (*REPROJECTIONS, *SAMPLINGS)),
+        (glossary.OPTIONS, (*REPROJECTIONS, *SAMPLINGS, *HISTORIES)),
     ],
     ids=["columns", "frames.csv", "camera", "options"],
 )

@@ -212,6 +212,77 @@ def viewer_image(work: Path) -> None:
     keep_image(image_file, "viewer.png")
 
 
+def eyes_image(work: Path) -> None:
+    steps, image_file = work / "steps.txt", work / "eyes.png"
+    shown = ("against history", "comparison difference", "beside on", "section.effects off", "show.direct on")
+    lines = ["frame 24", *(f"set {name}" for name in shown), f"screenshot {image_file} window", "quit"]
+    steps.write_text("\n".join(lines) + "\n")
+    how = ("--size", "480x270", "--history", "eye", "--eyes", "0.12", "--lighting", "--window", "1400x800")
+    taubench("view", DEMO, *how, "--script", steps, before=SCREEN)
+    keep_image(image_file, "eyes.png")
+
+
+_VALLEY = ("--pairs", "every:24", "--light-within", "3")
+EYE_SCENES = {"demo": ("--pairs", "every:6"), "eternal-valley-fps": _VALLEY, "eternal-valley-vr": _VALLEY}
+"""Scenes of docs/other-eye.md, and which pairs and how many samples are taken."""
+
+
+def other_eye(work: Path) -> None:
+    """An hour of two CPU cores."""
+    for name, how in EYE_SCENES.items():
+        scene = DEMO if name == "demo" else work / f"{name}.glb"
+        if not scene.exists():
+            taubench("scenes", "make", name, scene)
+        for history in ("frame", "eye", "both"):
+            out = work / f"{name}-{history}"
+            if not (out / "summary.json").exists():
+                taubench("evaluate", scene, "--out", out, "--history", history, "--size", "320x180", *how)
+    write_marked(DOCS / "other-eye.md", "other-eye", other_eye_tables(work))
+
+
+def other_eye_tables(work: Path) -> str:
+    """Table 4 with the headline, reasons, and where they come from, of finished runs."""
+    columns = ("frustum", "color", "position", "normal", "direct", "indirect")
+    reasons = {"outside": "off-screen", "disoccluded": "disoccluded", "occluding": "newly occluding",
+               "position": "position", "normal": "normal", "lit": "brightened", "shadowed": "darkened"}  # fmt: skip
+    histories = {"frame": "last frame", "eye": "other eye", "both": "both"}
+    rates, why, facts = [], [], []
+    for name, how in EYE_SCENES.items():
+        for history, label in histories.items():
+            text = (work / f"{name}-{history}" / "summary.json").read_text(encoding="utf-8")
+            summary = json.loads(text)
+            reusable, sampling = summary["reusable"], summary["sampling"]
+            surface = reusable["surface"]["mean_percent"], sampling["reusable"]["surface"]["half_width_points"]
+            cells = [f"{surface[0]:.1f} ± {surface[1]:.1f}", _estimate(reusable["shading"])]
+            for column in columns:
+                of_pairs = sampling["columns"].get(column)
+                cells.append(_estimate(of_pairs or summary["discard"][column]))
+            rates.append(f"| {name} | {label} | {' | '.join(cells)} |")
+            shares = {key: reusable["reasons"][key]["mean_percent"] for key in reusable["reasons"]}
+            rest = sum(share for key, share in shares.items() if key not in reasons)
+            cells = [f"{share:.2f}" for share in (*(shares[key] for key in reasons), rest)]
+            why.append(f"| {name} | {label} | {reusable['shading']['mean_percent']:.2f} | {' | '.join(cells)} |")
+        made, camera, scene = summary["provenance"], summary["camera"], summary["scene"]
+        facts.append(
+            f"- {name}: `--size 320x180 {' '.join(how)}`, {summary['pairs']} pairs; per frame the camera moves "
+            f"{camera['position']['mean']:.3f} m and turns {camera['angle']['mean']:.2f}°; SHA-256 of the scene "
+            f"`{scene['sha256'][:16]}`; taubench-gl {made['version']}, {made['renderer'].partition(' (')[0]}, "
+            f"OpenGL {made['driver']}."
+        )
+    heads = ["scene", "history", "reusable surface", "reusable shading", *columns]
+    first = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|", *rates]
+    heads = ["scene", "history", "reusable", *reasons.values(), "other"]
+    second = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|", *why]
+    text = "Why surface pixels are not reusable, % of surface pixels; a pixel counts once, under its first reason:"
+    return "\n".join([*first, "", text, "", *second, "", "Made by `tools/record other-eye`:", "", *facts])
+
+
+def _estimate(entry: dict[str, Any]) -> str:
+    """A share with half the width of its interval."""
+    low, high = entry["interval95_percent"]
+    return f"{entry['mean_percent']:.1f} ± {0.5 * (high - low):.1f}"
+
+
 def reuse_image(work: Path) -> None:
     taubench(*gallery_command("reuse.jpg", out=work / "reuse"))
     keep_image(work / "reuse" / "side_by_side.png", "reuse.jpg")

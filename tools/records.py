@@ -153,6 +153,10 @@ EVERY = (
         "viewer-image", ("docs/images/viewer.png",), (DEMO, *FRAME, "taubench_gl/viewer", "shaders/viewer"),
         by.viewer_image,
     ),
+    Record(
+        "eyes-image", ("docs/images/eyes.png",), (DEMO, *FRAME, "taubench_gl/viewer", "shaders/viewer"), by.eyes_image
+    ),
+    Record("other-eye", ("docs/other-eye.md",), (DEMO, *FRAME, *RAYS, "taubench_gl/datasets"), by.other_eye),
     Record("reuse-image", ("docs/images/reuse.jpg",), (DEMO, *FRAME, *RAYS, *REUSE), by.reuse_image),
     Record(
         "reject-image", ("docs/images/reject.png",), (*FRAME, "taubench_gl/demos/lessons/ground.py"), by.reject_image

@@ -34,6 +34,8 @@ class View:
     camera: Camera
     jitter_px: Array = field(default_factory=lambda: np.zeros(2))
     """(2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px`` instead of at its center i."""
+    shift: float = 0.0
+    """Off-axis projection: the center of the image shows the direction with this tangent to the right of the axis."""
 
     def clip_from_view(self, width: int, height: int) -> Array:
         """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept; the aspect is the viewport's.
@@ -46,6 +48,8 @@ class View:
             out = math3d.perspective_reversed(c.yfov, aspect, c.znear, c.zfar)
         else:
             out = math3d.orthographic_reversed(c.ymag * aspect, c.ymag, c.znear, c.zfar)
+        if self.shift:
+            out[0] -= self.shift * out[0, 0] * out[3]
         if np.any(self.jitter_px):  # without jitter the matrix is unchanged bit for bit
             shift = 2.0 * np.asarray(self.jitter_px, dtype=np.float64) / (width, height)
             out[:2] -= shift[:, None] * out[3]

@@ -12,12 +12,14 @@ from taubench_gl.apps.options import command, part
 from taubench_gl.apps.screen import for_each_scene, interruptible
 from taubench_gl.fields import REQUIRED, setting
 from taubench_gl.option_groups import CostOptions
-from taubench_gl.settings import OUTPUT, Settings
+from taubench_gl.settings import OUTPUT, STEREO, Settings
 
 
 @command(
     options=part(CostOptions),
-    settings=part(without=("exact", "samples_per_pixel", "light", "spp", "light_within", "light_time", "pattern")),
+    settings=part(
+        without=(*STEREO, "exact", "samples_per_pixel", "light", "spp", "light_within", "light_time", "pattern")
+    ),
     epilog="""\b
 Examples:
   taubench-gl cost scene.glb --out study --size 480x270

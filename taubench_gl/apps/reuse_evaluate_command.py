@@ -15,12 +15,12 @@ from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, one_of, setting, some_of
 from taubench_gl.option_groups import REUSE_SETTINGS, FitOptions, ReuseOptions
-from taubench_gl.settings import OUTPUT, Settings
+from taubench_gl.settings import OUTPUT, STEREO, Settings
 
 if TYPE_CHECKING:
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
-SETTINGS = part(only=(*FRAMES, *REUSE_SETTINGS, *GPU))
+SETTINGS = part(only=(*FRAMES, *REUSE_SETTINGS, *STEREO, *GPU))
 
 
 @command(

@@ -134,7 +134,7 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
     own = result.screens
     key = [] if own else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
     about = ("", own.note) if own else (pair_text(demo), "")
-    step("question", "Guess first", "question", demo.question.text, screens, key, *about, link="Question")
+    step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
     step("figure", "Figure", "figure", uri, ratio, result.caption, demo.look_for)
     size = parameter.picture(0).shape[1::-1]

@@ -43,7 +43,9 @@ def pair_text(demo: Demo) -> str:
     rest = {k: v for k, v in opening.settings.items() if k not in ("fps", "columns")}
     more = "".join(f"; {name.replace('_', ' ')}: {_text(value)}" for name, value in rest.items())
     rate = f"{fps:g} frame{'s' if fps != 1 else ''} per second"
-    return f"Frames {opening.frame - 1} and {opening.frame} at {rate}; masks: {masks}{more}."
+    eyes = rest.get("history") == "eye"
+    which = f"Frame {opening.frame}, both eyes," if eyes else f"Frames {opening.frame - 1} and {opening.frame}"
+    return f"{which} at {rate}; masks: {masks}{more}."
 
 
 def _text(value: Any) -> str:

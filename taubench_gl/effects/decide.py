@@ -136,6 +136,8 @@ def _cuts(scene: Scene) -> Effect:
 
 
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:
+    if settings.metrics.history == "eye":
+        return Effect(False, "both eyes see the scene at the same time")
     if settings.metrics.reprojection != "motion":
         return Effect(False, "the reprojection is 'camera'")
     if moves_by_itself(scene):

@@ -11,11 +11,13 @@ from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, SCENE_LOBES
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, read_preview
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts, bin_of
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.metrics.sampled_light import decided_summary, lobe_distance, sampled_columns
 from taubench_gl.run_schema import DECIDED_COLUMNS
+from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
     from taubench_gl.evaluation.session import Session
@@ -34,25 +36,29 @@ class DecidedLight:
 
     columns, distances = DECIDED_COLUMNS, True
 
-    def __init__(self, session: Session):
-        self._session, self._settings = session, session.settings
-        self._columns = sampled_columns(session.source.unmeasured, session.settings.metrics.columns)
+    def __init__(self, session: Session, source: RasterSource, settings: Settings):
+        """``source``, ``settings``: of the pairs, with one kind of history."""
+        self._settings = settings
+        self._columns = sampled_columns(source.unmeasured, self._settings.metrics.columns)
         self._lobes = tuple(lobe for lobe in session.wants.lobes if lobe in SCENE_LOBES)
-        self._pixels = DecidedPixels(session.variant, session.settings, self._columns, self._lobes)
+        self._pixels = DecidedPixels(session.variant, self._settings, self._columns, self._lobes)
 
     def blocks(self, session: Session) -> dict[str, Any]:
         """The block ``decided_light`` of summary.json."""
         return {"decided_light": decided_summary(session.rows)}
 
     def complete(self, pair: Pair) -> None:
-        """Decide the pixels of ``pair``, the last of the session's evaluator; adds DECIDED_COLUMNS to its row."""
-        preview = read_preview(self._session.source, self._session.evaluator, pair.frame, self._columns)
+        """Decide the pixels of ``pair``, whose evaluator writes distances; adds DECIDED_COLUMNS to its row."""
+        preview = read_preview(pair.source, pair.evaluator, pair.frame, self._columns)
         seed = (SEED, self._settings.lighting.seed, pair.frame)
         self._pixels.draw(preview)
         # A list is a random part of the picture, so that its floor of errors is that of the pair.
         at = np.random.default_rng(seed).permutation(np.argwhere(preview.traced)[:, ::-1])
         lists = [at[first : first + LISTED] for first in range(0, len(at), LISTED)]
-        found = [self._pixels.decide(pixels, LIMIT, (*seed, number)) for number, pixels in enumerate(lists)]
+        found = [
+            self._pixels.decide(pixels, LIMIT, np.random.default_rng([*seed, number]).random(len(pixels)))
+            for number, pixels in enumerate(lists)
+        ]
 
         def image(before: Array, values: Callable[[Decisions], Array]) -> Array:
             out = before.copy()
@@ -69,7 +75,7 @@ class DecidedLight:
             names = {bounce: lobe_distance(bounce, lobe) for bounce in radiance}
             of_lobe = {b: image(none, lambda d, name=name: d.distances[name]) for b, name in names.items()}
             pair.evaluated.lobes[lobe] = _histogram(self._with_bits(words, of_lobe))
-        pair.replace(words, distances, self._counts(pair.evaluated.counts, words, measured))
+        pair.replace(words, distances, counts_of_images(words, measured, pair.evaluated.counts.histograms))
         pair.row.update(decided_counts(found))
 
     def _with_bits(self, words: Array, distances: Mapping[str, Array]) -> Array:
@@ -81,14 +87,19 @@ class DecidedLight:
             words = (words & ~bit) | np.where(over, bit, np.uint32(0))
         return words
 
-    def _counts(self, preview: Counts, words: Array, distances: Mapping[str, Array]) -> Counts:
-        """``preview`` with decided words and distances, (h, w) each."""
-        histograms = preview.histograms.astype(np.int64)
-        for name, distance in distances.items():
-            bins = bin_of(distance[(words & NOT_COMPARABLE) == 0])
-            histograms[FEATURES.index(name)] = np.bincount(bins, minlength=HISTOGRAM_BINS)
-            histograms[FEATURES.index(name), 0] = 0  # as the mask pass
-        return Counts(_histogram(words), histograms)
+
+def counts_of_images(words: Array, distances: Mapping[str, Array], histograms: Array | None = None) -> Counts:
+    """Counts of mask words and distances by feature, (h, w) each.
+
+    ``histograms``: of the features that have no distances; None: zeros.
+    """
+    if histograms is None:
+        histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS))
+    histograms, comparable = histograms.astype(np.int64), (words & NOT_COMPARABLE) == 0
+    for name, distance in distances.items():
+        histograms[FEATURES.index(name)] = np.bincount(bin_of(distance[comparable]), minlength=HISTOGRAM_BINS)
+        histograms[FEATURES.index(name), 0] = 0  # as the mask pass
+    return Counts(_histogram(words), histograms)
 
 
 def _histogram(words: Array) -> Array:

@@ -138,17 +138,16 @@ class DecidedPixels:
     def draw(self, pair: PreviewPair) -> None:
         """``pair`` is the one whose pixels are decided from now on."""
         self._pair, self._fresh = pair, True
-        for k, source in enumerate(self._sources):
-            source.draw(pair.frame - 1 + k)
+        self._sources[0].draw_history(pair.frame)
+        self._sources[1].draw(pair.frame)
 
-    def decide(self, at: Array, limit: int, seed: Collection[int]) -> Decisions:
+    def decide(self, at: Array, limit: int, audit: Array) -> Decisions:
         """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``.
 
-        ``limit``: samples per pixel at most; ``seed``: of the audit.
+        ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited.
         """
         listed = self._listed(at)
         count, had = len(at), 0
-        audit = np.random.default_rng(list(seed)).random(count)
         words, first = listed.words.copy(), listed.words.copy()
         distances: dict[str, Array] = {}
         luminance = np.zeros(count)

@@ -106,8 +106,9 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
         )
     behind = bool(word & (Reason.BEHIND | Reason.FIRST | Reason.CUT | Reason.INVALID))
     at = None if behind else (at_up[0], pair.height - 1 - at_up[1])
+    words = in_words(word, images.settings.metrics.history)
     moved = (float(motion[0]), -float(motion[1]) + 0.0)
-    explanation = Explanation((x, row), word, moved, at, features, in_words(word))
+    explanation = Explanation((x, row), word, moved, at, features, words)
     if comparable and source.reprojection == "camera" and word & (Reason.POSITION | Reason.NORMAL):
         return _with_object_motion(explanation, images, now)
     return explanation
@@ -122,7 +123,11 @@ def with_light(geometry: Explanation, light: Explanation) -> Explanation:
         return replace(geometry, features=features)
     bits = sum(int(bit) for n in values if FEATURE[n].light for bit in (FEATURE_BIT[n], *FEATURE[n].details))
     word = geometry.word | light.word & bits
-    reason = in_words(word) if geometry.reason == in_words(geometry.word) else geometry.reason
+    reason = geometry.reason
+    for history in ("frame", "eye"):
+        if reason == in_words(geometry.word, history):
+            reason = in_words(word, history)
+            break
     return replace(geometry, word=word, features=features, reason=reason)
 
 
@@ -182,15 +187,15 @@ def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], s
     return sample_history(images.settings.metrics.sampling, block, local, np.array([surface]))
 
 
-def in_words(word: int) -> str:
+def in_words(word: int, history: str = "frame") -> str:
     """A reason mask as a phrase with the labels of the glossary.  Sky is named first; it is neither reused nor not."""
-    r, words = Reason(word), _reasons_in_words(word)
+    r, words = Reason(word), _reasons_in_words(word, "other eye" if history == "eye" else "previous frame")
     if not r & Reason.SKY or words.startswith("sky"):
         return words or "reusable"
     return f"sky; {words}" if words else "sky"
 
 
-def _reasons_in_words(word: int) -> str:
+def _reasons_in_words(word: int, image: str) -> str:
     """The reasons of a mask, an empty text for none."""
     r = Reason(word)
     for reason in (Reason.FIRST, Reason.CUT, Reason.INVALID):
@@ -198,7 +203,7 @@ def _reasons_in_words(word: int) -> str:
             return f"not classified: {label_of(reason)}"
     for reason in (Reason.BEHIND, Reason.OUTSIDE):
         if r & reason:
-            return f"frustum: {label_of(reason)} in the previous frame"
+            return f"frustum: {label_of(reason)} in the {image}"
     parts = []
     if r & Reason.SKY and not r & Reason.HISTORY_SKY:
         parts.append("sky, a surface in history")

@@ -51,7 +51,7 @@ class EvaluatedPair:
 
     frame: int  # number of the current frame
     view: View  # of the current frame, through pixel centers
-    views: tuple[View, View]  # previous and current, of the first sample
+    views: tuple[View, View]  # of the history and current, of the first sample
     started: float  # seconds of the monotonic clock
     ended: float = 0.0  # when the CPU had nothing left to do for the pair but read its counts
     run: int = 0  # of the mask pass, for ``MaskPass.read``
@@ -88,6 +88,7 @@ class PairEvaluator:
         """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
+        self._stereo = settings.metrics.history == "eye"  # the source draws the history of every frame with it
         # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
         self.deferred = self._samples == 1 and not images
         self._timer = context.timer
@@ -113,22 +114,24 @@ class PairEvaluator:
         pair before this one, else this one, whose images stay valid until the next call.
         """
         started = time.perf_counter()
-        evaluate = evaluate and bool(self._previous)
+        evaluate = evaluate and (self._stereo or bool(self._previous))
         views: list[View] = []
         counts: Counts | None = None
         run = 0
+        before: list[View] = []
         for sample in range(self._samples):
             views.append(self._draw(frame, sample))
             if evaluate:
-                run = self.submit(reprojection_of(views[-1], self._previous[sample], *self.source.size))
+                before.append(self.source.previous_view if self._stereo else self._previous[sample])
+                run = self.submit(reprojection_of(views[-1], before[-1], *self.source.size))
                 if not self.deferred:
                     one = self._masks.read(run)
                     counts = one if counts is None else counts + one
-        previous, self._previous = self._previous, views
+        self._previous = views
         view = views[0].centered()
         if not evaluate:
             return view, []
-        pair = EvaluatedPair(frame, view, (previous[0], views[0]), started, run=run, counts=counts)
+        pair = EvaluatedPair(frame, view, (before[0], views[0]), started, run=run, counts=counts)
         self._pending.append(pair)
         finished = self.finish(but=int(self.deferred))
         pair.ended = time.perf_counter()
@@ -245,6 +248,9 @@ class Pair:
     Where ``pairs`` was asked for light, all of the current frame, linear radiance x exposure, float32, else None:
     ``radiance`` (h, w, 3): of the images that masks compare; ``noisy`` (h, w, 4): of the input, as reuse methods get
     it (its last component is 0 where a pixel was not shaded); ``reference`` (h, w, 3): what they are compared with.
+
+    ``takes_eye`` (h, w) bool: with ``history`` ``both`` the pixels whose mask is that of the other eye, else None;
+    images are those of the last frame.
     """
 
     def __init__(self, evaluated: EvaluatedPair, row: dict[str, Any], evaluator: PairEvaluator):
@@ -255,6 +261,8 @@ class Pair:
         self.radiance: np.ndarray | None = None
         self.noisy: np.ndarray | None = None
         self.reference: np.ndarray | None = None
+        self.takes_eye: np.ndarray | None = None
+        self._eye: Pair | None = None
 
     def __repr__(self) -> str:
         return f"<Pair: frame {self.frame} and the one before, {self.row['pixels']} pixels>"
@@ -292,18 +300,25 @@ class Pair:
         Where every pixel is decided, the values of light and color are those of the preview, as its images are.
         Raises TaubenchError for a pixel outside the image, and after the next pair is drawn.
         """
-        return self._read(lambda evaluator: evaluator.explain(*_pixel_in(evaluator.source.size, x, y)))
+        column, row = _pixel_in(self.source.size, x, y)
+        if self.takes_eye is not None and self.takes_eye[row, column]:
+            return self._eye.explain(column, row)
+        return self._read(lambda evaluator: evaluator.explain(column, row))
+
+    def add_eye(self, other: Pair, takes_eye: np.ndarray) -> None:
+        """``other``: of the same frame and the other eye, whose masks the pixels ``takes_eye`` (h, w) have."""
+        self._eye, self.takes_eye = other, takes_eye
 
     def replace(self, words: np.ndarray, distances: PixelDistances, counts: Counts) -> None:
         """Of a pair whose pixels were compared in another way: mask words (h, w) uint32, distances and counts."""
-        self._current().replace_mask(words)
+        self.evaluator.replace_mask(words)
         self.evaluated.counts = counts
         self.__dict__ |= {"mask": words, "distances": distances}  # cached properties
 
     @property
     def source(self) -> Source:
         """The source of both frames.  Raises TaubenchError once it holds other frames."""
-        return self._current().source
+        return self.evaluator.source
 
     def load(self) -> Pair:
         """Read mask, motion and color, so that they stay; this pair."""
@@ -313,8 +328,12 @@ class Pair:
     def close(self) -> None:
         """The source is about to draw other frames."""
         self._evaluator = None
+        if self._eye is not None:
+            self._eye.close()
 
-    def _current(self) -> PairEvaluator:
+    @property
+    def evaluator(self) -> PairEvaluator:
+        """What compared the pair, and holds its images.  Raises TaubenchError once they are gone."""
         if self._evaluator is None:
             raise TaubenchError(
                 f"the images of frame {self.frame} are gone", hint="use a pair inside its loop, before the next one"
@@ -322,7 +341,7 @@ class Pair:
         return self._evaluator
 
     def _read(self, read: Callable[[PairEvaluator], Any]) -> Any:
-        evaluator = self._current()
+        evaluator = self.evaluator
         with evaluator.gpu:
             return read(evaluator)
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import SCENE_LOBES
-from taubench_gl.evaluation.decided_pixels import DecidedPixels, read_preview
+from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, PreviewPair, read_preview
+from taubench_gl.evaluation.histories import better, chosen_words
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.features import FEATURE_BIT
@@ -80,6 +81,32 @@ def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
     return [(order[k % pairs], k // pairs) for k in every]
 
 
+class _Histories:
+    """Pairs of one kind of history, drawn by themselves, and the decisions of their pixels."""
+
+    def __init__(
+        self, owner: GpuOwner, variant: Callable[..., RasterSource], settings: Settings, columns: Sequence[str],
+        lobes: Sequence[str],
+    ):  # fmt: skip
+        self._columns = columns
+        self._source = variant(settings, extra=("emission",) if "color" in columns else ())
+        self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
+        self._decided = DecidedPixels(variant, settings, columns, lobes)
+
+    def draw(self, frame: int) -> PreviewPair:
+        """The pair of ``frame``, whose pixels ``decide`` decides from now on."""
+        self._evaluator.restart()
+        if self._source.eye is None:
+            self._evaluator.step(frame - 1, False)
+        self._evaluator.step(frame)
+        pair = read_preview(self._source, self._evaluator, frame, self._columns)
+        self._decided.draw(pair)
+        return pair
+
+    def decide(self, at: np.ndarray, audit: np.ndarray) -> Decisions:
+        return self._decided.decide(at, PLAN.limit, audit)
+
+
 class LightVisits:
     """Draws pairs of a session's scene once more and decides random pixels of them."""
 
@@ -94,9 +121,10 @@ class LightVisits:
     ):
         """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run."""
         self._gpu, self._settings, self._frames, self._columns = owner.gpu, settings, frames, tuple(columns)
-        self._source = variant(settings, extra=("emission",) if "color" in columns else ())
-        self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
-        self._decided = DecidedPixels(variant, settings, columns, lobes)
+        kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
+        self._histories = [
+            _Histories(owner, variant, settings.replace(history=kind), self._columns, lobes) for kind in kinds
+        ]
         self._thresholds = {name: settings.metrics.threshold(name) for name in self._columns}
 
     def visit(self, position: int, number: int) -> Visit:
@@ -106,23 +134,29 @@ class LightVisits:
 
     def _visit(self, position: int, number: int) -> Visit:
         frame = self._frames[position + 1]
-        self._evaluator.restart()
-        self._evaluator.step(frame - 1, False)
-        self._evaluator.step(frame)
-        pair = read_preview(self._source, self._evaluator, frame, self._columns)
+        pairs = [history.draw(frame) for history in self._histories]
+        words, distances, traced = chosen_words(pairs)
         seed = (SEED, self._settings.lighting.seed, frame)
-        image = strata_of(pair.words, pair.distances, self._thresholds, pair.traced)
+        image = strata_of(words, distances, self._thresholds, traced)
         strata = PixelStrata.of(image, STRATA, seed)
         flat, stratum = draw_pixels(strata, number, PLAN.pixels)
-        self._decided.draw(pair)
-        width = pair.words.shape[1]
-        decisions = self._decided.decide(np.stack([flat % width, flat // width], axis=-1), PLAN.limit, (*seed, number))
+        decisions = self._decide(pairs, flat, np.random.default_rng([*seed, number]).random(len(flat)))
         return Visit(
-            position, strata.sizes, stratum, pair.words.ravel()[flat], decisions.first, decisions.words,
+            position, strata.sizes, stratum, words.ravel()[flat], decisions.first, decisions.words,
             decisions.audited, decisions.undecided, decisions.samples,
-            {name: pair.distances[name].ravel()[flat].astype(np.float64) for name in self._columns},
+            {name: distances[name].ravel()[flat].astype(np.float64) for name in self._columns},
             decisions.distances,
         )  # fmt: skip
+
+    def _decide(self, pairs: Sequence[PreviewPair], flat: np.ndarray, audit: np.ndarray) -> Decisions:
+        """The pixels with the flat indices ``flat`` (n,) of a pair with each kind of history."""
+        width = pairs[0].words.shape[1]
+        at = np.stack([flat % width, flat // width], axis=-1)
+        if len(pairs) == 1:
+            return self._histories[0].decide(at, audit)
+        traced = [np.flatnonzero(pair.traced.ravel()[flat]) for pair in pairs]
+        found = [history.decide(at[k], audit[k]) for history, k in zip(self._histories, traced, strict=True)]
+        return better(pairs, found, traced, (at[:, 1], at[:, 0]))
 
 
 class SampledLight:

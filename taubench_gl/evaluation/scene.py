@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
+from taubench_gl.animation.eyes import other_eye
 from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.evaluation.both import BothHistories
 from taubench_gl.evaluation.decided_light import DecidedLight
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, with_pairs, with_samples
@@ -49,6 +51,8 @@ class SceneInput:
     def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> RasterSource:
         extra = (*wants.channels, *scene_channels(wants.lobes), *exact_channels() * self.settings.metrics.exact)
         settings = self.settings
+        if wants.lobes and settings.metrics.history == "both":
+            raise SettingsError("lobes have one history", hint="give --history frame or eye", setting="history")
         if wants.sampled and decides_light(settings):  # its images are the preview
             settings = with_samples(settings.replace(light="preview"))
             extra += ("emission",) * ("color" in settings.metrics.columns)
@@ -57,18 +61,21 @@ class SceneInput:
     def adders(self, session: Session) -> Iterator[ColumnAdder]:
         source, settings = session.source, self.settings
         if session.wants.sampled and decides_light(settings):
-            yield DecidedLight(session)
+            yield DecidedLight(session, source, settings)
         if session.wants.lobes:
             missing = missing_of_scene(session.wants.lobes, source.unmeasured)
             yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if settings.metrics.exact:
             yield ExactColumns.of_source(session.variant, settings, source, self.frames)
+        if settings.metrics.history == "both":
+            of_eye = replace(self, lighting=replace(self.lighting, settings=settings.replace(history="eye")))
+            yield BothHistories(session, of_eye, session.wants.sampled and decides_light(settings))
 
     def facts(self, session: Session) -> dict[str, Any]:
         return scene_facts(self.animated, self.frames, self.lighting, session)
 
     def views(self, session: Session) -> list[View]:
-        if self.settings.metrics.all_pairs:
+        if self.settings.metrics.all_pairs and self.settings.metrics.history != "eye":
             return session.drawn
         fps = self.settings.sequence.fps
         return [self.animated.view_at(frame / fps) for frame in self.frames]
@@ -100,6 +107,8 @@ def open_scene(
     scene = _drawable(scene, settings)
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
+    if settings.metrics.history != "frame":
+        other_eye(scene, camera, settings)  # says what is wrong with it before anything is metered or drawn
     animated = AnimatedScene(scene, camera, poser)
     lighting = resolve_lighting(scene, settings, camera, owner)
     settings = lighting.settings

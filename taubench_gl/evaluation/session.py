@@ -126,6 +126,7 @@ class Session(GpuOwner):
         Raises TaubenchError.
         """
         self.given, self.wants, self.settings = given, wants, given.settings
+        self._stereo = given.settings.metrics.history == "eye"
         gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
         self.timer = PassTimer(gpu, first=TIMED_FIRST, every=every)
         super().__init__(gpu, self.timer, shaders)
@@ -164,6 +165,8 @@ class Session(GpuOwner):
         that begins with the frame drawn last does not draw it again; nobody else has drawn with the source meanwhile.
         """
         schedule = frame_schedule(self.given.frames, self.settings) if schedule is None else schedule
+        if self._stereo and any(evaluate for _, evaluate in schedule):  # no frame before is anyone's history
+            schedule = [(frame, evaluate) for frame, evaluate in schedule if evaluate]
         checked = checked_frames(schedule) if checked is None else checked
         self._begin()
         if continued and self._last is not None and schedule and schedule[0] == (self._last[0], False):
@@ -229,9 +232,15 @@ class Session(GpuOwner):
                     pair.close()  # the source holds other frames
                 if self.sampled is not None:
                     self.sampled.add(one.frame - 1 - self.given.frames[0], one.counts)
-                row |= self.stats.add(one.counts) | camera_row(one.views, self.settings.metrics.unit_scale)
+                row |= self.stats.add(one.counts) | camera_row(self._path(one), self.settings.metrics.unit_scale)
                 self.rows.append(row)
                 yield pair
+
+    def _path(self, one: EvaluatedPair) -> tuple[View, View]:
+        """Views of the camera in the frame before and in that of the pair, whatever its history is."""
+        if not self._stereo:
+            return one.views
+        return self.given.animated.view_at((one.frame - 1) / self.settings.sequence.fps), one.view
 
     def summary(self) -> dict[str, Any]:
         """summary.json of the pairs."""

@@ -19,6 +19,10 @@ EXACT_REASONS = "exact_reasons"
 """Channel that lights every point four times; ``all`` does not have it."""
 
 
+DISPARITY = "disparity"
+"""Channel of an export of both eyes, which has it by default."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExportChannel:
     """One channel of a file: an image (h, w, components), row 0 at the top."""
@@ -58,6 +62,10 @@ EXPORTS: dict[str, ExportChannel] = {
             "motion_forward", 2, np.dtype(np.float32), "px",
             "forward: next - current, +x right, +y down, from the next pose; NaN where undefined",
             ("MotionForward.X", "MotionForward.Y"), True,
+        ),
+        ExportChannel(
+            DISPARITY, 1, np.dtype(np.float32), "px",
+            "x in the left eye - x in the right eye, of the same point; NaN where undefined", ("Disparity.X",), True,
         ),
         ExportChannel(
             "mask", 1, np.dtype(np.uint32), "bits", "reason bits against the previous frame (conventions.Reason)",
@@ -123,12 +131,17 @@ DEFAULT = ("gbuffer", "flow", "masks")
 RADIANCE = (*GROUPS["radiance"], *GROUPS["lobes"], "path_info")
 
 
-def choose_channels(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of channels and groups -> channel names in the order of the table.  Raises SettingsError."""
+def choose_channels(words: tuple[str, ...], *, stereo: bool = False) -> tuple[str, ...]:
+    """Names of channels and groups -> channel names in the order of the table.  Raises SettingsError.
+
+    ``stereo``: of an export of both eyes.
+    """
     names: set[str] = set()
-    for word in words or DEFAULT:
+    for word in words or (*DEFAULT, *(DISPARITY,) * stereo):
+        if word == DISPARITY and not stereo:
+            raise SettingsError("disparity is between two eyes", hint="give --history eye")
         if word == "all":
-            names |= EXPORTS.keys() - {EXACT_REASONS}
+            names |= EXPORTS.keys() - {EXACT_REASONS, *(DISPARITY,) * (not stereo)}
         elif word in GROUPS:
             names |= set(GROUPS[word])
         elif word in EXPORTS:

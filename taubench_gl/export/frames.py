@@ -1,8 +1,8 @@
 """Renders the frames of an export: the requested channels of one frame after another, as arrays.
 
-Backward motion and masks compare a frame with the previous one, which is rendered even if it is not exported.  Forward
-motion is rendered: the frame is drawn with the next pose as its previous pose.  The first frame has no previous frame
-and the last no next frame; there, motion is NaN and the mask is FIRST.
+Backward motion and masks compare a frame with the previous one, which is rendered even if it is not exported, or with
+history ``eye`` with the other eye.  Forward motion is rendered: the frame is drawn with the next pose as its previous
+pose.  The first frame has no previous frame and the last no next frame; there, motion is NaN and the mask is FIRST.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
+from taubench_gl.export.channels import DISPARITY, EXACT_REASONS, RADIANCE
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.spec import AnimatedScene
@@ -102,7 +102,7 @@ class FrameSource(GpuOwner):
                 columns += (column,)
         self._settings = settings = settings.replace(columns=columns)
         table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
-        table |= {"mask_forward": "prev_position", "mask": "position"}
+        table |= {"mask_forward": "prev_position", "mask": "position", DISPARITY: "prev_position"}
         light = set(LIGHT_FEATURES)
         extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
         extra = tuple(dict.fromkeys([*extra, *(exact_channels() if exact else ())]))
@@ -114,7 +114,7 @@ class FrameSource(GpuOwner):
             from taubench_gl.export.training import TrainingLight, require_same_pixels  # imported late: 0.5 s
 
             require_same_pixels(training, jitter)
-            self.training = self.own(TrainingLight(gpu, animated, settings, training))
+            self.training = self.own(TrainingLight(gpu, animated, settings.replace(history="frame"), training))
         self._masks = self.open_evaluator(self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
@@ -157,24 +157,30 @@ class FrameSource(GpuOwner):
             yield self._collect(waiting)
 
     def _submit(self, frame: int) -> _Submitted:
-        if frame > 0 and self._drawn != frame - 1:
+        if self.source.eye is None and frame > 0 and self._drawn != frame - 1:
             self._advance(frame - 1)
         self._advance(frame)
         submitted = _Submitted(frame, self._views[-1], self._start(), {})
         self._backward(submitted)
-        if self._exact is not None and frame > 0:
+        if self._exact is not None and self._has_history(frame):
             submitted.reasons = self._exact.of(self.source, frame).bits
         self._forward(submitted)
         return submitted
 
+    def _has_history(self, frame: int) -> bool:
+        return frame > 0 or self.source.eye is not None
+
     def _collect(self, submitted: _Submitted) -> ExportFrame:
         arrays = {name: image.get() for name, image in submitted.images.items()}
         arrays = _arrays(arrays) | {name: _motion(*images) for name, images in submitted.moved.items()}
+        if DISPARITY in self.names:
+            across = arrays["motion"][..., :1]
+            arrays[DISPARITY] = -across if self._settings.metrics.eye == "left" else across
         if EXACT_REASONS in self.names:  # without a frame before: no bit
             none = np.zeros(self.source.size[::-1], dtype=np.uint32)
             arrays[EXACT_REASONS] = (none if submitted.reasons is None else submitted.reasons)[..., None]
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
-        if submitted.number == 0 and "prev_visibility" in out:
+        if not self._has_history(submitted.number) and "prev_visibility" in out:
             out["prev_visibility"] = np.zeros_like(out["prev_visibility"])  # no frame before: no bit
         if self.training is not None:
             out |= self.training.files(submitted.number)
@@ -196,14 +202,15 @@ class FrameSource(GpuOwner):
         return self._reader.start(motion, "motion"), self._reader.start(mask, "mask")
 
     def _backward(self, submitted: _Submitted) -> None:
-        declared = 0 if submitted.number > 0 else int(Reason.FIRST)
-        now, before = self._views[-1], self._views[-1 if declared else -2]
+        declared = 0 if self._has_history(submitted.number) else int(Reason.FIRST)
+        now = self._views[-1]
+        before = now if declared else self._views[-2] if self.source.eye is None else self.source.previous_view
         previous = self.source.current if declared else self.source.previous
         if "mask" in self.names:
             pair = reprojection(now, before, *self.source.size)
             self._masks.submit(pair, declared=declared, previous=previous)
             submitted.images["mask"] = self._reader.start(self._masks.mask_texture, "mask")
-        if "motion" in self.names:
+        if {"motion", DISPARITY} & set(self.names):
             # The jitter of the two frames is not motion.
             pair = reprojection(now, before, *self.source.size, jitter=False)
             self._motion.submit(pair, declared=declared, previous=previous)
@@ -235,7 +242,9 @@ def intrinsics(view: View, width: int, height: int) -> Array:
     """
     clip = view.centered().clip_from_view(width, height)
     focal_x, focal_y = 0.5 * width * clip[0, 0], 0.5 * height * clip[1, 1]
-    return np.array([[focal_x, 0.0, 0.5 * (width - 1)], [0.0, focal_y, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+    return np.array(
+        [[focal_x, 0.0, 0.5 * (width - 1) - focal_x * view.shift], [0.0, focal_y, 0.5 * (height - 1)], [0.0, 0.0, 1.0]]
+    )
 
 
 def extrinsics(view: View) -> Array:

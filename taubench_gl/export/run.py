@@ -13,7 +13,8 @@ from typing import Any, Literal
 import msgspec
 
 from taubench_gl import __version__
-from taubench_gl.animation import View
+from taubench_gl.animation import CameraTrack, View
+from taubench_gl.animation.eyes import both_eyes
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import open_scene
@@ -29,6 +30,7 @@ from taubench_gl.option_groups import ExportOptions
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
+from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/export/1"
@@ -36,9 +38,12 @@ MANIFEST = "export.json"
 FORMATS: dict[str, type[Writer]] = {"exr": ExrWriter, "npz": NpzWriter, "zarr": ZarrWriter, "sintel": SintelWriter}
 
 
-def exported_names(options: ExportOptions) -> tuple[str, ...]:
-    """The channels to export, without those of training.  Raises SettingsError for a channel that does not exist."""
-    names = choose_channels(options.channels)
+def exported_names(options: ExportOptions, *, stereo: bool = False) -> tuple[str, ...]:
+    """The channels to export, without those of training.  Raises SettingsError for a channel that does not exist.
+
+    ``stereo``: of both eyes.
+    """
+    names = choose_channels(options.channels, stereo=stereo)
     if options.format != "sintel":
         return names
     return (*SINTEL_NAMES, *(("color",) if "color" in options.channels else ()))
@@ -90,29 +95,56 @@ def export_scene(
 ) -> ExportResult:
     """Write the frames of ``settings.sequence.frames`` that ``out`` does not hold yet.
 
-    A folder that holds another export is refused, or replaced if ``overwrite``; one into which another process exports
-    is always refused.  ``announce``: gets the time that references take, and their noise.  Raises TaubenchError.
+    With history ``eye`` the folders ``left`` and ``right`` hold an export of each eye, of which the other is the
+    history.  A folder that holds another export is refused, or replaced if ``overwrite``; one into which another
+    process exports is always refused.  ``announce``: gets the time that references take, and their noise.  Raises
+    TaubenchError.
     """
     settings, options, out = settings or Settings(), options or ExportOptions(), Path(out)
     if settings.metrics.samples_per_pixel != 1 or not settings.metrics.all_pairs:
         message = "an export contains every frame, with one sample per pixel"
         raise SettingsError(message, hint="leave samples_per_pixel and pairs out")
+    if settings.metrics.history == "both":
+        raise SettingsError("an export has one history", hint="give --history frame or eye", setting="history")
+    control = (overwrite, progress, announce or (lambda line: None))
+    if settings.metrics.history == "eye":
+        return _export_eyes(scene, out, settings, options, control)
+    return _locked(scene, out, settings, options, control)
+
+
+def _export_eyes(
+    scene: str | Path, out: Path, settings: Settings, options: ExportOptions, control: tuple[Any, ...]
+) -> ExportResult:
+    """Both eyes, with the lighting of the camera."""
+    given = open_scene(scene, _lit(settings, options))
+    lighting = {name: given.settings.get(name) for name in ("light_unit", "exposure", "environment")}
+    eyes = both_eyes(given.animated.scene, given.animated.camera, settings.replace(**lighting))
+    done = [
+        _locked(given.animated.scene, out / name, of_eye, options, control, camera)
+        for name, (camera, of_eye) in eyes.items()
+    ]
+    written, kept = (sum(getattr(result, count) for result in done) for count in ("written", "kept"))
+    return dataclasses.replace(done[0], out=out, written=written, kept=kept)
+
+
+def _locked(scene: Scene | str | Path, out: Path, *how: Any) -> ExportResult:
+    """``_export`` while no other process writes into ``out``."""
     with FolderLock(out):
-        return _export(scene, out, settings, options, (overwrite, progress, announce or (lambda line: None)))
+        return _export(scene, out, *how)
 
 
 def _export(
-    scene: str | Path,
+    scene: Scene | str | Path,
     out: Path,
     settings: Settings,
     options: ExportOptions,
     control: tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]],
+    camera: CameraTrack | None = None,
 ) -> ExportResult:
-    """``export_scene`` while no other process writes into ``out``.  ``control``: overwrite, progress, announce."""
-    names, (overwrite, progress, announce) = exported_names(options), control
-    # Geometry does not depend on the exposure.
-    lit = settings.metrics.columns if _EXPOSED & set(names) else ("frustum",)
-    given = open_scene(scene, settings.replace(columns=COLUMNS if options.training.wanted else lit))
+    """``export_scene`` of one camera.  ``control``: overwrite, progress, announce."""
+    overwrite, progress, announce = control
+    names = exported_names(options, stereo=settings.metrics.history == "eye")
+    given = open_scene(scene, _lit(settings, options), camera)
     settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = given.frames, given.animated.scene
     how = {"jitter": options.jitter, "training": options.training}
@@ -141,6 +173,14 @@ def _export(
         if source.training is not None and (note := source.training.noise_note()):
             announce(note)
     return ExportResult(out, done, len(frames) - len(missing), exported, source.unmeasured)
+
+
+def _lit(settings: Settings, options: ExportOptions) -> Settings:
+    """``settings`` with the columns that say whether an exposure is needed: geometry does not depend on it."""
+    if options.training.wanted:
+        return settings.replace(columns=COLUMNS)
+    names = exported_names(options, stereo=settings.metrics.history == "eye")
+    return settings if _EXPOSED & set(names) else settings.replace(columns=("frustum",))
 
 
 def _write_all(

@@ -6,11 +6,13 @@ The rasterizer is one source, path-traced files are another; one mask implementa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from taubench_gl.animation import View
+from taubench_gl.animation import CameraTrack, View
+from taubench_gl.animation.eyes import other_eye
 from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.animation.surface import previous_point
 from taubench_gl.effects.decide import as_summary, unmeasured
@@ -67,8 +69,15 @@ class Source(Protocol):
     def release(self) -> None: ...
 
 
+OTHER_EYE = 1 << 20
+"""Added to the number of a frame for the random numbers of the other eye."""
+
+
 class RasterSource(Owner):
-    """Frames of a Scene, rasterized."""
+    """Frames of a Scene, rasterized.  With ``history`` ``eye`` the previous image is that of the other eye.
+
+    For ``both`` this is the source of the last frame (``evaluation.both`` has the other one).
+    """
 
     def __init__(
         self,
@@ -100,6 +109,8 @@ class RasterSource(Owner):
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others = tuple(c for c in OTHERS if c not in self.unmeasured)
         self.context = self.own(GpuContext(gpu, shaders, timer))
+        eyes = settings.metrics.history == "eye"
+        self.eye = other_eye(animated.scene, animated.camera, settings) if eyes else None
         self._previous_time = 0.0  # seconds
         self.current_view: View | None = None
         self.previous_view: View | None = None
@@ -128,7 +139,18 @@ class RasterSource(Owner):
         self.light = self.own(LightStage(renderer, spec) if any(declare(spec) for declare in LIGHT) else None)
 
     def advance(self, frame: int) -> View:
-        return self._draw(frame, None if self._jitter is None else self._jitter(frame))
+        return self._draw(frame, self._offset(frame))
+
+    def advance_eye(self, frame: int) -> View:
+        """With history ``eye``: make the other eye the current image, before ``advance_camera``; its view."""
+        return self._draw_eye(frame, self._offset(frame))
+
+    def advance_camera(self, frame: int) -> View:
+        """``advance`` without drawing its history: after ``advance_eye``."""
+        return self._draw_camera(frame, self._offset(frame))
+
+    def _offset(self, frame: int) -> np.ndarray | None:
+        return None if self._jitter is None else self._jitter(frame)
 
     def advance_sample(self, frame: int, sample: int) -> View:
         """``advance`` for one of the ``samples`` positions within a pixel (``grid_offsets``), which has a history.
@@ -155,8 +177,15 @@ class RasterSource(Owner):
         return view
 
     def draw(self, frame: int) -> View:
-        """``advance`` without light; ``trace`` lights it."""
-        return self._rasterize(frame, None if self._jitter is None else self._jitter(frame))
+        """``advance`` without light and without the other eye; ``trace`` lights it."""
+        return self._rasterize(frame, self._offset(frame))
+
+    def draw_history(self, frame: int) -> None:
+        """Draw what is the history of ``frame``, without light: the frame before, or the other eye."""
+        if self.eye is None:
+            self.draw(frame - 1)
+        else:
+            self.draw_at(frame / self._fps, self._seen_by(self.eye, frame, None))
 
     def draw_at(self, time: float, view: View) -> None:
         """Draw the scene at ``time`` seconds from ``view``, without light."""
@@ -211,6 +240,19 @@ class RasterSource(Owner):
         self.light.run_color()
 
     def _draw(self, frame: int, offset: np.ndarray | None) -> View:
+        if self.eye is not None:
+            self._draw_eye(frame, offset)
+        return self._draw_camera(frame, offset)
+
+    def _draw_eye(self, frame: int, offset: np.ndarray | None) -> View:
+        time, view = frame / self._fps, self._seen_by(self.eye, frame, offset)
+        self.renderer.draw(time, time, views=(view, view), history=self._history)
+        self.current_view = view
+        if self.light is not None:
+            self.light.run(frame + OTHER_EYE)
+        return view
+
+    def _draw_camera(self, frame: int, offset: np.ndarray | None) -> View:
         view = self._rasterize(frame, offset)
         self.previous_view, self.current_view = self.current_view or view, view
         if self.light is not None:
@@ -218,11 +260,22 @@ class RasterSource(Owner):
         return view
 
     def _rasterize(self, frame: int, offset: np.ndarray | None) -> View:
-        self._previous_time = (frame - 1) / self._fps
-        self.renderer.draw(frame / self._fps, self._previous_time, offset, history=self._history)
+        time = frame / self._fps
+        if self.eye is None:
+            self._previous_time = (frame - 1) / self._fps
+            self.renderer.draw(time, self._previous_time, offset, history=self._history)
+        else:
+            self._previous_time = time
+            views = (self._seen_by(self.renderer.camera, frame, offset), self._seen_by(self.eye, frame, offset))
+            self.renderer.draw(time, time, views=views, history=self._history)
         if self.visibility is not None:
             self.visibility.run(self.renderer.frame)
         return self.renderer.frame.view
+
+    def _seen_by(self, camera: CameraTrack, frame: int, offset: np.ndarray | None) -> View:
+        """The view of ``camera``, with the sub-pixel ``offset`` of the samples."""
+        view = camera.view_at(self.renderer.view(frame / self._fps)[0])
+        return view if offset is None else replace(view, jitter_px=np.asarray(offset, dtype=np.float64))
 
     @property
     def current(self) -> Mapping[str, moderngl.Texture]:

@@ -86,12 +86,16 @@ def camera_file_text(views: Mapping[int, View], fps: float, size: tuple[int, int
 
 
 def camera_entry(view: View) -> dict[str, Any]:
-    """One view as the sidecar has it: ``world_from_view``, ``kind``, ``yfov`` or ``ymag``, ``znear``, ``zfar``."""
+    """One view as the sidecar has it: ``world_from_view``, ``kind``, ``yfov`` or ``ymag``, ``znear``, ``zfar``.
+
+    ``shift`` only where there is one (``View.shift``).
+    """
     camera = view.camera
     lens = {"yfov": camera.yfov} if camera.kind == "perspective" else {"ymag": camera.ymag}
     matrix = math3d.affine(view.world_from_view, view.position).tolist()
+    shift = {"shift": view.shift} if view.shift else {}
     zfar = camera.zfar if math.isfinite(camera.zfar) else None
-    return {"world_from_view": matrix, "kind": camera.kind, **lens, "znear": camera.znear, "zfar": zfar}
+    return {"world_from_view": matrix, "kind": camera.kind, **lens, "znear": camera.znear, "zfar": zfar} | shift
 
 
 def _read_view(entry: dict[str, Any], where: str) -> View:
@@ -124,7 +128,7 @@ def _read_view(entry: dict[str, Any], where: str) -> View:
     camera = Camera(kind=kind, **intrinsics)
     if not 0 <= camera.znear < camera.zfar:
         raise PathTracedError(f"znear {camera.znear} is not below zfar {camera.zfar}", where=where)
-    return View(position, math3d.orthonormal(rotation), camera)
+    return View(position, math3d.orthonormal(rotation), camera, shift=_number(entry, "shift", where) or 0.0)
 
 
 def _array(value: Any, shape: tuple[int, ...], where: str) -> Array:

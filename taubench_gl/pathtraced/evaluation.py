@@ -173,6 +173,7 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
         ("pairs", "all" if settings.metrics.all_pairs else settings.metrics.pairs, "all"),
         ("samples per pixel", settings.metrics.samples_per_pixel, 1),
         ("exact", settings.metrics.exact, False),
+        ("history", settings.metrics.history, "frame"),
     ):
         if value != only:
             hint = f"leave it at {only}"

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from taubench_gl.glossary import OPTIONS
+
 Summary = Mapping[str, Any]
 
 NOT_GIVEN = "default"
@@ -83,6 +85,26 @@ def lighting_text(summary: Summary) -> str | None:
         text = f"{name.replace('_', ' ')} {_light_value(value)}"
         parts.append(text if reason == GIVEN or value is None else f"{text} ({reason})")
     return ", ".join([*parts, *_light_method(settings, summary.get("effects") or {})])
+
+
+def comparison_text(summary: Summary) -> str:
+    """``camera reprojection, nearest sampling``, and where the history is not the frame before, which one it is."""
+    settings = summary.get("settings") or {}
+    text = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
+    return ", ".join([text, *history_text(settings)])
+
+
+def history_text(settings: Summary) -> list[str]:
+    """``history of the other eye (the right eye, 0.064 m from the camera)``; nothing for that of the frame before."""
+    history = settings.get("history", "frame")
+    if history == "frame":
+        return []
+    if settings.get("other_eye") is not None:
+        return [f"{OPTIONS[history].label} (camera {settings['other_eye']!r})"]
+    converges = settings.get("convergence")
+    at = "" if converges is None else f", convergence at {converges:g} m"
+    side = "right" if settings.get("eye") == "left" else "left"
+    return [f"{OPTIONS[history].label} (the {side} eye, {settings.get('eyes'):g} m from the camera{at})"]
 
 
 def _light_method(settings: Summary, effects: Summary) -> list[str]:

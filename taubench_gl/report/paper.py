@@ -13,7 +13,7 @@ from taubench_gl.conventions import Visibility
 from taubench_gl.features import COLUMNS
 from taubench_gl.glossary import CAMERA, CENSUS, EXACT, EXACT_REASONS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
-from taubench_gl.report.labels import lighting_text, run_labels
+from taubench_gl.report.labels import comparison_text, lighting_text, run_labels
 from taubench_gl.report.table import Column, Row, Table
 from taubench_gl.settings import DEFAULT_SIZE, PAPER_SIZE
 
@@ -238,8 +238,7 @@ def conditions(summary: Summary) -> str:
     size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
     if not summary.get("path_traced") and size == "{}x{}".format(*DEFAULT_SIZE):
         size += " (--size paper: {}x{})".format(*PAPER_SIZE)
-    ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
-    return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
+    return f"{size}, {comparison_text(summary)}; thresholds: {thresholds or 'not recorded'}."
 
 
 INTERVAL = "± of 95 % intervals"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from taubench_gl.glossary import CONCEPTS, REUSE_REASONS, STATISTICS
+from taubench_gl.glossary import CONCEPTS, OPTIONS, REUSE_REASONS, STATISTICS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import run_labels
 from taubench_gl.report.paper import INTERVAL, SAMPLING_COLUMNS, exact_tables, half_width, paper_tables, table_row
@@ -61,8 +61,9 @@ def reusable_sentence(summary: Summary) -> str:
 
 def headline(summary: Summary) -> str:
     """``camera reprojection: 81.3 % of surface ...``: the reprojection mode and ``reusable_sentence``."""
-    mode = reprojection_of(summary)
-    return (f"{mode} reprojection: " if mode else "") + reusable_sentence(summary)
+    mode, _, history = (reprojection_of(summary) or "").partition(", ")
+    how = f"{mode} reprojection" + (f", {OPTIONS[history].label}" if history else "")
+    return (f"{how}: " if mode else "") + reusable_sentence(summary)
 
 
 def sentence(
@@ -145,7 +146,11 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
             rows.append(replace(row, percent_of=OF_SURFACE))
     of_all = STATISTICS["of_picture_percent"].label
     columns = (
-        Column("reprojection", definition="How a pixel finds its history: camera or motion"),
+        Column(
+            "reprojection",
+            definition="How a pixel finds its history: camera or motion; "
+            "eye: in the other eye, both: in the better of it and the last frame",
+        ),
         Column("reusable", "%", 2, "; ".join(CONCEPTS[rate].tooltip for rate in RATES)),
         Column("min", "%", 2, STATISTICS["min_percent"].tooltip),
         Column("max", "%", 2, STATISTICS["max_percent"].tooltip),
@@ -189,8 +194,11 @@ def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
 
 
 def reprojection_of(summary: Summary) -> str | None:
-    """camera or motion."""
-    return (summary.get("reusable") or {}).get("reprojection") or (summary.get("settings") or {}).get("reprojection")
+    """camera or motion; ``camera, eye`` or ``camera, both`` where the history is not the frame before."""
+    settings = summary.get("settings") or {}
+    mode = (summary.get("reusable") or {}).get("reprojection") or settings.get("reprojection")
+    history = settings.get("history", "frame")
+    return mode if mode is None or history == "frame" else f"{mode}, {history}"
 
 
 def _why(block: Mapping[str, Any], rate: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.report.labels import lighting_text
+from taubench_gl.report.labels import history_text, lighting_text
 from taubench_gl.report.method_styles import BLACK, method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
 from taubench_gl.report.plot import SERIES_COLORS, Plot, pareto_steps
@@ -353,7 +353,7 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
         f"{summary['scene']['name']}: {settings['width']}x{settings['height']}, {settings['fps']:g} fps, means over "
         f"frames {settings['first_frame'] + summary.get('warmup', 1)} to {settings['last_frame']} "
         f"(N = {summary['evaluated_frames']}{f', {seeds} seeds' if seeds > 1 else ''}); "
-        f"input: {kind}; reference: {reference['kind']}, {against}."
+        f"input: {', '.join([kind, *history_text(settings)])}; reference: {reference['kind']}, {against}."
     )
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()

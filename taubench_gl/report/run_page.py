@@ -24,7 +24,7 @@ from taubench_gl.metrics.reuse_rate import LIGHT_REASONS, RATE_BITS, RATE_COLUMN
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
 from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, shown_text, within_budget
-from taubench_gl.report.labels import lighting_text, run_labels
+from taubench_gl.report.labels import comparison_text, lighting_text, run_labels
 from taubench_gl.report.page import Page, macro, tag
 from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
 from taubench_gl.report.paper import interval_text, paper_numbers, sampled_text, thresholds_of, two_decimals
@@ -152,7 +152,7 @@ def _about(summary: Summary) -> str:
     parts = [
         f"{count} pair{'' if count == 1 else 's'} at {'?' if rate is None else f'{rate:g}'} fps",
         f"{settings.get('width', '?')} × {settings.get('height', '?')} pixels",
-        f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling",
+        comparison_text(summary),
     ]
     stand_in = (summary.get("scene") or {}).get("stand_in")
     return " · ".join(parts + ([f"stand-in: {stand_in}"] if stand_in else []))

@@ -223,6 +223,9 @@ def evaluate_methods(
     _check_labels([spec.label for spec in specs])
     options.check(settings.lighting.seed)
     kind = options.kind(settings.lighting.seed)
+    if settings.metrics.history == "both" or (settings.metrics.history == "eye" and kind.files is not None):
+        what = f"methods have no history {settings.metrics.history}" + " in files" * (kind.files is not None)
+        raise SettingsError(what, hint="give --history frame, or eye for a rendered scene", setting="history")
     if kind.files is not None:
         if not isinstance(scene, Scene):
             scene = load_scene(scene, **settings.sequence.reading)
@@ -344,8 +347,9 @@ class _Evaluator:
         self._require(any(run.method is not None for run in self.runs))
         self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
         traced, self._reference = reference_samples(request.reference), None
+        of_camera = replace(inputs, settings=inputs.settings.replace(history="frame"))
         if traced is not None:
-            self._reference = owner.own(PathTracedReference(inputs, traced, request.exact_samples))
+            self._reference = owner.own(PathTracedReference(of_camera, traced, request.exact_samples))
         self._open_inputs()
         self._check_frames()
         if traced is not None:
@@ -354,7 +358,7 @@ class _Evaluator:
             if announce is not None and (seconds is not None or estimate.seconds is not None):
                 announce(estimate.text)
         elif request.reference == "max":
-            self._reference = owner.own(SupersampledReference(inputs, request.reference_samples))
+            self._reference = owner.own(SupersampledReference(of_camera, request.reference_samples))
         else:
             self._reference = FileReference(inputs, request.reference, self._inputs.output_size, self.frames)
         for run in self.runs:
@@ -400,6 +404,8 @@ class _Evaluator:
         kept = _EXACT_BYTES * width * height * len(self.frames)
         inputs.keeps_exact = len(self.seeds) > 1 and kept <= KEPT_REFERENCE_BYTES
         same = inputs.size == inputs.output_size  # else methods that read the reference fail with its name
+        if REFERENCE_INPUT in method_reads and inputs.stereo:
+            raise SettingsError("a method reads the reference, which the other eye lacks", hint="give --history frame")
         if REFERENCE_INPUT in method_reads and self._reference_texture is None and same:
             self._reference_texture = self._owner.own(inputs.gpu.texture(inputs.size))
 
@@ -441,6 +447,8 @@ class _Evaluator:
 
         ``turn``: place of the frame in its sequence; ``previous``: reference image of the frame before.
         """
+        if self._inputs.stereo:
+            self._step_all(self._inputs.advance_eye(frame), turn)
         inputs = self._inputs.advance(frame)
         shading = self._inputs.shading_ms()
         if shading is not None and turn:

@@ -25,7 +25,7 @@ from taubench_gl.evaluation import frame_range
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import Source
+from taubench_gl.frame.sources import OTHER_EYE, Source
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
@@ -113,7 +113,8 @@ class Inputs(GpuOwner):
         super().__init__(request.gpu)
         self.request, self.kind, self.reads = request, request.kind, frozenset(reads)
         self._cuts, self._index = frozenset(cuts), 0
-        self._previous: View | None = None
+        self._previous: View | None = None  # of the history
+        self._last: View | None = None  # of the frame before, with which exact masks compare
         self._masks: MaskInputs | None = None
         self._exact_masks: MaskInputs | None = None
         self._kept: dict[int, tuple[bytes, bytes]] = {}  # exact masks and motion by frame
@@ -121,20 +122,36 @@ class Inputs(GpuOwner):
     def begin(self, seed: int) -> None:
         """The next frame is the first of a sequence with the random numbers of ``seed``."""
         self.kind = replace(self.kind, seed=seed)
-        self._index, self._previous = 0, None
+        self._index, self._previous, self._last = 0, None, None
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""
-        view = self._draw(frame)
+        view, cut = self._draw(frame), frame in self._cuts
+        if self._exact_masks is not None:
+            last = self._last or view
+            declared = Reason.FIRST if self._last is None else Reason.CUT if cut else 0
+            self._run_exact(frame, reprojection(view.centered(), last.centered(), *self.output_size), declared)
+        self._last = view
+        return self._inputs_of(frame, frame, view, cut and not self.stereo)
+
+    def advance_eye(self, frame: int) -> FrameInputs:
+        """With history ``eye``, before ``advance``: the other eye in ``frame``, which itself has no history."""
+        raise NotImplementedError
+
+    @property
+    def stereo(self) -> bool:
+        """Whether the history of a frame is the other eye."""
+        return self.settings.metrics.history == "eye"
+
+    def _inputs_of(self, frame: int, number: int, view: View, cut: bool) -> FrameInputs:
+        """The inputs of the image drawn last.  ``number``: of its random numbers."""
         previous = self._previous or view
-        declared = Reason.FIRST if self._previous is None else Reason.CUT if frame in self._cuts else 0
+        declared = Reason.FIRST if self._previous is None else Reason.CUT if cut else 0
         pair = reprojection(view, previous, *self.size, jitter=False)
         if self._masks is not None:
             self._masks.run(pair, declared)
-        if self._exact_masks is not None:
-            self._run_exact(frame, reprojection(view.centered(), previous.centered(), *self.output_size), declared)
-        textures = self._channels() | self._compute(frame, view, pair, declared)
-        light = self._light(frame, view, previous, textures)
+        textures = self._channels() | self._compute(number, view, pair, declared)
+        light = self._light(number, view, previous, textures)
         out = FrameInputs(
             index=self._index,
             time=frame / self.settings.sequence.fps,
@@ -145,7 +162,7 @@ class Inputs(GpuOwner):
             jitter_px=view.jitter_px,
             prev_jitter_px=previous.jitter_px,
             exposure=self.settings.lighting.exposure_factor,
-            cut=frame in self._cuts,
+            cut=cut,
             missing=self.missing,
             light=light,
         )
@@ -256,8 +273,9 @@ class RasterInputs(Inputs):
             raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
         super().__init__(request, reads, cuts)
         self.size = kind.input_size(self.output_size)
-        exact_settings = light_settings(settings, kind)
-        self.settings = exact_settings.replace(width=self.size[0], height=self.size[1])
+        lit = light_settings(settings, kind)
+        self.settings = lit.replace(width=self.size[0], height=self.size[1])
+        exact_settings = lit.replace(history="frame")  # classes of pixels, and change over time
         self.timer = PassTimer(request.gpu)
         # The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an
         # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
@@ -280,9 +298,11 @@ class RasterInputs(Inputs):
             if kind.path_samples:
                 raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
             self.exact = self.source
-            if not kind.exact:
+            if not kind.exact or self.stereo:
                 self.exact = self.open_source(animated, exact_settings, shading=Shading(gather_each=kind.noisy))
         self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
+        if self.stereo:
+            self.missing["exact_mask"] = "exact masks compare with the last frame, the history is the other eye"
         derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
         how = {"rate": kind.rate, "derived": derived, "samples": kind.samples}
         self._compose = ComposePass(self, self.source, self.settings, **how)
@@ -310,9 +330,16 @@ class RasterInputs(Inputs):
         out = {**self._compose.textures, **self._derived.textures}
         if self.reshade is not None:
             masks = {"mask": self._masks.mask, "motion": self._masks.motion}
-            self.reshade.run(frame, pair, masks, self.kind.seed, not declared)
+            before = frame + OTHER_EYE if self.stereo else frame - 1
+            self.reshade.run((frame, before), pair, masks, self.kind.seed, not declared)
             out |= self.reshade.textures
         return out
+
+    def advance_eye(self, frame: int) -> FrameInputs:
+        return self._inputs_of(frame, frame + OTHER_EYE, self.source.advance_eye(frame), cut=True)
+
+    def _draw(self, frame: int) -> View:
+        return self.source.advance_camera(frame) if self.stereo else super()._draw(frame)
 
     def begin(self, seed: int) -> None:
         super().begin(seed)

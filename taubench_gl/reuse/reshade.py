@@ -81,8 +81,11 @@ class Reshade:
         passes["store"].define(HAS_INDIRECT="indirect" in lit)
         self._passes = {name: owner.own(owner.context.compute(p)) for name, p in passes.items()}
 
-    def run(self, number: int, pair: Reprojection, masks: dict[str, moderngl.Texture], seed: int, valid: bool) -> None:
-        """``number``: of the current frame; ``masks``: mask and motion; ``valid``: there is a previous frame."""
+    def run(
+        self, numbers: tuple[int, int], pair: Reprojection, masks: dict[str, moderngl.Texture], seed: int, valid: bool
+    ) -> None:
+        """``numbers``: of the random numbers of the current frame and of its history; ``masks``: mask and motion;
+        ``valid``: there is a previous frame."""
         size, source = self._size, self._source
         resources: dict[str, Any] = {**source.current, **masks, "link": self._link}
         resources |= {f"history_{name}": texture for name, texture in source.previous.items()}
@@ -90,13 +93,13 @@ class Reshade:
         resources |= {f"surface_{name}_out": texture for name, texture in self._surface.items()}
         self._passes["clear"].run(None, resources, size=size)
         if valid:
-            numbers = (number & 0xFFFFFFFF, seed)
-            self._passes["select"].run(None, resources, size=size, numbers=numbers, discarded=_DISCARDED)
+            of_frame = (numbers[0] & 0xFFFFFFFF, seed)
+            self._passes["select"].run(None, resources, size=size, numbers=of_frame, discarded=_DISCARDED)
             forward = -source.renderer.frame.view.world_from_view[:, 2]
             camera = {"camera_delta": tuple(pair.camera_delta), "forward": tuple(forward)}
             self._passes["surface"].run(None, resources, size=size, **camera)
             # Light of this frame with the random numbers of the last: a difference is a change of light, not noise.
-            source.light.relight({**self._surface, **self._light}, number - 1)
+            source.light.relight({**self._surface, **self._light}, numbers[1])
             self._passes["store"].run(None, {**resources, **self._light}, size=size, exposure=self._exposure)
         self._hazards.publish()
 

@@ -154,7 +154,7 @@ class MethodComparison(Owner):
 
     def _start(self, feed: SceneFeed, state: ViewerState, scored: bool) -> None:
         method, kind = load_method(state.method), parse_input(state.method_input)
-        settings = feed.settings.replace(reprojection="motion")
+        settings = feed.settings.replace(reprojection="motion", history="frame")
         request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
         inputs = self._inputs = self.own(RasterInputs(request, method.reads, exact=scored))
         self._reference = ComposePass(inputs, inputs.exact, inputs.settings) if scored else None

@@ -74,6 +74,7 @@ class ViewerEngine:
 
     _owner: GpuOwner | None = None  # of everything here, the feed and the comparisons
     _evaluator: PairEvaluator | None = None
+    _reversed: PairEvaluator | None = None  # of the other eye, whose history is the image; None until it is shown
     _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
     _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
     _lights: Lights | None = None
@@ -211,7 +212,9 @@ class ViewerEngine:
             for part in (self._lights, self._exact):
                 part.reset()
             self._drawn_feed = self.feed
-            how = {"images": True, "instead_of": self._evaluator}
+            if self._reversed is not None:
+                self._owner.free_parts(self._reversed)
+            how, self._reversed = {"images": True, "instead_of": self._evaluator}, None
             self._active = self._evaluator = self._owner.open_evaluator(self.feed.source, self.feed.settings, **how)
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
@@ -249,7 +252,10 @@ class ViewerEngine:
         self._observer = None
 
     def _choose_pair(self, state: ViewerState) -> tuple[Shot, Shot]:
-        """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view."""
+        """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view.
+
+        With history ``eye`` both eyes, of any camera.
+        """
         if not self.feed.free:
             state.camera, state.freeze_current, state.freeze_previous = "file", False, False
         before = max(state.frame - 1, state.first)
@@ -268,6 +274,8 @@ class ViewerEngine:
             last = Shot(before, seen.view)  # history of the frozen camera is the user's view
         self._before = last if state.camera != "file" else None
         self._last = seen
+        if state.live.history == "eye" and not (state.freeze_current and state.camera != "file"):
+            last = self.feed.other_eye(current)
         return self._freeze("previous", state.freeze_previous, last), current
 
     def _freeze(self, which: str, on: bool, shot: Shot) -> Shot:
@@ -280,6 +288,8 @@ class ViewerEngine:
 
     def _first(self, state: ViewerState, previous: Shot, current: Shot) -> bool:
         """Whether there is no history: the first frame with the file camera."""
+        if state.live.history == "eye":
+            return False
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
     def _submit(self, state: ViewerState, declared: int) -> None:
@@ -421,7 +431,27 @@ class ViewerEngine:
             self._owner.free_parts(*self._beside)
             self._beside = [self._owner.own(Display(self.gpu, self._display.size)) for _ in wanted]
         for mode, display in zip(wanted, self._beside, strict=True):
-            display.draw(replace(self._content, comparison=mode, other=other, shown=()))
+            content = replace(self._content, comparison=mode, other=other, shown=())
+            if mode == "other" and self._shows_eyes(state):
+                channels = {"channel": other.channel, "position": other.position, "mask": self._mask_of_eye(state)}
+                content = replace(self._content, **channels)
+            display.draw(content)
+
+    def _shows_eyes(self, state: ViewerState) -> bool:
+        """Whether the image beside is the other eye, with the masks of its own history, which is this image."""
+        return state.live.history == "eye" and (state.against, state.exact, self._lights.coarse) == (
+            HISTORY[0],
+            False,
+            None,
+        )
+
+    def _mask_of_eye(self, state: ViewerState) -> moderngl.Texture:
+        if self._reversed is None:
+            self._reversed = self._owner.open_evaluator(self.source, self.feed.settings, images=True)
+        this, other = self.shots[1].view, self.shots[0].view
+        images = {"current": self.source.previous, "previous": self.source.current}
+        self._reversed.submit(reprojection(other, this, *self.feed.size), thresholds=state.thresholds, **images)
+        return self._reversed.mask_texture
 
     @property
     def textures(self) -> tuple[moderngl.Texture, ...]:
@@ -434,6 +464,7 @@ class ViewerEngine:
             return ("",)
         bound = "bound of " if state.method_image == "bound" else ""
         other = f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against
+        other = "the other eye" if self._shows_eyes(state) else other
         return "", other, f"{_map_beside(state)} x {state.gain:g}"
 
     def method_scores(self, state: ViewerState) -> Mapping[str, float | None]:

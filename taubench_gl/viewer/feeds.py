@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View, bounding_sphere
+from taubench_gl.animation.eyes import EyeCamera
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
@@ -30,7 +31,7 @@ from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.run import SUMMARY_FILE, Run, load_run, total_discards
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import AUTO, Settings
+from taubench_gl.settings import AUTO, STEREO, Settings
 from taubench_gl.viewer.display import visualizations_of_channels, visualizations_of_scene
 from taubench_gl.viewer.names import PixelNames, names_at
 from taubench_gl.viewer.scene_tree import SceneTree
@@ -123,7 +124,10 @@ class SceneFeed(GpuOwner):
         super().__init__(gpu)
         self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
-        opened = open_scene(scene, settings.replace(samples_per_pixel=1), camera, poser=poser or KeptPoses(scene))
+        one = {"history": "frame"} if settings.metrics.history == "both" else {}
+        opened = open_scene(
+            scene, settings.replace(samples_per_pixel=1, **one), camera, poser=poser or KeptPoses(scene)
+        )
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
         self.frames, self.animated, self.lighting = opened.frames, opened.animated, opened.lighting.reasons
         self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
@@ -167,6 +171,13 @@ class SceneFeed(GpuOwner):
                 del self._shots[next(iter(self._shots))]
             self._shots[frame] = Shot(frame, self.animated.view_at(frame / self.settings.sequence.fps))
         return self._shots[frame]
+
+    def other_eye(self, shot: Shot) -> Shot:
+        """With history ``eye``: the other eye of a shot of any camera, or the camera of the file that it is."""
+        eye = self.source.eye
+        if isinstance(eye, EyeCamera):
+            return Shot(shot.frame, eye.beside(shot.view))
+        return Shot(shot.frame, eye.view_at(self.poser.sample(shot.frame / self.settings.sequence.fps)))
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
         have = () if self.source is None else self.source.channels
@@ -245,7 +256,7 @@ class PathTracedFeed(Owner):
         return visualizations_of_channels(self.source.channels)
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
-        live = replace(live, light=self.live.light, scale=1.0)  # the files have them
+        live = replace(live, light=self.live.light, scale=1.0, history="frame")  # the files have them
         if "prev_position" not in self.sequence.index:
             live = replace(live, reprojection=self.live.reprojection)
         if live == self.live:
@@ -282,7 +293,8 @@ LIVE_SPP = 4
 def live_of(settings: Settings) -> Live:
     """The live settings that leave ``settings`` as they are."""
     metrics = settings.metrics
-    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light)
+    history = "eye" if metrics.history == "eye" else "frame"  # a picture shows one history: with ``both`` the frame
+    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history)
 
 
 def live_settings(given: Settings, live: Live) -> Settings:
@@ -291,6 +303,7 @@ def live_settings(given: Settings, live: Live) -> Settings:
     changed: dict[str, Any] = {
         "reprojection": live.reprojection,
         "sampling": live.sampling,
+        "history": live.history,
         "exposure": lighting.exposure_factor * live.exposure,
         "width": max(round(sequence.width * live.scale), 1),
         "height": max(round(sequence.height * live.scale), 1),
@@ -302,7 +315,7 @@ def live_settings(given: Settings, live: Live) -> Settings:
 
 
 _RUN_SETTINGS = (
-    "fps", "reprojection", "sampling", "unit_scale", "culling", "blend", "textures", "effects", "light_unit",
+    *STEREO, "fps", "reprojection", "sampling", "unit_scale", "culling", "blend", "textures", "effects", "light_unit",
     "exposure", "light", "spp", "bounces", "bidirectional", "pattern", "seed",
     "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes",
     "light_error", "storage",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.animation import OrbitCamera
-from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, REASONS, STATISTICS, label_of
+from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, OPTIONS, REASONS, STATISTICS, label_of
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import EXACT_COLORS, color_of
@@ -252,7 +252,9 @@ class Panels:
             imgui.text(label)
             self._ui.explain(term.tooltip)
             self._ui.percent(percentages.get(name))
-        self._ui.faint(f"{engine.feed.settings.metrics.reprojection} reprojection: {words}", wrap=True)
+        metrics = engine.feed.settings.metrics
+        mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.history == "eye" else " reprojection")
+        self._ui.faint(f"{mode}: {words}", wrap=True)
 
     def _settings(self) -> None:
         """Settings that change while looking, and what they result in."""

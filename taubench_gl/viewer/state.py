@@ -16,7 +16,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.features import BY_BIT, COUNTED_BITS, FEATURES
 from taubench_gl.glossary import EXACT_REASONS, key_of
 from taubench_gl.reuse.loading import builtin_methods
-from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
+from taubench_gl.settings import HISTORIES, LIGHTS, REPROJECTIONS, SAMPLINGS
 
 CAMERAS = ("file", "fly", "orbit")
 COMPARISONS = ("off", "split", "flicker", "difference", "error", "ghost")
@@ -82,6 +82,7 @@ class Live:
     reprojection: str = "camera"
     sampling: str = "nearest"
     light: str = "auto"
+    history: str = "frame"  # frame | eye
     stops: float = 0.0  # exposure: a factor of 2^stops
     scale: float = 1.0  # of SCALES: a factor on the size of the image
 
@@ -270,6 +271,7 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
 }
 LIVE_CHOICES: dict[str, tuple[str, ...]] = {
     "reprojection": REPROJECTIONS, "sampling": SAMPLINGS, "light": LIGHTS, "scale": tuple(f"{s:g}" for s in SCALES),
+    "history": HISTORIES[:2],
 }  # fmt: skip
 
 

@@ -58,8 +58,23 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         pytest.param(
             {"light": "path-traced", "width": 10, "height": 6, "frames": (5, 8), **LIGHT}, marks=pytest.mark.long
         ),
+        {"history": "eye", "convergence": 3.0, "frames": (3, 7)},
+        {"history": "both", "eyes": 0.1, "frames": (3, 7)},
+        pytest.param({"history": "both", "light": "auto", "light_within": 6.0, **LIGHT}, marks=pytest.mark.long),
     ],
-    ids=["plain", "motion", "sampled", "no pairs", "exact", "raster light", "sampled light", "decided light"],
+    ids=[
+        "plain",
+        "motion",
+        "sampled",
+        "no pairs",
+        "exact",
+        "raster light",
+        "sampled light",
+        "decided light",
+        "other eye",
+        "both histories",
+        "both histories, sampled light",
+    ],
 )
 def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     """Pairs, sums, curves, census, camera, cuts and rounds of light, with a chunk boundary at every other pair."""

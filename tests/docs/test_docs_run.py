@@ -86,6 +86,10 @@ PYTHON = {
     "docs/cost.md": {'size="480x270"': 'size="8x5", frames=(0, 2), columns="direct", truth_within=9'},
     "docs/demos.md": {"size=(640, 360)": "size=(160, 90)"},
     "docs/export.md": {"range(10)": "range(1)"},
+    "docs/other-eye.md": {
+        'size="320x180"': 'size="64x36", frames=range(3)',
+        "pair.explain(160, 90)": "pair.explain(32, 18)",
+    },
     "docs/reuse-evaluation.md": {
         "width=640, height=360": "width=64, height=36",
         "frames=(0, 48)": "frames=(0, 4)",

@@ -43,7 +43,7 @@ def decided(session, frame, limit, columns=("direct", "indirect", "color")):
         pixels.draw(pair)
         rows, across = np.nonzero(pair.traced)
         at = np.stack([across, rows], axis=-1)
-        return pair, at, pixels.decide(at, limit, (1,))
+        return pair, at, pixels.decide(at, limit, np.random.default_rng(1).random(len(at)))
 
 
 def test_light_without_noise_is_decided_by_the_least_samples_as_the_preview_says():

@@ -24,7 +24,7 @@ CHANGED = {
     "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
     "samples_per_pixel": 4, "pairs": "every:3", "exact": True, "backend": "egl",
-    "device": 0,
+    "history": "eye", "eyes": 0.07, "eye": "right", "convergence": 2.0, "other_eye": "Right", "device": 0,
 }  # fmt: skip
 
 WRONG = {
@@ -36,6 +36,7 @@ WRONG = {
     "shadow_size": 15, "shadow_lights": -1,
     "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
     "samples_per_pixel": 65, "pairs": "every:0", "backend": "no",
+    "history": "no", "eyes": 0.0, "eye": "no", "convergence": -1.0,
 }  # fmt: skip
 
 

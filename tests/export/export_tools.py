@@ -31,9 +31,9 @@ def export(out: Path, format: str, **changes: Any) -> ExportResult:
     return export_scene(DEMO, out, settings(**changes), ExportOptions(format, **chosen), **control)
 
 
-_OTHERS = ("indirect_diffuse", "indirect_glossy", "path_info", "exact_reasons")
+_OTHERS = ("indirect_diffuse", "indirect_glossy", "path_info", "exact_reasons", "disparity")
 RASTERIZED = {n: c for n, c in EXPORTS.items() if n not in _OTHERS}
-"""Channels of ``all`` that frames without path-traced light have."""
+"""Channels of ``all`` that frames of one camera without path-traced light have."""
 
 
 def drawn(numbers, names=tuple(RASTERIZED), jitter="none", buffered=None, **changes: Any) -> list[ExportFrame]:

@@ -143,6 +143,7 @@ def test_every_variable_can_be_set_and_read_back():
     texts |= {
         "reprojection": "motion",
         "sampling": "bilinear",
+        "history": "eye",
         "light": "path-traced",
         "scale": "0.5",
         "stops": "0.5",

@@ -1,0 +1,117 @@
+"""Demo 18: the other eye of the same frame as history."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.conventions import Reason
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import Sheet, overlay, reason_entries
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, LitPair, Props, Stage
+from taubench_gl.scene.model import Scene
+
+YFOV = np.radians(50.0)
+NEAR, FAR, STEP = 0.8, 3.0, 0.1
+BOARD = (0.17, 0.2)  # half width and height
+EYES = 0.064
+SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING, Reason.OUTSIDE)
+COLUMNS = ("frustum", "position", "color")
+SLACK, COUNTED = 1.5, "; counted at pixel centers, ± 1 px, with the nearest pixel of the history, ± 0.5 px"
+DISTANCES = (0.016, 0.032, 0.048, 0.064, 0.08, 0.096)  # of the eyes, meters
+
+
+def scene() -> Scene:
+    """A board in front of a wall, which moves to the left by STEP in one second, and a still camera."""
+    b = Props()
+    b.checkered(8.0, 5.0, (64, 40), (CHALK, SAND), translation=(0, 0, -FAR))
+    board = b.checkered(*BOARD, (6, 6), (BRICK, GOLD), translation=(0, 0, -NEAR))
+    b.light(translation=(0.6, 1.4, 0.0), intensity=30.0)
+    b.camera(yfov=YFOV, znear=0.05)
+    start = np.array([(0.5 * STEP, 0.0, -NEAR)])
+    b.animate(board, "translation", [0.0, 1.0], np.concatenate([start, start - [STEP, 0, 0]]))
+    return b.build()
+
+
+def focal(height: int) -> float:
+    """Focal length in pixels."""
+    return 0.5 * height / np.tan(0.5 * YFOV)
+
+
+def width_of(pair: LitPair, reasons: Reason) -> float:
+    """Pixels with any of ``reasons`` in the middle row of the image."""
+    return float(pair.has(reasons)[pair.mask.shape[0] // 2].sum())
+
+
+@demo(
+    18,
+    "eyes",
+    "History from the other eye",
+    idea="A headset draws two images of the same moment. The image of one eye can be the history of the other: between "
+    "them nothing has moved and no light has changed. What remains is parallax. Each eye sees a part of the "
+    "background that an edge hides from the other, and a part of the image ends earlier in the other.",
+    look_for=(
+        "The left eye sees a strip of the wall beside the board that the right eye does not see.",
+        "The board moves, so the last frame has no history on its other side. The other eye is not affected.",
+        "With either history, nearly every pixel can be reused: the two strips lie on different sides.",
+    ),
+    question=Question(
+        "The eyes of a headset are 64 mm apart. A board is 0.8 m away, a wall behind it 3 m. The image is 50 degrees "
+        "high. How many pixels wide is the strip of the wall that the left eye sees and the board hides from the "
+        "right eye?",
+        0.0,
+        60.0,
+    ),
+    opening=Opening((Reason.DISOCCLUDED, Reason.OUTSIDE), settings={"history": "eye", "eyes": EYES}),
+    scene=scene,
+    see_also=(("the other eye", "conventions.md"),),
+)
+def run(stage: Stage) -> Result:
+    eye, frame, both = (stage.pair(scene(), columns=COLUMNS, history=h, eyes=EYES) for h in ("eye", "frame", "both"))
+    converged = stage.pair(scene(), columns=COLUMNS, history="eye", eyes=EYES, convergence=FAR)
+    height = stage.size[1]
+    sheet = Sheet(3, 2, stage.size[0] / height)
+    images = (eye.now, "the left eye"), (eye.before, "the right eye"), (frame.before, "the left eye, one frame before")
+    for place, (channels, title) in enumerate(images):
+        sheet.panel(place, 0, channels["color"][..., :3], title)
+    masks = (eye, "the right eye"), (frame, "the last frame"), (both, "the better of both")
+    for place, (pair, title) in enumerate(masks):
+        text = f"{100.0 - pair.percent(Reason.POSITION | Reason.OUTSIDE):.1f} % of the pixels can be reused"
+        sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"history: {title}", text)
+    sheet.legend(reason_entries(*SHOWN))
+    parallax = focal(height) * EYES * (1 / NEAR - 1 / FAR)
+    moved, counted = focal(height) * STEP / NEAR, COUNTED
+    edge = "; up to one pixel at each edge, where the nearest history pixel shows another surface"
+    board = (eye.now["position"][..., 3] < 0.5 * (NEAR + FAR)) & ~eye.has(Reason.OUTSIDE)
+    findings = (
+        Finding(width_of(eye, Reason.DISOCCLUDED), "px", "is the strip that the board hides from the right eye",
+                Expected.near(parallax, SLACK, "parallax f b (1 / z_near - 1 / z_far)" + counted), 0),
+        Finding(float(-eye.motion[board][:, 0].mean()), "px", "is the board further left in the right eye",
+                Expected.near(focal(height) * EYES / NEAR, 0.01, "disparity f b / z_near")),
+        Finding(width_of(eye, Reason.OUTSIDE), "px", "of the left edge are not in the right image",
+                Expected.near(focal(height) * EYES / FAR, 1.0, "disparity f b / z_far; counted at pixel centers"), 0),
+        Finding(width_of(converged, Reason.OUTSIDE), "px", "of it remain with eyes that converge at the wall",
+                Expected.near(0.0, 0.0, "f b (1 / z_far - 1 / c) is 0 at the distance c", 0), 0),
+        Finding(width_of(frame, Reason.DISOCCLUDED), "px", "is the strip that the board hid in the last frame",
+                Expected.near(moved, SLACK, "motion f t / z_near" + counted), 0),
+        Finding(width_of(both, Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.OUTSIDE), "px",
+                "have neither history",
+                Expected.between(0.0, 2.0, "the strips are on two sides of the board" + edge, 0), 0),
+    )  # fmt: skip
+    caption = "Top: both eyes, and the left one a frame earlier. Bottom: masks of the left eye with each history."
+    return Result(findings, sheet, caption, _distance(stage))
+
+
+def _distance(stage: Stage) -> Parameter:
+    """How far the eyes are apart."""
+    images, widths = [], []
+    for eyes in DISTANCES:
+        pair = stage.pair(scene(), columns=COLUMNS, history="eye", eyes=eyes)
+        images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
+        widths.append(width_of(pair, Reason.DISOCCLUDED))
+    return Parameter(
+        "distance of the eyes", "m", DISTANCES, "is the strip that the board hides from the right eye", "px",
+        tuple(widths), tuple(focal(stage.size[1]) * eyes * (1 / NEAR - 1 / FAR) for eyes in DISTANCES),
+        (SLACK,) * len(DISTANCES), "parallax f b (1 / z_near - 1 / z_far)" + COUNTED,
+        start=DISTANCES.index(EYES), images=tuple(images), digits=0,
+        note="Light blue: hidden from the right eye. Orange: not in its image.",
+    )  # fmt: skip

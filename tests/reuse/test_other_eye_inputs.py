@@ -1,0 +1,71 @@
+"""Methods whose history is the other eye: its inputs, motion to it, and two samples where one was."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reuse_scenes import SIZE, settings, still
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.eyes import other_eye
+from taubench_gl.errors import SettingsError
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.reuse.evaluate import evaluate_methods
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+
+READS = ("radiance", "position", "normal", "motion", "mask", "history_position")
+EYES = 0.2
+
+
+def given(gpu, scene, reads=READS, camera=None, kind="full", **more):
+    request = InputRequest(gpu, scene, camera or choose_camera(scene), settings(**more), parse_input(kind, seed=3))
+    return RasterInputs(request, reads)
+
+
+def arrays(frame):
+    return {name: read_channel(frame.textures[name], name).copy() for name in READS}
+
+
+def test_the_history_is_what_a_camera_at_the_other_eye_gets(gpu):
+    scene = still()
+    chosen = settings(history="eye", eyes=EYES)
+    with given(gpu, scene, history="eye", eyes=EYES) as inputs:
+        first = inputs.advance_eye(0)
+        other, before = arrays(first), first
+        frame = inputs.advance(0)
+        got = arrays(frame)
+        again = inputs.advance_eye(1)
+        assert (before.cut, frame.cut, again.cut) == (True, False, True)
+        assert (before.index, frame.index, again.index) == (0, 1, 2)
+    with given(gpu, scene, camera=other_eye(scene, choose_camera(scene), chosen)) as there, given(gpu, scene) as here:
+        assert np.array_equal(other["radiance"], arrays(there.advance(0))["radiance"])
+        assert np.array_equal(got["radiance"], arrays(here.advance(0))["radiance"])
+    assert np.array_equal(got["history_position"], other["position"])
+    lens, depth = (
+        choose_camera(scene).view_at(inputs.request.animated.poser.sample(0.0)).camera,
+        got["position"][..., 3],
+    )
+    seen = (got["mask"][..., 0] == 0) & (depth > 0)
+    focal = 0.5 * SIZE[1] / np.tan(0.5 * lens.yfov)
+    np.testing.assert_allclose(got["motion"][seen][:, 0], -focal * EYES / depth[seen], atol=1e-3)
+    assert seen.mean() > 0.3 and np.abs(got["motion"][seen][:, 1]).max() < 1e-3
+
+
+@pytest.mark.long
+def test_two_eyes_with_one_sample_each_have_half_the_squared_error():
+    """No reuse is the same with either history; the mean of two independent samples has half the error."""
+    how = {"input": "path-traced@1", "reference": "path-traced@256", "metrics": ("psnr",), "statistics": False}
+    values = {}
+    for history in ("frame", "eye"):
+        chosen = settings(history=history, frames=(0, 2), reprojection="motion")
+        done = evaluate_methods(still(), ["none", "accumulate"], chosen, **how)
+        values[history] = {row["method"]: row for row in done.rows if row["frame"] == 1}
+    assert values["eye"]["none"]["linear_mse"] == values["frame"]["none"]["linear_mse"]
+    assert 0.45 < values["eye"]["accumulate"]["linear_mse"] / values["eye"]["none"]["linear_mse"] < 0.6
+
+
+@pytest.mark.parametrize(("history", "methods"), [("both", ["none"]), ("eye", ["greedy"])])
+def test_histories_that_methods_do_not_have(history, methods):
+    with pytest.raises(SettingsError):
+        evaluate_methods(still(), methods, settings(history=history, frames=(0, 2)), input="full", metrics=("psnr",))
