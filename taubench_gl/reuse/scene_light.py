@@ -18,7 +18,6 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.environment import declare_environment, seen_of
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
 from taubench_gl.frame.passes.pathtracing import LIGHT_GAP
-from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, WRITE, ComputePass, Use
@@ -70,18 +69,17 @@ class SceneLight:
     """
 
     def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings, seed: int):
-        """``owner``: frees it; ``source``: path-traced, with ``settings``, without ``refusal``."""
+        """``owner``: frees it; ``source``: path-traced in both frames (``Shading.both_frames``), with
+        ``settings``, without ``refusal``."""
         gpu, self._source, self._exposure = owner.gpu, source, settings.lighting.exposure_factor
         self._hazards, self._seed = gpu.hazards, seed
-        paths, renderer, software = source.light.paths, source.renderer, gpu.software
+        paths, software = source.light.paths, gpu.software
         self._attributes, self._count = paths.attributes, len(source.light.table)
-        self._structure = owner.own(
-            SceneStructure(renderer, alpha_test=source.effects["alpha_mask"].enabled, keep_previous=True)
-        )
+        self._structure = paths.structure
         emitters = len(self._attributes.emitters) > 0
         p = ComputePass("reuse light", ("reuse/light.glsl",))
         p.define(PUNCTUAL=self._count > 0, EMITTERS=emitters, LLVMPIPE=software)
-        sky = "environment" in traced_sources(renderer.scene, settings)
+        sky = "environment" in traced_sources(source.renderer.scene, settings)
         self._environment = environment_of(settings)
         share = 1.0 / max((self._count > 0) + emitters + sky, 1)
         p.glsl(
@@ -137,7 +135,6 @@ class SceneLight:
     def run(self, number: int, view: View, before: View, emitted: moderngl.Texture) -> None:
         """Take over frame ``number`` of the source.  ``before``: view of the previous frame; ``emitted``: the input."""
         source, frame = self._source, self._source.renderer.frame
-        self._structure.update(frame)
         rows, draws = frame.light_rows.copy(), self._attributes.resources["hit_draws"].read()
         self._before.write(rows if self._rows is None else self._rows)
         self._prev_draws.write(draws if self._draws is None else self._draws)
@@ -190,5 +187,5 @@ class SceneLight:
     @property
     def bytes(self) -> int:
         """GPU memory."""
-        size = sum(buffer.size for buffer in self._surfaces) + self._frame.size + sum(self._structure.memory.values())
+        size = sum(buffer.size for buffer in self._surfaces) + self._frame.size
         return size + 16 * self.rest.width * self.rest.height
