@@ -63,9 +63,17 @@ REPORTS: dict[str, str] = {
     "rectified_history": "rgb: the history that was used, after rectification (clamp, clip); default: derived from "
     "the result and its weight",
     "blend_input": "rgb: the color that history was blended with; default: radiance",
+    "history_sample": 'of light = "own": x: number of the light in the history reservoir of the pixel, also where it '
+    "is then rejected, -1: none; yz: its uv; w: 1 kept, 0 rejected",
+    "kept_sample": 'of light = "own": x: number of the light in the reservoir of the pixel after the frame, -1: none; '
+    "yz: its uv; w: M, the samples that it stands for",
 }
-"""Outputs that a pass may write for the evaluation, linear radiance, exposure applied, in the space of the result: what
-the method blended.  They are stored only where ``MethodRunner.reported`` asks for them."""
+"""Outputs that a pass may write for the evaluation: what the method blended, linear radiance, exposure applied, in the
+space of the result; and which light samples its reservoirs hold.  They are stored only where ``MethodRunner.reported``
+asks for them."""
+
+SAMPLE_REPORTS = ("history_sample", "kept_sample")
+"""Those of REPORTS that only a method with ``light = "own"`` has."""
 
 REPORT_FORMAT = FORMATS["rgba32f"]
 
