@@ -22,6 +22,7 @@ from taubench_gl.data_files import hashed
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import MethodError, SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
+from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation, MethodSpec, evaluate_methods
 from taubench_gl.reuse.inputs import missing_inputs
@@ -52,6 +53,9 @@ class Entry:
     def of(cls, text: str) -> Entry:
         """Raises SettingsError for text that is not a method; a method that cannot be loaded fails later, alone."""
         spec = MethodSpec.parse(text)
+        if LINK in text:
+            links = [cls.of(part) for part in text.split(LINK)]
+            return cls(spec.label, LINK.join(e.text for e in links), content_hash([e.sha256 for e in links]))
         name, at, rest = text.partition("@")
         if is_sequence(name):
             folder = Path(os.path.realpath(name.removeprefix(PREFIX)))

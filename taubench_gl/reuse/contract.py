@@ -210,7 +210,8 @@ class Method:
     frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
     its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
     does not have.  ``upscales``: inputs can be smaller than the result; ``input_sized``: its histories and buffers that
-    have the size of the inputs.  ``structs``: the formats that are its own.
+    have the size of the inputs.  ``structs``: the formats that are its own; ``chain``: two
+    methods, the second of which has the image of the first as its input.
     """
 
     name: str
@@ -231,6 +232,7 @@ class Method:
     upscales: bool = False
     input_sized: frozenset[str] = frozenset()
     structs: tuple[Struct, ...] = ()
+    chain: tuple[Method, ...] = ()
 
     def values(self, changes: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``changes``, else the default.  Raises MethodError, which lists all errors."""
@@ -279,6 +281,8 @@ class Method:
 
         ``size``: of the result; ``input_size``: of the inputs, None: the same.
         """
+        if self.chain:
+            return sum(method.bytes(size, input_size) for method in self.chain)
         total, small = 0, input_size or size
         for name, form in {**self.history, **self.buffers, RESULT: RESULT_FORMAT}.items():
             width, height = small if name in self.input_sized else size

@@ -29,6 +29,7 @@ from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
 from taubench_gl.reuse.bound import Blended
+from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
@@ -91,11 +92,15 @@ class MethodSpec:
 
     @classmethod
     def parse(cls, text: str) -> MethodSpec:
-        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``.
+        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``; or a chain.
 
         A path is labelled with its class, its file without suffix, or its folder; ``exr:DIR`` with its setting
         ``label``, by default the name of the folder.  Raises SettingsError.
         """
+        if LINK in text:
+            links = [cls.parse(part) for part in text.split(LINK)]
+            own = {k if "." in k else f"{_method_name(s)}.{k}": v for s in links for k, v in s.settings.items()}
+            return cls(LINK.join(s.label for s in links), LINK.join(str(s.method) for s in links), own)
         name, *parts = text.split("@")
         pairs = [part.partition("=") for part in parts]
         if not name or any(not equals or not key for key, equals, _ in pairs):
@@ -104,6 +109,11 @@ class MethodSpec:
         if is_sequence(name):
             return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
         return cls("@".join((short_name(name), *parts)), name, settings)
+
+
+def _method_name(spec: MethodSpec) -> str:
+    """The name of a method, which its settings have before them in a chain."""
+    return spec.method if spec.method in builtin_methods() else load_method(spec.method).name
 
 
 def method_text(name: str, settings: Mapping[str, Value | str]) -> str:

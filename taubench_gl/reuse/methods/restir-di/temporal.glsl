@@ -9,6 +9,7 @@
 const int NUMBER = 256; // of random numbers: candidates have those before
 
 void reuse(ivec2 p) {
+    before_gate(p);
     SurfacePoint x = surface_at(p);
     Kept fresh = fetch_fresh(p), past = Kept(-1, vec2(0.0), 0.0, 0.0);
     ivec2 q = ivec2(floor(previous_px(p) + 0.5));
