@@ -230,6 +230,17 @@ def rejection(work: Path) -> None:
         write_marked(DOCS / "reject.md", name, make(results))
 
 
+def gates(work: Path) -> None:
+    """Twenty minutes."""
+    from rejection_tables import GATE_TABLES, Results, gates_figure
+
+    results = Results(work)
+    for name, make in GATE_TABLES.items():
+        write_marked(DOCS / "reject.md", name, make(results))
+    gates_figure(results, work / "gates.png")
+    keep_image(work / "gates.png", "gates.png")
+
+
 def cost(work: Path) -> None:
     """Ten minutes: the study itself continues what an earlier call began."""
     size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--longest", "100")
