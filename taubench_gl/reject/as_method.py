@@ -9,18 +9,19 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from taubench_gl.data_files import read_text, read_toml
 from taubench_gl.errors import MethodError, OutputError
 from taubench_gl.gpu.shader import resolve
 from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.paths import PACKAGE
 from taubench_gl.reject.contract import COMMENT, RejectionTest, constants
-from taubench_gl.reuse.declaration import FILE
-from taubench_gl.reuse.loading import load_method
 
 READS = (
     "radiance", "motion", "position", "normal", "prev_position", "ids", "history_position", "history_normal",
     "history_ids",
 )  # fmt: skip
 
+FILE, RESTIR = "method.toml", PACKAGE / "reuse" / "methods" / "restir-di"
 GATE_READS = ("mask", *READS[1:])
 
 TOML = """\
@@ -45,7 +46,7 @@ def method_files(test: RejectionTest) -> dict[str, str]:
     """File name -> text of the folder of a running mean."""
     reads = ", ".join(f'"{name}"' for name in READS)
     toml = TOML.format(title=_title(test), reads=reads, threshold=_threshold(test))
-    return {"method.toml": toml, "reuse.glsl": _shader(test, "accumulate")}
+    return {FILE: toml, "reuse.glsl": _shader(test, "accumulate")}
 
 
 def gate_files(test: RejectionTest) -> dict[str, str]:
@@ -56,14 +57,14 @@ def gate_files(test: RejectionTest) -> dict[str, str]:
     if test.kind == "color":
         hint = "--history mean, or tests of geometry"
         raise MethodError(f"test {test.name} compares colors, which reservoirs do not have", hint=hint)
-    method, out = load_method("restir-di"), {}
-    for folder in reversed(method.shader_folders):
-        out |= {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.glsl"))}
-    toml = (method.folder / FILE).read_text(encoding="utf-8")
+    raw, out = read_toml(RESTIR / FILE, fault=MethodError), {}
+    for folder in (RESTIR.parent / raw["base"], RESTIR):
+        out |= {path.name: read_text(path, fault=MethodError) for path in sorted(folder.glob("*.glsl"))}
+    toml = read_text(RESTIR / FILE, fault=MethodError)
     reads = ", ".join(f'"{name}"' for name in GATE_READS)
     for text, other in (
-        (f'title = "{method.title}"', f'title = "{method.title}; history rejected by {_title(test)}"'),
-        (f'base = "{method.base.name}"\nreads = ["motion", "mask"]', f"reads = [{reads}]"),
+        (f'title = "{raw["title"]}"', f'title = "{raw["title"]}; history rejected by {_title(test)}"'),
+        (f'base = "{raw["base"]}"\nreads = ["motion", "mask"]', f"reads = [{reads}]"),
         ("[history]\n", '[history]\nmoved = "rg32f" # motion of the frame\n'),
         ("[settings]\n", f"[settings]\nthreshold = {{ {_threshold(test)} }}\n"),
         ('"motion", "mask"]\nwrites = ["combined",', f'{reads}, "prev_moved"]\nwrites = ["combined", "moved",'),

@@ -34,6 +34,12 @@ _BOUND = {
     "clipped_mse": Column("its bound", "", 6), "clipped_headroom_db": Column("its headroom", "dB", 2),
     "weight": Column("weight of the bound", "", 3), "blended_percent": Column("blended", "%", 2),
 }  # fmt: skip
+_MAPS = (
+    "Light kept: a color for each light, dark where it does not reach the pixel. History kept: green rightly kept, red "
+    "wrongly kept, gray rightly rejected, blue wrongly rejected."
+)
+"""What the images of reservoirs show."""
+
 _LINEAR = ("linear_mse", "clipped_mse", "relmse", "clipped_relmse")
 """Measures of Table 7."""
 _FURTHER = {
@@ -654,7 +660,8 @@ def reuse_html(
     images = images or ReuseImages(None, NO_IMAGES)
     data = _page_data(summary, rows)
     if images.data is not None:
-        data |= {"images": images.data, "viewer": _viewer_data(summary, rows, images.text)}
+        text = f"{images.text} {_MAPS}" if "sample_reasons" in summary else images.text
+        data |= {"images": images.data, "viewer": _viewer_data(summary, rows, text)}
     name = summary["scene"]["name"]
     best = verdict(summary)
     failed = [(label, f" failed: {m['failed']}") for label, m in summary["methods"].items() if m["failed"]]
