@@ -18,7 +18,8 @@ from taubench_gl.report.benchmark import benchmark_sections
 def tracks(entries, label):
     """Tracks of the quick suite in whose cases a method runs."""
     (entry,) = (entry for entry in entries if entry.label == label)
-    return {case.track for case in read_suite("quick").cases if inapplicable(case, entry) is None}
+    cases = {case.track: case for case in read_suite("quick").cases}
+    return {track for track, case in cases.items() if inapplicable(case, entry) is None}
 
 
 def test_methods_that_sample_lights_run_in_their_track_unless_named():
