@@ -388,7 +388,10 @@ def merged_summaries(named: Sequence[tuple[str, Summary]]) -> list[Summary]:
                 while text in methods:  # folders of one name
                     text += "'"
                 methods[text] = method
-        merged.append({**group[0][1], "methods": methods})
+        shared = group[0][1]
+        for _, summary in group:  # what only evaluations with methods that sample lights have
+            shared = {name: summary[name] for name in ("sample_reasons",) if name in summary} | shared
+        merged.append({**shared, "methods": methods})
     return merged
 
 

@@ -15,7 +15,7 @@ from sample_tools import SCENES, lamps, opened, triangles_of
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import MethodError
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.report.reuse import reuse_tables
+from taubench_gl.report.reuse import merged_summaries, reuse_tables
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
@@ -246,6 +246,10 @@ def test_an_evaluation_scores_them(gpu):
     assert all(image.shape == (12, 16, 3) and 0.0 <= image.min() <= image.max() <= 1.0 for image in maps[2].values())
     json.dumps(done.summary, allow_nan=False)
     assert [table.number for table in reuse_tables(done.summary)][-3:] == [8, 9, 10]
+    plain = {key: value for key, value in done.summary.items() if key != "sample_reasons"}
+    plain["methods"] = {"none": methods["none"]}
+    (merged,) = merged_summaries([("a", plain), ("b", done.summary)])
+    assert [table.number for table in reuse_tables(merged)][-3:] == [8, 9, 10]
 
 
 def test_reports_of_samples_need_lights(tmp_path):
