@@ -301,6 +301,57 @@ def rejection(work: Path) -> None:
         write_marked(DOCS / "reject.md", name, make(results))
 
 
+def gates(work: Path) -> None:
+    """Twenty minutes."""
+    from rejection_tables import GATE_TABLES, Results, gates_figure
+
+    results = Results(work)
+    for name, make in GATE_TABLES.items():
+        write_marked(DOCS / "reject.md", name, make(results))
+    gates_figure(results, work / "gates.png")
+    keep_image(work / "gates.png", "gates.png")
+
+
+SAMPLED = {
+    "demo": ("demo", ("--frames", "20:26")),
+    "many_lights": ("many_lights", ("--light-unit", "watt", "--environment", "none", "--frames", "0:6")),
+    "emitters": ("emitters", ("--light-unit", "watt", "--environment", "none", "--frames", "0:6")),
+    "eternal-valley-fps": ("valley FPS", ("--fps", "60", "--frames", "20:26")),
+}
+"""Scenes of the record ``light-samples`` and their options."""
+
+
+def light_samples(work: Path) -> None:
+    """Ten minutes."""
+    from rejection_tables import number, table
+
+    from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
+
+    one_ray = {"ris": "ris", "restir-di": "restir-di@visibility_reuse=false"}
+    traced = {"unbiased": "restir-di", "biased": "restir-di@combination=biased"}
+    methods = ",".join((*one_ray.values(), *traced.values()))
+    options = ("--size", "96x54", "--input", "path-traced@1", "--bounces", "1", "--seeds", "5", "--metrics", "psnr",
+               "--reference", "path-traced@256", "--video", "none", "--methods", methods)  # fmt: skip
+    rows = []
+    for name, (title, more) in SAMPLED.items():
+        out = work / name
+        if not (out / "reuse.json").exists():
+            taubench("reuse", "evaluate", scene_file(SceneRecipe(name)), *more, *options, "--out", out)
+        of = json.loads((out / "reuse.json").read_text())["methods"]
+        base = of["ris"]
+        cells = []
+        for label in (one_ray["restir-di"], *traced.values()):
+            one, rays = of[label], of[label]["samples"]["per_pixel"]["shadow_rays"]
+            rays /= base["samples"]["per_pixel"]["shadow_rays"]
+            gains = [base[block][key] / one[block][key] / rays
+                     for block, key in (("samples", "variance"), ("mean", "clipped_mse"))]  # fmt: skip
+            cells.append(" / ".join([number(rays, 1), *(number(gain, 1) for gain in gains)]))
+        cells.append(" / ".join(number(of[label]["samples"]["bias"]["percent"], 1) for label in traced.values()))
+        rows.append([title, *cells])
+    head = ["without visibility reuse", "with it", "with it, biased", "bias, %: unbiased / biased"]
+    write_marked(DOCS / "reuse-evaluation.md", "light-samples", table(head, rows))
+
+
 def cost(work: Path) -> None:
     """Ten minutes: the study itself continues what an earlier call began."""
     size = ("--size", "32x18", "--frames", "20:23", "--clock", "cpu", "--truth-within", "0.5", "--longest", "100")

@@ -166,6 +166,14 @@ EVERY = (
         (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/reject", "shaders/reject", "taubench_gl/datasets"), by.rejection,
     ),
     Record(
+        "gates", ("docs/reject.md", "docs/images/gates.png"),
+        (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/reject", "shaders/reject", "taubench_gl/datasets"), by.gates,
+    ),
+    Record(
+        "light-samples", ("docs/reuse-evaluation.md",),
+        (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/datasets"), by.light_samples,
+    ),
+    Record(
         "benchmark", ("docs/benchmark-quick.md", "docs/benchmark-quick.json"),
         (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/benchmark", "taubench_gl/datasets"), by.benchmark,
     ),

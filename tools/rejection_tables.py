@@ -9,7 +9,7 @@ from typing import Any
 
 from recorders import DATA, ROOT, taubench
 
-SIZE, SMALL = "640x360", "128x72"
+SIZE, SMALL, TINY = "640x360", "128x72", "64x36"
 TESTS = (
     "position", "normal", "normal_dot", "relative_depth", "svgf", "plane_distance", "object_id", "velocity",
     "footprint_position", "footprint_plane", "footprint_depth", "relative_depth+normal_dot=0.5",
@@ -18,6 +18,11 @@ TESTS = (
 WALK = ("--translation", "0.1,0.002", "--yaw", "1,0.5", "--pitch", "0.3,0.05")
 METHODS = ("velocity", "color_clamp", "normal", "plane_distance", "position", "svgf", "relative_depth",
            "footprint_plane")  # fmt: skip
+
+GATES = ("velocity", "normal", "normal_dot", "svgf", "plane_distance", "object_id", "footprint_plane", "relative_depth",
+         "position", "position+normal")  # fmt: skip
+GATE_SCENES = ("demo", "fps", "vr")
+NO_HISTORY = "restir-di@temporal=false"
 
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "demo": ("demo", ("--frames", "20:24")),
@@ -78,11 +83,39 @@ class Results:
         more = ("--video", "none", "--methods", methods)
         return self._result(name, "images", "reuse.json", "reuse evaluate", *IMAGES[name], *options, *more)
 
+    def gates(self, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Scores of the tests of GATES, and of restir-di with each as the gate of its reservoirs."""
+        folder, tests = self._out / "gates", ",".join(GATES)
+        frames = SCENES[name][1][:-2]
+        scores = self._result(name, "gate-scores", "reject.json", "reject evaluate", *frames, "--frames", "19:26",
+                              "--size", TINY, "--tests", tests)  # fmt: skip
+        if not folder.exists():
+            taubench("reject", "method", "--tests", tests, "--history", "reservoirs", "--out", folder)
+        combinations = "@combination=biased/unbiased"
+        methods = [NO_HISTORY, *(f"{folder / gate_of(test)}{combinations}" for test in GATES)]
+        options = ("--size", TINY, "--frames", "20:26", "--input", "path-traced@1", "--bounces", "1", "--seeds", "8")
+        more = (
+            "--reference",
+            "path-traced@256",
+            "--metrics",
+            "psnr",
+            "--video",
+            "none",
+            "--methods",
+            ",".join(methods),
+        )
+        return scores, self._result(name, "gate-images", "reuse.json", "reuse evaluate", *frames, *options, *more)
+
     def _result(self, name: str, step: str, file: str, command: str, *options: str) -> dict[str, Any]:
         folder = self._out / f"{name}-{step}"
         if not (folder / file).exists():
             taubench(*command.split(), self.scene(name), *options, "--out", folder)
         return json.loads((folder / file).read_text())
+
+
+def gate_of(test: str) -> str:
+    """Name of the method that ``reject method --history reservoirs`` writes for a test."""
+    return f"gate_{test.partition('=')[0].replace('+', '_and_')}"
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -145,4 +178,61 @@ def images_table(results: Results) -> str:
     return table([SCENES[name][0] for name in IMAGES], rows)
 
 
+def gate_points(results: Results, name: str) -> dict[str, dict[str, Any]]:
+    """Of each test of GATES: its recall, and the samples of both combinations by name; and those without history."""
+    scores, images = results.gates(name)
+    samples = {label: method["samples"] for label, method in images["methods"].items()}
+    points = {"no history": {"recall": None, "unbiased": samples[NO_HISTORY]}}
+    for test in GATES:
+        recall = scores["tests"][test.partition("=")[0]]["scores"]["visibility"]["recall"]
+        both = {c: samples[f"{gate_of(test)}@combination={c}"] for c in ("biased", "unbiased")}
+        points[test] = {"recall": recall, **both}
+    return points
+
+
+def gates_table(results: Results) -> str:
+    rows: dict[str, list[str]] = {}
+    for name in GATE_SCENES:
+        for test, point in gate_points(results, name).items():
+            history = (point["unbiased"]["history"] or {"all": {}})["all"]
+            cells = [number(point["recall"], 2), number(history.get("wrong_kept_percent"), 1)]
+            cells += [number(point["unbiased"]["variance"], 4)]
+            cells += [number(point[c]["bias"]["percent"], 1) if c in point else "-" for c in ("unbiased", "biased")]
+            rows.setdefault(test, []).append(" / ".join(cells))
+    return table(
+        [SCENES[name][0] for name in GATE_SCENES], [[f"`{t}`" if t in GATES else t, *c] for t, c in rows.items()]
+    )
+
+
+def gates_figure(results: Results, path: Path) -> None:
+    """Variance and bias of restir-di by the recall of the test that gates its history, a column for each scene."""
+    from taubench_gl.report.plot import SERIES_COLORS, Plot
+
+    plot = Plot("", 11.0, 6.4, rows=2, columns=len(GATE_SCENES), sharex=True)
+    above, below = plot.panels[: len(GATE_SCENES)], plot.panels[len(GATE_SCENES) :]
+    for name, top, bottom in zip(GATE_SCENES, above, below, strict=True):
+        points = gate_points(results, name)
+        plot.title(top, SCENES[name][0])
+        alone = points.pop("no history")["unbiased"]["variance"]
+        top.axhline(alone, color="black", linewidth=0.9, linestyle=":", label="no history")
+        bottom.axhline(0.0, color="black", linewidth=0.9)
+        for i, (test, point) in enumerate(points.items()):
+            style = {"color": SERIES_COLORS[i % len(SERIES_COLORS)], "linestyle": "", "markersize": 7}
+            marker = "os^DvPX*<>"[i % 10]
+            top.plot(point["recall"], point["unbiased"]["variance"], marker, label=test, **style)
+            for combination, face in (("unbiased", "none"), ("biased", None)):
+                bias = point[combination]["bias"]
+                light = bias["mean"] / bias["percent"]
+                ends = [[abs(bias["mean"] - end) / light] for end in (bias["low"], bias["high"])]
+                bottom.errorbar(point["recall"], bias["percent"], yerr=ends, marker=marker, elinewidth=0.8,
+                                markerfacecolor=face or style["color"], **style)  # fmt: skip
+        top.set(ylim=(0, None))
+        bottom.set_xlabel("recall of the test")
+    above[0].set_ylabel("variance of luminance")
+    below[0].set_ylabel("bias, % of the light\n(open: unbiased, filled: biased)")
+    plot.legend(above[-1])
+    plot.save(path)
+
+
+GATE_TABLES: dict[str, Callable[[Results], str]] = {"gates": gates_table}
 TABLES: dict[str, Callable[[Results], str]] = {"exact": exact_table, "scores": scores_table, "images": images_table}

@@ -10,7 +10,7 @@ import click
 
 from taubench_gl.apps.options import AS_JSON, FRAMES, GPU, Commands, command, part
 from taubench_gl.apps.screen import show_json, show_list, show_tables
-from taubench_gl.fields import REQUIRED, setting
+from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
@@ -121,21 +121,28 @@ def fit(
     epilog="""\b
 Examples:
   taubench-gl reject method --tests position,footprint_plane+object_id --out methods
-  taubench-gl reuse evaluate scene.glb --input noisy --methods methods/reject_position"""
+  taubench-gl reuse evaluate scene.glb --input noisy --methods methods/reject_position
+  taubench-gl reject method --tests position,svgf --history reservoirs --out gates
+  taubench-gl reuse evaluate scene.glb --input path-traced@1 --reference path-traced --methods gates/gate_position"""
 )
 def method(
     *,
     tests: tuple[str, ...] | None = TESTS,
     out: Path = setting(REQUIRED, "Folder that gets a folder for each test", group=OUTPUT, metavar="DIR"),
+    history: str = setting(
+        "mean",
+        "What a test rejects: the running mean of shaded frames, or the reservoirs of restir-di (tests of geometry)",
+        one_of(("mean", "reservoirs")),
+    ),
 ) -> None:
-    """Write rejection tests as reuse methods: running means that differ only in the history they reject.
+    """Write rejection tests as reuse methods that differ only in the history they reject.
 
-    'reuse evaluate' compares their images: what false positives cost in noise, and false negatives in ghosts.
+    'reuse evaluate' compares their images: what false positives cost in noise, and false negatives in ghosts or bias.
     """
     from taubench_gl.reject.as_method import write_methods
     from taubench_gl.reject.contract import builtin_tests, load_tests
 
-    for folder in write_methods(load_tests(tests or builtin_tests()), out):
+    for folder in write_methods(load_tests(tests or builtin_tests()), out, history):
         click.echo(f"written to {folder}{os.sep}")
 
 

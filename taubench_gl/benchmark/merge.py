@@ -148,7 +148,12 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
         reasons["over_seeds"] = FEW_SEEDS
     return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
             "tail_percent": method["tail_percent"], "emitters": method["emitters"], "classes": classes,
-            "reuse": method["reuse"], "reasons": reasons}  # fmt: skip
+            "reuse": method["reuse"], "reasons": reasons}  | _samples(method)  # fmt: skip
+
+
+def _samples(method: Mapping[str, Any]) -> dict[str, Any]:
+    """What a method that samples lights keeps."""
+    return {"samples": method["samples"]} if "samples" in method else {}
 
 
 def _track(

@@ -7,6 +7,7 @@ into one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -32,10 +33,19 @@ from taubench_gl.study.unit import Engine
 
 SCHEMA = "taubench-gl/benchmark-study/2"
 
+SAMPLES = "samples"
+"""The track of methods that sample lights where none is named."""
+
+FILTERED = "restir-di>svgf"
+"""Runs in it too: a filter of a sampled image."""
+
 
 def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:
     """Methods of a benchmark: those given and ``none``; all built-in ones if none is given.  Raises SettingsError."""
     entries = [Entry.of(method) for text in methods or frame_methods() for method in _expanded(text)]
+    if not methods:
+        sampling = [Entry.of(name) for name in builtin_methods() if name not in frame_methods()]
+        entries += [replace(entry, track=SAMPLES) for entry in (*sampling, Entry.of(FILTERED))]
     labels = [entry.label for entry in entries]
     if twice := next((label for label in labels if labels.count(label) > 1), None):
         raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")

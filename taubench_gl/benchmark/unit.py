@@ -22,6 +22,7 @@ from taubench_gl.data_files import hashed
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.errors import MethodError, SceneError, SettingsError
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
+from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation, MethodSpec, evaluate_methods
 from taubench_gl.reuse.inputs import missing_inputs
@@ -42,16 +43,20 @@ FAILED, INAPPLICABLE = "failed", "not applicable"
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A method of the benchmark.  ``text`` for MethodSpec.parse, paths absolute; ``sha256``: of its files, None where
-    it has none of its own."""
+    it has none of its own; ``track``: the only one that it runs in, empty: all."""
 
     label: str
     text: str
     sha256: str | None
+    track: str = ""
 
     @classmethod
     def of(cls, text: str) -> Entry:
         """Raises SettingsError for text that is not a method; a method that cannot be loaded fails later, alone."""
         spec = MethodSpec.parse(text)
+        if LINK in text:
+            links = [cls.of(part) for part in text.split(LINK)]
+            return cls(spec.label, LINK.join(e.text for e in links), content_hash([e.sha256 for e in links]))
         name, at, rest = text.partition("@")
         if is_sequence(name):
             folder = Path(os.path.realpath(name.removeprefix(PREFIX)))
@@ -90,7 +95,7 @@ class BenchmarkUnit(Unit):
     def of(cls, case: Case, entries: tuple[Entry, ...], sha256: str, limit: float | None = None) -> BenchmarkUnit:
         """Its weight is the number of images that it evaluates, without those of references."""
         identity = case.identity(sha256)
-        methods = content_hash([[entry.label, entry.sha256] for entry in entries])
+        methods = content_hash([[e.label, e.sha256, *([e.track] if e.track else [])] for e in entries])
         return cls(
             job=case.id,
             key=record_key(identity, methods),
@@ -191,12 +196,15 @@ def _method(done: Evaluation, label: str, method: Mapping[str, Any], diverges: s
     rows = [{name: row[name] for name in names} for row in done.rows if row["method"] == label]
     blocks = {n: method[n] for n in ("mean", "tail_percent", "emitters", "classes", "bound", "reuse", "reasons")}
     warmup = done.summary["warmup"]
+    blocks |= {"samples": method["samples"]} if "samples" in method else {}
     return {"state": "done", "reason": None, **facts, **blocks, "warmup": warmup, "rows": rows}
 
 
 def inapplicable(case: Case, entry: Entry) -> str | None:
     """Why a method does not apply to a case: its input is missing there.  None: it applies, or fails for another
     reason."""
+    if entry.track not in ("", case.track):
+        return f"runs in track {entry.track} alone unless it is named"
     name = entry.text.partition("@")[0]
     if is_sequence(name):
         return None if _frames_of(case, name).is_dir() else f"has no frames in {_frames_of(case, name)}"

@@ -20,6 +20,7 @@ class Shading:
     indirect_samples: int = 0  # VPL samples per pixel; 0 with ``light_samples`` 0: exact
     seed: int = 0  # of the random numbers, 16 bits
     gather_each: bool = False  # method rsm: every pixel gathers, which is the expectation of the stochastic estimate
+    both_frames: bool = False  # path-traced: rays can also be traced in the previous frame, for what shades later
     one_light: bool = False  # path-traced: a sample of the visible surface chooses one punctual light, not every one
 
     def __post_init__(self) -> None:

@@ -24,6 +24,14 @@ SHOWN = {
 }  # fmt: skip
 """Measures of the rankings: title and digits."""
 
+_SAMPLES = {
+    "shadow_rays": Column("rays", "", 2), "evaluations": Column("evaluations", "", 2),
+    "bias": Column("bias", "%", 2), "wrong_kept_percent": Column("kept, light gone", "%", 2),
+    "wrong_rejected_percent": Column("rejected, light there", "%", 1),
+    "duplicates_percent": Column("duplicates", "%", 1),
+    "repeated_percent": Column("repeated", "%", 1), "frame_correlation": Column("correlation, frames", "", 3),
+}  # fmt: skip
+
 _HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
 
 UNITS = {"rotation": "deg/frame", "translation": "m/frame", "light_speed": "m/frame", "object_speed": "m/frame"}
@@ -42,12 +50,13 @@ def benchmark_tables(summary: Summary) -> list[Table]:
 
 
 def benchmark_sections(summary: Summary) -> dict[str, list[Table]]:
-    """``benchmark_tables`` by section of the page: ``ranks speeds classes cases``."""
+    """``benchmark_tables`` by section of the page: ``ranks speeds classes samples cases``."""
     tracks = summary["rankings"]
     sections = {
         "ranks": [_ranking(summary, track, rankings) for track, rankings in tracks.items() if rankings],
         "speeds": [_speeds(summary)] if summary["speeds"] else [],
         "classes": [*(_levels(summary, track) for track in tracks), *(_classes(summary, track) for track in tracks)],
+        "samples": [_samples(summary)],
         "cases": [_cases(summary)],
     }
     numbers = itertools.count(1)
@@ -97,6 +106,24 @@ def _contents(summary: Summary, track: str) -> str:
     track_cases = {name: case for name, case in summary["cases"].items() if case["track"] == track}
     cases = {case["sha256"]: name.rpartition("/")[2] for name, case in track_cases.items()}
     return f"{len(cases)} case{'s' * (len(cases) != 1)}, input {' or '.join(dict.fromkeys(cases.values()))}"
+
+
+def _samples(summary: Summary) -> Table:
+    """What methods that sample lights keep and cost: means over their cases."""
+    values: dict[str, dict[str, list[float]]] = {}
+    for label, method in summary["methods"].items():
+        for cell in method["cases"].values():
+            if samples := cell.get("samples"):
+                history = (samples["history"] or {"all": {}})["all"]
+                bias = (samples["bias"] or {}).get("percent")
+                own = {"bias": None if bias is None else abs(bias)}
+                merged = {**history, **samples, **samples["per_pixel"], **own}
+                for name in _SAMPLES:
+                    if (value := merged.get(name)) is not None:
+                        values.setdefault(label, {}).setdefault(name, []).append(value)
+    rows = [Row(n, tuple(float(np.mean(v[c])) if c in v else None for c in _SAMPLES)) for n, v in values.items()]
+    note = "Definitions: docs/reuse-evaluation.md, Light samples. Bias: mean of the absolute values of the cases."
+    return Table(0, "Light samples: means over the cases", tuple(_SAMPLES.values()), tuple(rows), (note,))
 
 
 def _levels(summary: Summary, track: str) -> Table:
@@ -245,6 +272,8 @@ def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
         f"{len(summary['methods'])} methods.",
         f"taubench-gl {provenance.get('version')}, {provenance.get('renderer')} ({provenance.get('driver')}).",
     )
+    if "samples" in tables:
+        page.add("samples", "Light samples", tables["samples"])
     page.add("cases", "Cases", *[tables[n] for n in ("cases",) if n in tables], text_lines(about))
     return page.html()
 

@@ -63,9 +63,17 @@ REPORTS: dict[str, str] = {
     "rectified_history": "rgb: the history that was used, after rectification (clamp, clip); default: derived from "
     "the result and its weight",
     "blend_input": "rgb: the color that history was blended with; default: radiance",
+    "history_sample": 'of light = "own": x: number of the light in the history reservoir of the pixel, also where it '
+    "is then rejected, -1: none; yz: its uv; w: 1 kept, 0 rejected",
+    "kept_sample": 'of light = "own": x: number of the light in the reservoir of the pixel after the frame, -1: none; '
+    "yz: its uv; w: M, the samples that it stands for",
 }
-"""Outputs that a pass may write for the evaluation, linear radiance, exposure applied, in the space of the result: what
-the method blended.  They are stored only where ``MethodRunner.reported`` asks for them."""
+"""Outputs that a pass may write for the evaluation: what the method blended, linear radiance, exposure applied, in the
+space of the result; and which light samples its reservoirs hold.  They are stored only where ``MethodRunner.reported``
+asks for them."""
+
+SAMPLE_REPORTS = ("history_sample", "kept_sample")
+"""Those of REPORTS that only a method with ``light = "own"`` has."""
 
 REPORT_FORMAT = FORMATS["rgba32f"]
 
@@ -202,7 +210,8 @@ class Method:
     frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
     its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
     does not have.  ``upscales``: inputs can be smaller than the result; ``input_sized``: its histories and buffers that
-    have the size of the inputs.  ``structs``: the formats that are its own.
+    have the size of the inputs.  ``structs``: the formats that are its own; ``chain``: two
+    methods, the second of which has the image of the first as its input.
     """
 
     name: str
@@ -223,6 +232,7 @@ class Method:
     upscales: bool = False
     input_sized: frozenset[str] = frozenset()
     structs: tuple[Struct, ...] = ()
+    chain: tuple[Method, ...] = ()
 
     def values(self, changes: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``changes``, else the default.  Raises MethodError, which lists all errors."""
@@ -271,6 +281,8 @@ class Method:
 
         ``size``: of the result; ``input_size``: of the inputs, None: the same.
         """
+        if self.chain:
+            return sum(method.bytes(size, input_size) for method in self.chain)
         total, small = 0, input_size or size
         for name, form in {**self.history, **self.buffers, RESULT: RESULT_FORMAT}.items():
             width, height = small if name in self.input_sized else size

@@ -27,6 +27,7 @@ from taubench_gl.reuse.contract import (
     REPORTS,
     RESULT,
     RESULT_FORMAT,
+    SAMPLE_REPORTS,
     SIZES,
     Format,
     Method,
@@ -112,7 +113,9 @@ def method_from_class(cls: type, where: str = "") -> Method:
         declared.fault("step", "must be a function step(self, frame)")
     if getattr(cls, "arrays", "numpy") not in LIBRARIES:
         declared.fault("arrays", f"{cls.arrays!r} is not {' or '.join(LIBRARIES)}")
-    reports = declared.names("reports", getattr(cls, "reports", ()), list(REPORTS))
+    reports = declared.names(
+        "reports", getattr(cls, "reports", ()), [name for name in REPORTS if name not in SAMPLE_REPORTS]
+    )
     where = where or f"{cls.__module__}:{cls.__qualname__}"
     return declared.method(where, factory=cls, where=where, reports=reports)
 
@@ -386,6 +389,8 @@ class _Folder(Declaration):
                     self.fault(f"{at}.reads", f"{len(reads)} textures; the limit per pass is {MAX_READS}")
             else:
                 reads = tuple(name for name in readable if name not in writes)
+            if not self.own_light and (foreign := [name for name in writes if name in SAMPLE_REPORTS]):
+                self.fault(f"{at}.writes", f'{foreign[0]} is of methods with light = "own"')
             if len(writes) > MAX_WRITES:
                 self.fault(f"{at}.writes", f"{len(writes)} textures; the limit per pass is {MAX_WRITES}")
             repeat = self.count(f"{at}.repeat", entry.get("repeat", 1), MAX_REPEAT)

@@ -29,6 +29,7 @@ from taubench_gl.option_groups import ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
 from taubench_gl.reuse.bound import Blended
+from taubench_gl.reuse.chain import LINK
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
@@ -48,6 +49,8 @@ from taubench_gl.reuse.references import (
     reference_samples,
 )
 from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.sample_rays import REASONS, SampleRays
+from taubench_gl.reuse.samples import SampleRecord, light_colors, outcome_colors
 from taubench_gl.reuse.scores import CLASSES, Displayed, FrameReference, MethodRecord, classify
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
@@ -89,11 +92,15 @@ class MethodSpec:
 
     @classmethod
     def parse(cls, text: str) -> MethodSpec:
-        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``.
+        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``; or a chain.
 
         A path is labelled with its class, its file without suffix, or its folder; ``exr:DIR`` with its setting
         ``label``, by default the name of the folder.  Raises SettingsError.
         """
+        if LINK in text:
+            links = [cls.parse(part) for part in text.split(LINK)]
+            own = {k if "." in k else f"{_method_name(s)}.{k}": v for s in links for k, v in s.settings.items()}
+            return cls(LINK.join(s.label for s in links), LINK.join(str(s.method) for s in links), own)
         name, *parts = text.split("@")
         pairs = [part.partition("=") for part in parts]
         if not name or any(not equals or not key for key, equals, _ in pairs):
@@ -102,6 +109,11 @@ class MethodSpec:
         if is_sequence(name):
             return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
         return cls("@".join((short_name(name), *parts)), name, settings)
+
+
+def _method_name(spec: MethodSpec) -> str:
+    """The name of a method, which its settings have before them in a chain."""
+    return spec.method if spec.method in builtin_methods() else load_method(spec.method).name
 
 
 def method_text(name: str, settings: Mapping[str, Value | str]) -> str:
@@ -184,7 +196,8 @@ class EvaluatedFrame:
     """One frame of an evaluation: images (h, w, 3) in [0, 1], error maps (h, w), row 0 at the top.
 
     ``radiance``: linear radiance times ``exposure`` of ``input``, of every method and of ``reference``, (h, w, 3);
-    ``classes`` (h, w): index into CLASSES; ``seed``: of the input. ``repetition``: 0 for the first seed.
+    ``classes`` (h, w): index into CLASSES; ``seed``: of the input. ``repetition``: 0 for the first seed;
+    ``maps``: further images, of what reservoirs hold.
     """
 
     frame: int
@@ -198,6 +211,7 @@ class EvaluatedFrame:
     exposure: float = 1.0
     seed: int = 0
     repetition: int = 0
+    maps: Mapping[str, Array] = field(default_factory=dict)
 
 
 def evaluate_methods(
@@ -261,6 +275,15 @@ def _check_labels(labels: Sequence[str]) -> None:
         raise SettingsError(f"method {twice!r} is given twice", hint=TWICE)
 
 
+@dataclass(frozen=True, slots=True)
+class _Stepped:
+    """One frame of a method: ``result`` (h, w, 4); ``reported``, ``counts`` as of ``MethodRunner``."""
+
+    result: Array
+    reported: dict[str, Array]
+    counts: Array | None
+
+
 @dataclass(slots=True)
 class _MethodRun:
     """One method of an evaluation: what it is, its runner while a sequence is open, and its scores."""
@@ -272,6 +295,7 @@ class _MethodRun:
         default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
     )
     runner: MethodRunner | RecordedRunner | None = None
+    samples: SampleRecord | None = None  # of a method that samples lights
 
     @contextmanager
     def isolated(self) -> Iterator[None]:
@@ -304,12 +328,18 @@ class _MethodRun:
         else:
             values = method_settings(method, self.spec.settings)
             timer = PassTimer(gpu)
-            self.runner = MethodRunner(gpu, method, size, values, input_size=inputs.size, timer=timer)
+            how = {"input_size": inputs.size, "timer": timer, "count": method.own_light}
+            self.runner = MethodRunner(gpu, method, size, values, **how)
+            if method.own_light and size == inputs.size:
+                exposure = inputs.settings.lighting.exposure_factor
+                self.samples = self.samples or SampleRecord(self.record.warmup, exposure)
         self.facts |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
 
-    def step(self, inputs: FrameInputs) -> tuple[Array, Mapping[str, Array]]:
-        """The result of a frame (h, w, 4), and what the method reports of it (``MethodRunner.reported``)."""
-        return read_result(self.runner.step(inputs)), self.runner.reported(inputs)
+    def step(self, inputs: FrameInputs) -> _Stepped:
+        """One frame."""
+        result = read_result(self.runner.step(inputs))
+        counts = None if self.samples is None else self.runner.light_counts()
+        return _Stepped(result, self.runner.reported(inputs), counts)
 
     def release(self) -> None:
         """Free the runner."""
@@ -338,6 +368,7 @@ class _Evaluator:
         self._shading: list[float] = []
         self._gain: float | None = None
         self._warp_errors: list[float] = []
+        self._rays: SampleRays | None = None
         perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
         records = (MethodRecord(s.label, frozenset(request.metrics), True, request.warmup, perceptual) for s in specs)
         self.runs = [_MethodRun(spec, record) for spec, record in zip(specs, records, strict=True)]
@@ -427,6 +458,8 @@ class _Evaluator:
             previous: Displayed | None = None
             for run in self.runs:
                 run.record.begin(seed)
+                if run.samples is not None:
+                    run.samples.begin()
             for turn, frame in enumerate(self.frames):
                 if not self.running:
                     break  # all methods have failed
@@ -456,11 +489,11 @@ class _Evaluator:
         reference = self._frame_reference(frame, inputs, previous, repetition)
         outputs = self._step_all(self._with_reference(inputs, reference), turn)
         curve, radiance = self._settings.lighting.tone_map, read_result(inputs.textures["radiance"])
-        images, errors, rows, linear = {}, {}, {}, {"input": radiance[..., :3]}
+        images, errors, rows, maps, linear = {}, {}, {}, {}, {"input": radiance[..., :3]}
         for run in self.running:
-            label = run.spec.label
-            result, reported = outputs[label]
-            blended = Blended.of(radiance, reported)
+            label, result = run.spec.label, outputs[run.spec.label].result
+            blended = Blended.of(radiance, outputs[label].reported)
+            maps |= self._samples(run, inputs, outputs[label], reference)
             images[label], errors[label] = run.record.add(reference, result, curve, run.runner.time_ms, blended)
             rows[label], linear[label] = run.record.rows[-1], result[..., :3]
         shown = display(np.nan_to_num(_nearest(radiance[..., :3], self._inputs.output_size)), curve)
@@ -476,7 +509,23 @@ class _Evaluator:
             inputs.exposure,
             self.seeds[repetition],
             repetition,
+            maps,
         ), reference.image
+
+    def _samples(
+        self, run: _MethodRun, inputs: FrameInputs, stepped: _Stepped, reference: FrameReference
+    ) -> dict[str, Array]:
+        """Score the light samples of a method that has some.  -> images of them, (h, w, 3) in [0, 1]."""
+        if run.samples is None:
+            return {}
+        if self._rays is None:
+            moved = self._settings.metrics.threshold("position")
+            self._rays = self._owner.own(SampleRays(self._inputs.gpu, inputs.light, self._inputs.size, moved))
+        frame = self._rays.of(stepped.reported, inputs.textures["motion"], stepped.counts)
+        run.samples.add(frame, stepped.result, reference)
+        maps = {"light kept": light_colors(frame)} if "kept_sample" in stepped.reported else {}
+        maps |= {"history kept": outcome_colors(frame)} if "history_sample" in stepped.reported else {}
+        return {f"{run.spec.label}: {name}": image for name, image in maps.items()}
 
     def _frame_reference(
         self, frame: int, inputs: FrameInputs, previous: Displayed | None, repetition: int
@@ -514,7 +563,7 @@ class _Evaluator:
         write_channel(self._reference_texture, REFERENCE_INPUT, image)
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
-    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, tuple[Array, Mapping[str, Array]]]:
+    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Stepped]:
         """``_MethodRun.step`` of all methods, by label.  The order rotates by one method per frame."""
         runs, out = self.running, {}
         shift = turn % len(runs)
@@ -556,8 +605,19 @@ class _Evaluator:
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "clock": clock,
-            "methods": {run.spec.label: run.facts | run.record.summary() for run in self.runs},
-        }  # fmt: skip
+            "methods": {run.spec.label: run.facts | run.record.summary() | self._of_samples(run) for run in self.runs},
+        } | self._sample_reasons()  # fmt: skip
+
+    def _of_samples(self, run: _MethodRun) -> dict[str, Any]:
+        """The block of a method that samples lights."""
+        measured = run.samples is not None and run.record.failed is None
+        return {"samples": run.samples.summary()} if measured else {}
+
+    def _sample_reasons(self) -> dict[str, Any]:
+        """What the reasons of blocks ``samples`` mean, where a method has one."""
+        if all(run.samples is None for run in self.runs):
+            return {}
+        return {"sample_reasons": {name: doc for name, (*_, doc) in REASONS.items()}}
 
 
 def _nearest(image: Array, size: tuple[int, int]) -> Array:

@@ -169,7 +169,7 @@ class ReuseFolder:
         if evaluated.repetition:  # the images of the page are those of the first seed
             return
         if self._recorder is not None:
-            images = {"input": evaluated.input, **evaluated.images, "reference": evaluated.reference}
+            images = {"input": evaluated.input, **evaluated.images, **evaluated.maps, "reference": evaluated.reference}
             self._recorder.add(evaluated.frame, evaluated.seed, images, evaluated.errors, evaluated.classes)
         if self._video is not None:
             image = side_by_side(evaluated)

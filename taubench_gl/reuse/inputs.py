@@ -288,8 +288,10 @@ class RasterInputs(Inputs):
         extra += channels_for(self.reads)
         reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
         extra += CHANNELS_READ if reshades else ()
-        extra += LIGHT_CHANNELS if LIGHTS in self.reads and kind.path_samples else ()
+        samples_lights = LIGHTS in self.reads and kind.path_samples > 0
+        extra += LIGHT_CHANNELS if samples_lights else ()
         animated, shading = request.animated, Shading() if kind.exact else kind.shading()
+        shading = replace(shading, both_frames=samples_lights)
         how = {"extra": extra, "shading": shading, "jitter": offset, "timer": self.timer}
         self.source = self.open_source(animated, self.settings, **how)
         needs_exact = bool(exact) or "exact_mask" in self.reads

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 from taubench_gl.errors import MethodError
+from taubench_gl.reuse.chain import LINK, chained
 from taubench_gl.reuse.contract import Method, suggestion
 from taubench_gl.reuse.declaration import BUILTIN, FILE, load_folder, method_from_class
 
@@ -41,7 +42,7 @@ def load_method(source: str | Path | type | Method) -> Method:
     """A validated method, without any GL call.
 
     ``source``: a built-in name, the name of an entry point, a folder with method.toml (or that file), ``file.py`` or
-    ``file.py:Class``, ``module:Class``, or the class.  Raises MethodError.
+    ``file.py:Class``, ``module:Class``, or the class; ``A>B``: a chain.  Raises MethodError.
     """
     if isinstance(source, Method):
         return source
@@ -49,6 +50,9 @@ def load_method(source: str | Path | type | Method) -> Method:
         return method_from_class(source)
     text = str(source)
     if isinstance(source, str):
+        first, link, second = text.rpartition(LINK)
+        if link:
+            return chained(load_method(first.strip()), load_method(second.strip()))
         if text in builtin_methods():
             return _builtin(text)
         if text in installed_methods():

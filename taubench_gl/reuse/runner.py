@@ -21,7 +21,6 @@ inputs, and its result is resampled bilinearly: the baseline of an upscaler.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 
 import moderngl
 import numpy as np
@@ -33,11 +32,10 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.reuse.chain import open_backend
 from taubench_gl.reuse.contract import LIGHTS, Method, Value
 from taubench_gl.reuse.frame import FrameInputs
-from taubench_gl.reuse.glsl_method import GlslPasses
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.python_method import PythonSteps
 
 
 class MethodRunner(GpuOwner):
@@ -70,9 +68,8 @@ class MethodRunner(GpuOwner):
         self.timer = timer or PassTimer(gpu, enabled=False)
         method_size, self._steps = self.own_size, 0
         require_memory(gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
-        glsl = partial(GlslPasses, count=count)
-        make = glsl if self.method.factory is None else partial(PythonSteps, timer=self.timer)
-        self._backend = self.own(make(gpu, self.method, method_size, self.input_size))
+        backend = open_backend(gpu, self.method, method_size, self.input_size, self.timer, count=count)
+        self._backend = self.own(backend)
         self._check = _FiniteCheck(self, method_size) if check else None
         self._resample = _Resample(self, method_size, self.size) if method_size != self.size else None
 

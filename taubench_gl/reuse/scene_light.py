@@ -18,7 +18,6 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.frame.environment import declare_environment, seen_of
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
 from taubench_gl.frame.passes.pathtracing import LIGHT_GAP
-from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, WRITE, ComputePass, Use
@@ -66,23 +65,43 @@ def refusal(source: RasterSource) -> str | None:
 class SceneLight:
     """``declaration`` and ``resources`` for the passes of a method.
 
-    ``rest``: light that no method computes.
+    ``rest``: light that no method computes; ``born``, ``gone``: numbers of the punctual lights that were switched on or
+    off since the previous frame.
     """
 
     def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings, seed: int):
-        """``owner``: frees it; ``source``: path-traced, with ``settings``, without ``refusal``."""
+        """``owner``: frees it; ``source``: path-traced in both frames (``Shading.both_frames``), with
+        ``settings``, without ``refusal``."""
         gpu, self._source, self._exposure = owner.gpu, source, settings.lighting.exposure_factor
         self._hazards, self._seed = gpu.hazards, seed
-        paths, renderer, software = source.light.paths, source.renderer, gpu.software
+        paths, software = source.light.paths, gpu.software
+        self._software = software
         self._attributes, self._count = paths.attributes, len(source.light.table)
-        self._structure = owner.own(
-            SceneStructure(renderer, alpha_test=source.effects["alpha_mask"].enabled, keep_previous=True)
-        )
-        emitters = len(self._attributes.emitters) > 0
-        p = ComputePass("reuse light", ("reuse/light.glsl",))
-        p.define(PUNCTUAL=self._count > 0, EMITTERS=emitters, LLVMPIPE=software)
-        sky = "environment" in traced_sources(renderer.scene, settings)
+        self._structure = paths.structure
         self._environment = environment_of(settings)
+        self._sky = "environment" in traced_sources(source.renderer.scene, settings)
+        self.declaration = p = self.declare(ComputePass("reuse light", ("reuse/light.glsl",)))
+        self.text = resolve(p.shaders[0], p.defines, super(ComputePass, p).interface())
+        """GLSL before the text of a method's pass, without the size of work groups."""
+        width, height = source.size
+        self._surfaces = [owner.own(gpu.ctx.buffer(reserve=SURFACE.dtype.itemsize * width * height)) for _ in range(2)]
+        for buffer in self._surfaces:
+            buffer.clear()
+        self._frame = owner.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
+        self._no_choice = owner.own(gpu.ctx.buffer(bytes(8)))
+        self._before = owner.own(LightTexture(gpu, self._count))
+        self._rows: np.ndarray | None = None  # of the light table, in the frame before
+        draws = self._attributes.resources["hit_draws"]
+        self._prev_draws = owner.own(gpu.texture(draws.size, 4, "u4"))
+        self._draws: bytes | None = None  # rows of draws in the frame before
+        self.rest = owner.own(input_texture(gpu, "emitted", source.size))
+        self.resources: dict[str, Any] = {}
+        self._store = owner.own(owner.context.compute(self._surface_pass(Tuning(software))))
+
+    def declare(self, p: ComputePass) -> ComputePass:
+        """Add what ``reuse/light.glsl`` needs to a pass."""
+        emitters, sky, software = len(self._attributes.emitters) > 0, self._sky, self._software
+        p.define(PUNCTUAL=self._count > 0, EMITTERS=emitters, LLVMPIPE=software)
         share = 1.0 / max((self._count > 0) + emitters + sky, 1)
         p.glsl(
             f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA}, LIGHT_GAP = {LIGHT_GAP};",
@@ -103,23 +122,7 @@ class SceneLight:
             p.glsl(f"const int ENVIRONMENT_CELLS = {min(len(seen_of(self._environment)), CELLS)};")
         p.buffer("light_choice", "vec2").buffer("light_frame", FRAME)
         p.buffer("light_surfaces", SURFACE).buffer("prev_light_surfaces", SURFACE)
-        self.declaration = p
-        self.text = resolve(p.shaders[0], p.defines, super(ComputePass, p).interface())
-        """GLSL before the text of a method's pass, without the size of work groups."""
-        width, height = source.size
-        self._surfaces = [owner.own(gpu.ctx.buffer(reserve=SURFACE.dtype.itemsize * width * height)) for _ in range(2)]
-        for buffer in self._surfaces:
-            buffer.clear()
-        self._frame = owner.own(gpu.ctx.buffer(reserve=FRAME.dtype.itemsize))
-        self._no_choice = owner.own(gpu.ctx.buffer(bytes(8)))
-        self._before = owner.own(LightTexture(gpu, self._count))
-        self._rows: np.ndarray | None = None  # of the light table, in the frame before
-        draws = self._attributes.resources["hit_draws"]
-        self._prev_draws = owner.own(gpu.texture(draws.size, 4, "u4"))
-        self._draws: bytes | None = None  # rows of draws in the frame before
-        self.rest = owner.own(input_texture(gpu, "emitted", source.size))
-        self.resources: dict[str, Any] = {}
-        self._store = owner.own(owner.context.compute(self._surface_pass(Tuning(software))))
+        return p
 
     def _surface_pass(self, tuning: Tuning) -> ComputePass:
         p = ComputePass("reuse light surface", ("reuse/light_surface.comp.glsl",))
@@ -137,9 +140,11 @@ class SceneLight:
     def run(self, number: int, view: View, before: View, emitted: moderngl.Texture) -> None:
         """Take over frame ``number`` of the source.  ``before``: view of the previous frame; ``emitted``: the input."""
         source, frame = self._source, self._source.renderer.frame
-        self._structure.update(frame)
         rows, draws = frame.light_rows.copy(), self._attributes.resources["hit_draws"].read()
-        self._before.write(rows if self._rows is None else self._rows)
+        before_rows = rows if self._rows is None else self._rows
+        on, was_on = (table["color"][: self._count, :3].any(axis=-1) for table in (rows, before_rows))
+        self.born, self.gone = np.flatnonzero(on & ~was_on), np.flatnonzero(~on & was_on)
+        self._before.write(before_rows)
         self._prev_draws.write(draws if self._draws is None else self._draws)
         self._rows, self._draws = rows, draws
         record = FRAME.zeros()
@@ -178,6 +183,11 @@ class SceneLight:
         return sum(use.form == form for use in self.declaration.uses)
 
     @property
+    def channels(self) -> dict[str, moderngl.Texture]:
+        """Those of the current frame of the source."""
+        return dict(self._source.current)
+
+    @property
     def lights(self) -> np.ndarray:
         """Rows of the light table of the current frame (``frame.lights.LIGHT``)."""
         return self._rows[: self._count]
@@ -190,5 +200,5 @@ class SceneLight:
     @property
     def bytes(self) -> int:
         """GPU memory."""
-        size = sum(buffer.size for buffer in self._surfaces) + self._frame.size + sum(self._structure.memory.values())
+        size = sum(buffer.size for buffer in self._surfaces) + self._frame.size
         return size + 16 * self.rest.width * self.rest.height

@@ -24,6 +24,7 @@ from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.quality import display, reusable
 from taubench_gl.reuse.references import emitting
 from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.sample_rays import SampleFrame, SampleRays
 from taubench_gl.reuse.scores import NO_WEIGHT, weights, wrongly_reused
 from taubench_gl.run import load_run
 from taubench_gl.viewer.display import LIGHT, VISUALIZATIONS
@@ -122,6 +123,8 @@ class MethodComparison(Owner):
         self._error: TaubenchError | None = None  # of that key
         self._inputs: RasterInputs | None = None
         self._runner: MethodRunner | None = None
+        self._frame: FrameInputs | None = None  # inputs of ``frame``
+        self._samples: SampleFrame | None = None  # of ``frame``, once a pixel is asked for
         self._reference: ComposePass | None = None  # light of the exact frames
         self._images: dict[str, moderngl.Texture] = {}  # of METHOD_IMAGES; alpha: 1 where history is wrongly reused
         self._missing: dict[str, str] = {}  # of what is not in them, or of "ghost" -> why
@@ -156,7 +159,8 @@ class MethodComparison(Owner):
         method, kind = load_method(state.method), parse_input(state.method_input)
         settings = feed.settings.replace(reprojection="motion", history="frame")
         request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
-        inputs = self._inputs = self.own(RasterInputs(request, method.reads, exact=scored))
+        reads = (*method.reads, "motion") if method.own_light else method.reads
+        inputs = self._inputs = self.own(RasterInputs(request, reads, exact=scored))
         self._reference = ComposePass(inputs, inputs.exact, inputs.settings) if scored else None
         self._runner = self.own(MethodRunner(self._gpu, method, feed.size, input_size=inputs.size))
         self._images = {n: self.own(self._gpu.ctx.texture(feed.size, 4, dtype="f4")) for n in METHOD_IMAGES}
@@ -170,9 +174,20 @@ class MethodComparison(Owner):
             result = self._runner.step(inputs)
         result = read_result(result)
         self._write("result", result[..., :3], np.zeros(result.shape[:2], dtype=bool))
-        self.frame = frame
+        self.frame, self._frame, self._samples = frame, inputs, None
         if self._reference is not None:
             self._score(inputs, result)
+
+    def reservoir(self, x: int, row: int) -> str | None:
+        """What the reservoir of a pixel of ``frame`` holds, in words; None for a method that reports none."""
+        if self.frame is None or "kept_sample" not in self._runner.method.reports:
+            return None
+        if self._samples is None:
+            moved = self._inputs.settings.metrics.threshold("position")
+            with SampleRays(self._gpu, self._frame.light, self._inputs.size, moved) as rays:
+                reported = self._runner.reported(self._frame)
+                self._samples = rays.of(reported, self._frame.textures["motion"], np.zeros(0))
+        return self._samples.words(x, row)
 
     def _score(self, inputs: FrameInputs, result: Array) -> None:
         """What ``reuse evaluate`` computes of one frame, against the light of the exact frame at pixel centers."""
@@ -205,6 +220,7 @@ class MethodComparison(Owner):
         self.release()
         self._runner = self._inputs = self._reference = self.frame = self._error = self._key = None
         self._images, self._missing, self.scores = {}, {}, {}
+        self._frame = self._samples = None
 
 
 def frame_offset(reference: Feed, shown: Feed) -> int:

@@ -473,6 +473,12 @@ class ViewerEngine:
         compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
         return method.scores if compared else {}
 
+    def reservoir_words(self, state: ViewerState, x: int, row: int) -> str | None:
+        """What the reservoir of the method compared with holds at a pixel; None where it has none."""
+        method = self.comparisons.get(state.against)
+        compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
+        return method.reservoir(x, row) if compared else None
+
     def picture(self) -> Array:
         """The images of ``textures`` side by side, (h, w, 3) uint8, row 0 at the top."""
         return np.concatenate([display.read() for display in (self._display, *self._beside)], axis=1)

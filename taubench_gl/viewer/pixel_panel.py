@@ -38,6 +38,9 @@ class PixelPanel:
         exact = viewer.engine.exact_words(*explained.pixel) if s.exact else None
         if exact is not None:
             self._ui.pair("exact", exact)
+        reservoir = viewer.engine.reservoir_words(s, *explained.pixel)
+        if reservoir is not None:
+            self._ui.pair("reservoir", reservoir)
         self._names(explained)
         for name, values in explained.features.items():
             self._feature(name, values)

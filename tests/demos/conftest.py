@@ -53,7 +53,7 @@ def runs(tmp_path_factory) -> Runs:
     return Runs(tmp_path_factory.mktemp("demos"))
 
 
-SLOW = ("cost", "lock", "samples")
+SLOW = ("cost", "lock", "reservoirs", "samples")
 
 
 @pytest.fixture(params=[pytest.param(d.name, marks=pytest.mark.long if d.name in SLOW else ()) for d in demos()])

@@ -30,7 +30,7 @@ def run(capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize("arguments", [(), ("--list",), ("--list", "--all")])
 def test_without_a_name_the_demos_are_listed(run, arguments, tmp_path):
     code, out, _ = run(*arguments)
-    assert code == 0 and len(out.splitlines()) == 18
+    assert code == 0 and len(out.splitlines()) == 19
     assert re.match(r" 1  rotations +\w+", out) and "11  cost" in out
     assert list(tmp_path.iterdir()) == []
 
@@ -80,7 +80,7 @@ def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
     ("arguments", "named"),
     [
         (("ghost-busters",), "ghost-busters"),
-        (("19",), "18"),
+        (("20",), "19"),
         (("r",), "rotations"),
         (("--all", "half"), "--all"),
         (("--all", "--lecture"), "--lecture"),

@@ -89,12 +89,16 @@ def of_reference(out: Path) -> Any:
 
 
 def of_reuse(out: Path) -> Any:
-    """Images and the rows of frames, but for their times."""
+    """Images, the rows of frames but for their times, and scores of samples."""
     images = {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.glob("results/**/*.exr"))}
     with open(out / "frames.csv", newline="") as file:
         rows = [{key: cell for key, cell in row.items() if key != "time_ms"} for row in csv.DictReader(file)]
-    assert len(images) == 18 and len(rows) == 6 and (out / "reuse.json").is_file()
-    return images, rows
+    assert len(images) == 18 and len(rows) == 6
+    return (
+        images,
+        rows,
+        {n: m.get("samples") for n, m in json.loads((out / "reuse.json").read_text())["methods"].items()},
+    )
 
 
 def of_benchmark(out: Path) -> Any:
@@ -130,6 +134,9 @@ def commands(folder: Path) -> dict[str, tuple[list[str], Callable[[Path], Any]]]
         "reuse": ([*program, "reuse", "evaluate", str(DEMO), "--methods", "accumulate", "--metrics", "psnr", "--video",
                    "none", "--save", "results", "--frames", "0:6", "--input", "noisy", "--indirect", "none", *COMMON,
                    "--out", "OUT"], of_reuse),
+        "samples": ([*program, "reuse", "evaluate", str(DEMO), "--methods", "restir-di", "--metrics", "psnr", "--video",
+                     "none", "--save", "results", "--frames", "0:6", "--input", "path-traced@1", "--reference",
+                     "path-traced@4", *COMMON, "--size", "32x18", "--out", "OUT"], of_reuse),
         "benchmark": ([*program, "benchmark", "none", "accumulate", "--suite", str(suite), "--workers", "1", "--out",
                        "OUT"], of_benchmark),
         "reference": ([sys.executable, "-c", REFERENCE, str(scene), "OUT", fake_blender(folder)], of_reference),
@@ -159,7 +166,7 @@ def kill(process: subprocess.Popen[bytes]) -> bool:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["evaluate", "export", "batch", "cost", "reuse", "benchmark", "reference"])
+@pytest.mark.parametrize("name", ["evaluate", "export", "batch", "cost", "reuse", "samples", "benchmark", "reference"])
 def test_kills_at_random_moments(tmp_path, name):
     command, results = commands(tmp_path)[name]
     began = time.perf_counter()

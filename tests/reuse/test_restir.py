@@ -19,7 +19,7 @@ from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 
 LIMIT = 4.9
-SMALL = {"candidates": 4, "radius": 4.0}
+SMALL = {"candidates": 4, "radius": 1.0 / 3.0}
 MOVING = {"moving": (20.0, 0.0, 0.0), "switched": ((1, (2, 9)),), "camera_speed": 6.0, "occluder": True}
 _DISCARDED = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
 
@@ -121,7 +121,7 @@ def test_less_error_than_ris_at_equal_rays_and_samples(gpu, name, least):
     errors, rays = {}, {}
     scene = SCENES[name]()
     for method in map(load_method, ("ris", "restir-di")):
-        settings = {"candidates": 4} if method.name == "ris" else SMALL | {"visibility_reuse": False, "radius": 2.0}
+        settings = {"candidates": 4} if method.name == "ris" else SMALL | {"visibility_reuse": False, "radius": 0.0}
         with (
             opened(gpu, scene, method.reads) as inputs,
             MethodRunner(gpu, method, inputs.size, settings, count=True) as runner,

@@ -114,7 +114,7 @@ class Restir:
     history_limit: int = 20
     neighbors: int = 3
     rounds: int = 1
-    radius: float = 30.0
+    radius: float = 0.0278
     visibility_reuse: bool = True
     biased: bool = False
 
@@ -181,7 +181,7 @@ class Restir:
         if i == 0:
             return y, x, np.ones((h, w), dtype=bool)
         u = now.random(FIRST_SPATIAL + 16 * turn + i)
-        angle, length = 2 * np.pi * u[..., 1], self.radius * np.sqrt(u[..., 0])
+        angle, length = 2 * np.pi * u[..., 1], max(self.radius * h, 2.0) * np.sqrt(u[..., 0])
         x = x + np.floor(length * np.cos(angle) + 0.5).astype(int)
         y = y - np.floor(length * np.sin(angle) + 0.5).astype(int)  # rows of images go down
         inside = (x >= 0) & (y >= 0) & (x < w) & (y < h)

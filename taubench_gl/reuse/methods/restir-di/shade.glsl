@@ -14,6 +14,6 @@ void reuse(ivec2 p) {
         else if (visibility_reuse && combination != COMBINATION_BIASED) kept.weight = 0.0;
     }
     write_kept(p, kept);
-    float count = max(kept.count, 1.0);
-    write_result(p, vec4(light, 1.0 - min(fetch_fresh(p).count / count, 1.0)));
+    write_kept_sample(p, vec4(kept.weight > 0.0 ? float(kept.light) : -1.0, kept.uv, kept.count));
+    write_result(p, vec4(light, x.lit ? 1.0 - min(fetch_fresh(p).count / max(kept.count, 1.0), 1.0) : 0.0));
 }

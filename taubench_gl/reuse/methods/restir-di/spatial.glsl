@@ -2,10 +2,12 @@
 //
 // Paper      section 5, spatial reuse
 // Reference  references.reuse_methods.restir.Restir.spatial
+// Departs    The radius is a share of the image height: the paper has 30 pixels at 1920x1080.
 #include "combine.glsl"
 
 const float SIMILAR_NORMAL = 0.90630779; // cosine of 25 degrees
 const float SIMILAR_DEPTH = 0.1;
+const float MIN_RADIUS = 2.0; // pixels
 const int NUMBER = 272; // of random numbers, 16 for each round
 
 bool similar(SurfacePoint a, SurfacePoint b) {
@@ -17,8 +19,8 @@ bool similar(SurfacePoint a, SurfacePoint b) {
 ivec2 neighbor(ivec2 p, int i) {
     if (i == 0) return p;
     vec4 u = random(p, NUMBER + 16 * iteration + i);
-    float angle = 2.0 * PI * u.y;
-    return p + ivec2(floor(radius * sqrt(u.x) * vec2(cos(angle), sin(angle)) + 0.5));
+    float angle = 2.0 * PI * u.y, most = max(radius * float(frame.size.y), MIN_RADIUS);
+    return p + ivec2(floor(most * sqrt(u.x) * vec2(cos(angle), sin(angle)) + 0.5));
 }
 
 void reuse(ivec2 p) {

@@ -15,5 +15,6 @@ void reuse(ivec2 p) {
             if (visible(x, at)) light = reflected(x, at) * r.sum / (float(candidates) * r.target); // Eq. (5)
         }
     }
+    write_kept_sample(p, vec4(r.sum > 0.0 ? float(r.kept.light) : -1.0, r.kept.uv, float(candidates)));
     write_result(p, vec4(light, 0.0));
 }

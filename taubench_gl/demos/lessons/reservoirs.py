@@ -1,0 +1,198 @@
+"""Demo 19: what a reservoir of light samples remembers, and for how long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.conventions import Reason
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.lessons.cost import scaled_to
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, rgb
+from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.metrics.color import display_color
+from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.sample_rays import SampleRays
+from taubench_gl.reuse.samples import history_counts
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import quad
+
+Array = np.ndarray
+SIZE = (96, 54)  # path-traced input takes long on a CPU
+BORN, AGE = 16, 5
+"""Frame in which the second lamp is switched on, and the frames after which it is looked at; then it is off again."""
+
+LIMIT = 8
+LIMITS = (1, 2, 4, 8, 16)
+SHARE = 0.5  # of the light that the second lamp gives
+SIGMAS = 4.0
+"""Half width of the ranges, in standard deviations of a share of independent pixels."""
+
+SETTINGS = {"fps": 1.0, "bounces": 1, "width": SIZE[0], "height": SIZE[1]}
+METHOD = "restir-di@candidates=4@neighbors=0@visibility_reuse=false@combination=biased@history_limit="
+
+
+def scene() -> Scene:
+    """A wall that one lamp lights; from frame BORN on, for AGE frames, a second one as bright at the same place."""
+    b = Props()
+    wall = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
+    b.node(mesh=b.mesh(quad(9.0, 6.0, material=wall)), translation=(0.0, 0.0, -4.0))
+    for second in (False, True):
+        lamp = b.light(translation=(0.6, 0.5, -2.0), intensity=4.0)
+        if second:
+            times = [0.0, BORN - 0.5, BORN + AGE - 0.5]
+            b.animate(lamp, "scale", times, [(0.0,) * 3, (1.0,) * 3, (0.0,) * 3], "STEP")
+    camera = b.camera(yfov=np.radians(42.0), znear=0.05)
+    b.animate(camera, "translation", [0.0, float(BORN + AGE)], [(0, 0, 0), (0, 0, 0)])
+    return b.build()
+
+
+def remembered(limit: int, frames: int) -> tuple[float, float]:
+    """Share of reservoirs that hold a lamp of SHARE of the light ``frames`` frames after it was switched on, and the
+    light of the image as a share of the right one.
+
+    History counts ``limit`` times as much as a frame: its light is an exponential moving average, and a reservoir
+    holds each lamp in proportion to that lamp's part of it.
+    """
+    new = SHARE * (1.0 - (limit / (limit + 1.0)) ** frames)
+    light = 1.0 - SHARE + new
+    return new / light, light
+
+
+@dataclass(slots=True)
+class Memory:
+    """Of one limit: share of reservoirs that hold the second lamp, by frames since its birth; the lamp that each pixel
+    holds, (h, w), and the light of the image as a share of the right one, AGE frames after; share of kept history whose
+    lamp is off, one frame later."""
+
+    shares: list[float]
+    held: Array
+    light: float
+    wrong: float
+
+
+def run_limits(stage: Stage) -> tuple[dict[int, Memory], tuple[Array, Array]]:
+    """What reservoirs remember by limit, and images of the right light before and after the birth."""
+    texts = {"right": "ris@candidates=4"} | {str(limit): f"{METHOD}{limit}" for limit in LIMITS}
+    shares: dict[str, list[float]] = {name: [] for name in texts}
+    memories, images = {}, {}
+    with stage.reuse(scene(), texts, "path-traced@1", ("motion", "mask"), **SETTINGS) as (inputs, runners):
+        for number in range(BORN + AGE):
+            frame = inputs.advance(number)
+            results = {name: read_result(runner.step(frame))[..., :3] for name, runner in runners.items()}
+            images[number] = results["right"]
+            kept = {name: runner.reported(frame)["kept_sample"][..., 0] for name, runner in runners.items()}
+            for name in texts if number >= BORN else ():
+                shares[name].append(float(np.mean(kept[name] == 1)))
+        light = {name: float(image.mean()) / float(results["right"].mean()) for name, image in results.items()}
+        frame = inputs.advance(BORN + AGE)
+        with SampleRays(stage.gpu, frame.light, inputs.size, 1.0) as rays:
+            for limit in LIMITS:
+                runner = runners[str(limit)]
+                runner.step(frame)
+                memory = shares[str(limit)], kept[str(limit)], light[str(limit)], wrong_keeps(runner, frame, rays)
+                memories[limit] = Memory(*memory)
+    return memories, (images[BORN - 1], images[BORN])
+
+
+def wrong_keeps(runner: MethodRunner, frame: FrameInputs, rays: SampleRays) -> float:
+    """Share of the history reservoirs that the last step kept whose light no longer reaches the pixel."""
+    facts = rays.of(runner.reported(frame), frame.textures["motion"], np.zeros(0))
+    kept, wrong, *_ = history_counts(facts, read_channel(frame.textures["mask"], "mask")[..., 0]).sum(axis=0)
+    return float(wrong / kept)
+
+
+def tolerance(share: float) -> float:
+    """SIGMAS standard deviations of the share of pixels, percent: each holds a lamp independently of the others."""
+    return 100.0 * SIGMAS * math.sqrt(share * (1.0 - share) / (SIZE[0] * SIZE[1]))
+
+
+@demo(
+    19,
+    "reservoirs",
+    "What a reservoir remembers",
+    idea="Temporal reuse of samples (ReSTIR) keeps one light sample in each pixel, a reservoir, and a count of the "
+    "samples that it stands for. The samples of a frame compete with it in proportion to the light that they give and "
+    "to the counts. A limit on the count keeps an old reservoir from winning forever.",
+    look_for=(
+        "Panels: which lamp each pixel holds, some frames after a second lamp of equal light was switched on.",
+        "A large limit means less noise, and a new lamp that takes longer to be found.",
+        "Without correction of the count (the biased combination) the light of the image follows at the same pace.",
+        "When the lamp is switched off again, every reservoir that holds it is kept wrongly: its light is gone.",
+    ),
+    question=Question(
+        f"History counts at most {LIMIT} times as much as the samples of one frame. A second lamp, as bright as the "
+        f"first, is switched on. Which share of the pixels holds it in the {AGE}th frame with it?",
+        0.0,
+        50.0,
+    ),
+    opening=Opening(
+        (Reason.LIT,),
+        frame=BORN,
+        settings={"light": "path-traced", "indirect": "auto", "fps": 1.0, "bounces": 1, "environment": "none"},
+    ),
+    scene=scene,
+    see_also=(("methods that sample lights", "reuse.md"), ("scores of their samples", "reuse-evaluation.md")),
+)
+def run(stage: Stage) -> Result:
+    memories, images = run_limits(stage)
+    memory, (share, light) = memories[LIMIT], remembered(LIMIT, AGE)
+    source = f"moving average: e = (1 - ({LIMIT}/{LIMIT + 1})^{AGE}) / 2"
+    findings = (
+        Finding(100 * memory.shares[-1], "%", f"of the pixels hold the new lamp in the {AGE}th frame with it",
+                Expected.near(100 * share, tolerance(share), f"{source}, share e / (e + 1/2); ± {SIGMAS:g} sigma")),
+        Finding(100 * memory.light, "%", "of the light is in the image then (biased combination)",
+                Expected.near(100 * light, 0.1, f"{source}, light e + 1/2; ± 0.1 for float32")),
+        Finding(100 * memory.wrong, "%", "of the kept history holds a lamp that is off, one frame after it went out",
+                Expected.near(100 * share, tolerance(share), "the share that held it before")),
+    )  # fmt: skip
+    sheet = Sheet(len(LIMITS), 1, SIZE[0] / SIZE[1], below=370)
+    for place, (limit, one) in enumerate(memories.items()):
+        sheet.panel(place, 0, lamps_held(one.held), f"limit {limit}", f"{100 * one.shares[-1]:.1f} %")
+    _plot(sheet, memories)
+    sheet.legend([("holds the first lamp", rgb(BLUE)), ("holds the new lamp", rgb(ORANGE))])
+    caption = f"A wall {AGE} frames after a second lamp was switched on: which lamp the reservoirs hold, by the limit."
+    frames = tuple(enlarged(as_bytes(display_color(image.astype(np.float64), 1.0, "linear"))) for image in images)
+    screens = Screens(lamps_held(memory.held), "Orange: pixels that hold the new lamp.", frames)
+    return Result(findings, sheet, caption, _limit(memories), screens=screens)
+
+
+def enlarged(image: Array) -> Array:
+    """An image at four times its size, uint8."""
+    return scaled_to(image, (SIZE[1] * 4, SIZE[0] * 4))
+
+
+def lamps_held(held: Array) -> Array:
+    """Pixels that hold the first lamp and the second one, enlarged, (4 h, 4 w, 3) uint8."""
+    return enlarged(np.where((held == 1)[..., None], np.uint8(rgb(ORANGE)), np.uint8(rgb(BLUE))))
+
+
+def _limit(memories: Mapping[int, Memory]) -> Parameter:
+    """The limit of the count."""
+    theory = [remembered(limit, AGE)[0] for limit in memories]
+    return Parameter(
+        "limit, times the samples of a frame", "", tuple(map(float, memories)), "of the pixels hold the new lamp", "%",
+        tuple(100 * m.shares[-1] for m in memories.values()), tuple(100 * share for share in theory),
+        tuple(map(tolerance, theory)), f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
+        start=LIMITS.index(LIMIT), images=tuple(lamps_held(m.held) for m in memories.values()),
+        note="Orange: pixels that hold the new lamp.",
+    )  # fmt: skip
+
+
+def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:
+    axes = sheet.plot(
+        80, sheet.grid_bottom + 44, 1160, 262, xlabel="frames with the new lamp", ylabel="hold the new lamp, %",
+        title="How fast reservoirs find a new lamp", ylim=(0, 56),
+    )  # fmt: skip
+    frames = np.arange(1, AGE + 1)
+    for i, (limit, memory) in enumerate(memories.items()):
+        shares = [100 * remembered(limit, int(n))[0] for n in frames]
+        axes.plot(frames, shares, color="#444", linewidth=1.4, linestyle="--", label="theory" if i == 0 else None)
+        axes.plot(frames, 100 * np.array(memory.shares), "osD^v"[i], markersize=8, label=f"limit {limit}")
+    axes.set_xticks(frames)
+    sheet.key(axes, "upper left", ncols=3)
