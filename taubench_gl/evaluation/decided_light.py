@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, SCENE_LOBES
+from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE
+from taubench_gl.effects.decide import as_summary
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, read_preview
+from taubench_gl.evaluation.lobes import scene_lobes
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
 from taubench_gl.metrics.counts import Counts, bin_of
@@ -37,7 +39,7 @@ class DecidedLight:
     def __init__(self, session: Session):
         self._session, self._settings = session, session.settings
         self._columns = sampled_columns(session.source.unmeasured, session.settings.metrics.columns)
-        self._lobes = tuple(lobe for lobe in session.wants.lobes if lobe in SCENE_LOBES)
+        self._lobes = scene_lobes(session.wants.lobes, as_summary(session.source.effects))
         self._pixels = DecidedPixels(session.variant, session.settings, self._columns, self._lobes)
 
     def blocks(self, session: Session) -> dict[str, Any]:

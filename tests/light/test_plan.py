@@ -140,6 +140,7 @@ def test_one_lobe_makes_direct_light_write_both():
 def test_what_effects_depend_on():
     on_direct = {"shadows", "light_culling", "glossy", "sky", "sun", "point_lights", "spot_lights"}
     on_direct |= {"directional_lights", "path_traced", "emitter_light", "environment_light"}
+    on_direct |= {"dielectrics", "transmission", "volume"}
     assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
     assert not any("shadows" in needed for needed in DEPENDS.values())  # lights without maps shine on patches
     assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]
