@@ -275,7 +275,7 @@ def test_a_slab_shifts_what_is_behind_it_and_a_thin_wall_does_not(gpu, thick):
 
 
 def test_light_through_a_ball_turns_as_snell_says(gpu):
-    """Under a sky that is brighter upwards, 1 + y, two refractions turn a ray by 2 (a - b); absorbed along the chord."""
+    """Under a sky of radiance 1 + y, two refractions turn a ray by 2 (a - b); absorbed along the chord."""
     color, radius = (0.8, 0.5, 0.3), 30.0
     rows = np.arange(32)[:, None] + 0.5
     sky = np.broadcast_to((1.0 + np.cos(np.pi * rows / 32))[..., None], (32, 64, 3))

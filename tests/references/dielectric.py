@@ -1,7 +1,7 @@
 """Surfaces that light goes through, in float64: reference for shaders/common/dielectric.glsl and brdf_sampling.glsl.
 
-Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Heitz 2018, "Sampling the GGX Distribution
-of Visible Normals".  The normal is +z.  Radiance in a medium is that over its squared index of refraction.
+Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Heitz 2018, "Sampling the GGX
+Distribution of Visible Normals".  The normal is +z.  Radiance in a medium is that over its squared index of refraction.
 """
 
 from __future__ import annotations
