@@ -6,18 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
-from references.dielectric import Glass, fresnel, rough_slab, slab
+from references.dielectric import BallOnFloor, Glass, fresnel, rough_slab, slab
 from references.significance import holm_rejected
 from repeated import few
 from scipy import stats
 from shader_tools import map_rows, with_main
 
+from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import MIN_ALPHA
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, quad, sky_file, sphere, turn_y
+from taubench_gl.selftest.scenes import SceneBuilder, quad, sky_file, sphere, turn_x, turn_y
 
 Array = np.ndarray
 ETAS = (1.5, 1.0 / 1.5, 1.1, 2.4)
@@ -329,3 +330,35 @@ def test_thin_rough_walls_lose_no_more_than_their_masking(gpu):
     error = np.hypot(values.std(axis=0, ddof=1) / 4.0, walks.std(axis=1) / np.sqrt(walks.shape[1]))
     z = (values.mean(axis=0) - walks.mean(axis=1)) / error
     assert not holm_rejected(2.0 * stats.norm.sf(np.abs(z)), 1e-3).any(), z
+
+
+@pytest.mark.long
+def test_light_of_a_lamp_that_a_rough_ball_sends_to_the_floor(gpu):
+    """z-test at 1e-3 of indirect light on the floor around the ball, 8 seeds, against float64 walks to an exact sphere."""
+    made = BallOnFloor(Glass(0.5, IOR), np.array([0.0, 0.41, 0.5]), 0.4, np.array([0.3, 1.8, 1.4]), 6.0, 0.6)
+    b = SceneBuilder()
+    floor = b.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, specular=0.0, double_sided=True)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=floor)), rotation=turn_x(-90.0))
+    ball = dataclasses.replace(sphere(made.radius, 96), material=glass_material(b, roughness=0.5))
+    b.node(mesh=b.mesh(ball), translation=made.center)
+    b.light(translation=made.lamp, intensity=made.intensity)
+    b.camera(translation=(0.0, 1.0, 2.4), rotation=turn_x(-15.0), yfov=np.radians(50.0))
+    scene = b.build()
+    with Bench(gpu, (48, 28)) as bench:
+        own = {"extra": ("indirect_diffuse", "position"), "spp": 512, "bounces": 12, "pattern": "independent"}
+        frames = [bench.traced(scene, seed=seed, **own) for seed in range(8)]
+    view_of = choose_camera(scene).view_at(Poser(scene).sample(0.0))
+    at = frames[0]["position"][..., :3] + view_of.position
+    shown = np.zeros((28, 48), bool)
+    shown[12:24:2, 14:34:2] = True
+    shown &= (frames[0]["position"][..., 3] > 0) & (np.abs(at[..., 1]) < 1e-3)
+    rng = np.random.default_rng(1)
+    walks = np.array([made.indirect(point, 20_000, 12, rng) for point in at[shown].astype(np.float64)])
+    means = np.array([frame["indirect_diffuse"][shown][:, 0].mean() for frame in frames])
+    error = np.hypot(means.std(ddof=1) / np.sqrt(8), np.sqrt(np.sum(walks[:, 1] ** 2)) / len(walks))
+    z = (means.mean() - walks[:, 0].mean()) / error
+    assert 2.0 * stats.norm.sf(abs(z)) > 1e-3 and error < 0.05 * walks[:, 0].mean(), (
+        z,
+        means.mean(),
+        walks[:, 0].mean(),
+    )
