@@ -160,7 +160,7 @@ def rough_slab(glass: Glass, n_v: float, optical_depth: float, count: int, seed:
 
 @dataclass(frozen=True)
 class BallOnFloor:
-    """A rough glass ball above a diffuse floor y = 0 of 8 x 8 m, and a lamp: light of several bounces by random walks."""
+    """A rough glass ball above a diffuse floor y = 0 of 8 x 8 m, and a lamp: light of several bounces."""
 
     glass: Glass  # from the outside
     center: Array
