@@ -78,9 +78,14 @@ CHANNELS: dict[str, ChannelInfo] = {
                 ("direct", "radiance of lights, emitters and sky after one bounce, all lobes, linear", "Direct"),
                 ("direct_diffuse", "diffuse lobe of direct", "DirectDiffuse"),
                 ("direct_glossy", "glossy lobe of direct", "DirectGlossy"),
+                ("direct_transmission", "light of direct that comes through the visible surface", "DirectTransmission"),
                 ("indirect", "radiance after two or more bounces, linear", "Indirect"),
                 ("indirect_diffuse", "diffuse lobe of indirect, at the visible surface", "IndirectDiffuse"),
                 ("indirect_glossy", "glossy lobe of indirect, at the visible surface", "IndirectGlossy"),
+                (
+                    "indirect_transmission", "light of indirect that comes through the visible surface",
+                    "IndirectTransmission",
+                ),
             )
         ),
         ChannelInfo(

@@ -28,8 +28,8 @@ DEFAULT_THRESHOLD = 32.0 / 255.0
 LOBES = ("diffuse", "glossy", "transmission", "volume")
 """Lobes of direct and indirect that can be measured apart."""
 
-SCENE_LOBES = LOBES[:2]
-"""Those that rendered scenes have."""
+SCENE_LOBES = LOBES[:3]
+"""Those that rendered scenes can have; transmission where a surface lets light through."""
 
 
 class Reason(enum.IntFlag):

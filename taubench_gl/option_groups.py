@@ -74,8 +74,8 @@ class PathTracedOptions(Checked):
     )
     lobes: tuple[str, ...] = setting(
         (),
-        "Also measure this lobe of direct and indirect apart; may be repeated.  Rendered scenes have diffuse and "
-        "glossy lobes",
+        "Also measure this lobe of direct and indirect apart; may be repeated.  Rendered scenes have diffuse, "
+        "glossy and transmission lobes",
         some_of(LOBES),
         group=MASKS,
         flag="--lobe",

@@ -16,6 +16,9 @@ from light_transport import (
     FOLDER,
     FPS,
     FRAMES,
+    GLASS,
+    GLASS_LOBES,
+    GLASS_SEEDS,
     LOBES,
     SCENES_FILE,
     SEEDS,
@@ -61,23 +64,26 @@ def render(name: str, python: str | None = None) -> str:
     quality = quality_of(name, path)
     with tempfile.TemporaryDirectory(prefix="taubench-") as temporary:
         out = Path(temporary)
-        seconds = render_seeds(scene, camera, FRAMES, out, SEEDS, fps=FPS, size=SIZE, quality=quality, python=python)
+        seeds = GLASS_SEEDS if name in GLASS else SEEDS
+        seconds = render_seeds(scene, camera, FRAMES, out, seeds, fps=FPS, size=SIZE, quality=quality, python=python)
         folders = sorted(out.glob("seed_*"))
         target = FOLDER / name
         shutil.rmtree(target, ignore_errors=True)
         target.mkdir()
         shutil.copy(folders[0] / CAMERA_FILE, target / CAMERA_FILE)
         for frame in FRAMES:
-            store(folders, frame, target)
+            store(folders, frame, target, GLASS_LOBES if name in GLASS else LOBES)
     size = sum(p.stat().st_size for p in [path, *target.iterdir()])
     return f"{name}: {size / 1024:.0f} KiB, {sum(seconds.values()):.1f} CPU s"
 
 
-def store(folders: list[Path], frame: int, target: Path) -> None:
-    """The mean over the seeds as an EXR; the statistics of blocks, which each frame overwrites."""
-    frames = [PathTracedSequence.open(f"exr:{folder}").read(frame, ("diffuse", "glossy")) for folder in folders]
-    lobes = np.array([[f.lobes[lobe] for lobe in LOBES] for f in frames], dtype=np.float64)  # seed, lobe, h, w, rgb
-    direct, indirect = lobes[:, 0] + lobes[:, 1], lobes[:, 2] + lobes[:, 3]
+def store(folders: list[Path], frame: int, target: Path, kept: tuple[str, ...]) -> None:
+    """The mean over the seeds as an EXR; the statistics of blocks of lobes ``kept``, which each frame overwrites."""
+    names = sorted({lobe.partition("_")[0] for lobe in kept})
+    frames = [PathTracedSequence.open(f"exr:{folder}").read(frame, names) for folder in folders]
+    lobes = np.array([[f.lobes[lobe] for lobe in kept] for f in frames], dtype=np.float64)  # seed, lobe, h, w, rgb
+    half = len(kept) // 2
+    direct, indirect = lobes[:, :half].sum(axis=1), lobes[:, half:].sum(axis=1)
     channels = {"Depth.Z": frames[0].depth}
     for bounce, radiance in (("Direct", direct.mean(axis=0)), ("Indirect", indirect.mean(axis=0))):
         for i, letter in enumerate("RGB"):

@@ -1,6 +1,6 @@
-"""Eight small scenes for the comparison of path-traced light with Cycles, written as glTF.
+"""Twelve small scenes for the comparison of path-traced light with Cycles, written as glTF.
 
-Six of ``taubench_gl.datasets.light_scenes``, and two with what those lack: a skin, and the image of a sky.
+Six of ``taubench_gl.datasets.light_scenes``, and those with what these lack: a skin, the image of a sky, and glass.
 """
 
 from __future__ import annotations
@@ -14,7 +14,20 @@ import OpenEXR
 from make_assets import add_tentacle
 
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.light_kit import SECONDS, Tracks, block, camera, emitter, light, move, place, surface
+from taubench_gl.datasets.light_kit import (
+    SECONDS,
+    Tracks,
+    block,
+    camera,
+    emitter,
+    extend,
+    light,
+    move,
+    place,
+    surface,
+    times,
+    turn,
+)
 from taubench_gl.datasets.light_scenes import SCENES as MADE
 from taubench_gl.datasets.light_scenes import LightScene, make_light_scene
 from taubench_gl.datasets.shapes import quad, sphere
@@ -70,6 +83,92 @@ def image_sky(w: Writer) -> Tracks:
     ]
 
 
+def glass(w: Writer, name: str, roughness: float, ior: float = 1.5, color=None, distance: float = 1.0) -> int:
+    """White glass that bounds a volume; ``color``: of white light after ``distance`` meters."""
+    material = w.material(name, (1.0, 1.0, 1.0), 0.0, roughness, doubleSided=True)
+    extend(w, material, "KHR_materials_transmission", {"transmissionFactor": 1.0})
+    extend(w, material, "KHR_materials_ior", {"ior": ior})
+    volume = {"thicknessFactor": 1.0}
+    if color is not None:
+        volume |= {"attenuationColor": list(color), "attenuationDistance": distance}
+    extend(w, material, "KHR_materials_volume", volume)
+    return material
+
+
+def table(w: Writer, back=(0.6, 0.55, 0.5)) -> None:
+    """A floor and a back wall of two colors."""
+    floor, wall, stripe = (
+        surface(w, "floor", (0.6, 0.6, 0.62)),
+        surface(w, "wall", back),
+        surface(w, "stripe", (0.2, 0.3, 0.6)),
+    )
+    place(w, "floor", quad((-4, 0, 4), (8, 0, 0), (0, 0, -8)), floor)
+    place(w, "back", quad((-4, 0, -1.5), (8, 0, 0), (0, 4, 0)), wall)
+    for i in range(4):
+        place(w, f"stripe {i}", quad((-2.0 + i, 0.0, -1.49), (0.4, 0, 0), (0, 3, 0)), stripe)
+
+
+def glass_ball(w: Writer) -> Tracks:
+    """A clear ball that moves, and a still one of a high index, before stripes below a panel and a dim sky."""
+    table(w)
+    ball = place(w, "ball", sphere(0.6, 48, 72), glass(w, "clear", 0.2), smooth=True)
+    place(w, "other", sphere(0.4, 48, 72), glass(w, "dense", 0.2, 1.9), smooth=True, translation=[0.9, 0.41, 0.6])
+    panel = emitter(w, "panel", (1.0, 0.95, 0.85), 6.0)
+    place(w, "panel", quad((-1.2, 2.9, 0.4), (2.4, 0, 0), (0, 0, 1.2)), panel)
+    return [
+        move(ball, "translation", [[-0.8, 0.61, 0.2], [0.0, 0.75, 0.2]]),
+        *camera(w, [[-0.1, 1.1, 3.6], [0.2, 1.1, 3.5]], [0.0, 4.0], -8.0),
+    ]
+
+
+def glass_panes(w: Writer) -> Tracks:
+    """Thick panes of tinted glass, one of which turns, and a crate that moves behind them, below a bright sky."""
+    table(w)
+    crate = block(w, "crate", (0.6, 0.8, 0.4), surface(w, "crate", (0.75, 0.3, 0.2)), (0, 0, 0))
+    tints = ((0.9, 0.5, 0.4), (0.4, 0.8, 0.5))
+    for i, tint in enumerate(tints):
+        material = glass(w, f"tint {i}", 0.15, 1.5, tint, 0.25)
+        pane = block(w, f"pane {i}", (1.0, 1.4, 0.18), material, (1.1 * i - 0.6, 0.01, 0.9), 15 - 30 * i)
+    return [
+        move(crate, "translation", [[-0.9, 0.0, -0.2], [0.6, 0.0, -0.4]]),
+        move(pane, "translation", [[0.5, 0.01, 0.9], [0.8, 0.01, 0.8]]),
+        *camera(w, [[0.0, 1.0, 3.4], [0.1, 1.1, 3.3]], [1.0, -2.0], -6.0),
+    ]
+
+
+def rough_glass(w: Writer) -> Tracks:
+    """Rough balls and a rough block of glass, below a panel and a lamp that moves."""
+    table(w, (0.7, 0.68, 0.6))
+    for i, roughness in enumerate((0.35, 0.5, 0.7)):
+        material = glass(w, f"rough {i}", roughness)
+        place(w, f"ball {i}", sphere(0.4, 48, 72), material, smooth=True, translation=[1.0 * i - 1.0, 0.41, 0.5])
+    block(w, "block", (0.5, 0.9, 0.5), glass(w, "block", 0.4, 1.33), (0.4, 0.01, -0.5), 25)
+    panel = emitter(w, "panel", (0.9, 0.95, 1.0), 5.0)
+    place(w, "panel", quad((-1.5, 2.7, 0.0), (3.0, 0, 0), (0, 0, 1.0)), panel)
+    lamp = light(w, "lamp", "point", 6.0, (1.0, 0.8, 0.6))
+    return [
+        move(lamp, "translation", [[-1.5, 1.5, 1.6], [0.5, 1.8, 1.4]]),
+        *camera(w, [[0.0, 1.2, 3.5], [0.2, 1.2, 3.4]], [0.0, 3.0], -10.0),
+    ]
+
+
+def amber(w: Writer) -> Tracks:
+    """An absorbing block with an opaque one inside that turns, and a tinted ball, below a sky and a panel."""
+    table(w)
+    inner = surface(w, "inner", (0.8, 0.75, 0.3))
+    block(w, "amber", (1.0, 1.0, 0.8), glass(w, "amber", 0.15, 1.5, (0.9, 0.55, 0.15), 0.5), (-0.5, 0.01, 0.3), 20)
+    core = block(w, "core", (0.3, 0.3, 0.3), inner, (-0.5, 0.35, 0.3))
+    material = glass(w, "blue", 0.2, 1.45, (0.3, 0.5, 0.9), 0.6)
+    ball = place(w, "ball", sphere(0.45, 48, 72), material, smooth=True)
+    panel = emitter(w, "panel", (1.0, 1.0, 1.0), 4.0)
+    place(w, "panel", quad((-1.5, 2.9, 0.2), (3.0, 0, 0), (0, 0, 1.0)), panel)
+    return [
+        (core, "rotation", times(3), turn("y", [0.0, 60.0, 120.0]), "LINEAR"),
+        move(ball, "translation", [[1.2, 0.46, 0.4], [0.6, 0.6, 0.6]]),
+        *camera(w, [[0.0, 1.2, 3.4], [0.1, 1.3, 3.3]], [0.0, 3.0], -10.0),
+    ]
+
+
 def write_sky(path: Path, width: int = 128) -> None:
     """An equirectangular EXR: a gradient, a ground, and a lobe of radiance 40 in place of a sun."""
     height = width // 2
@@ -91,6 +190,10 @@ SCENES = {
     "skinned_movers": LightScene(skinned_movers),
     **{name: MADE[name] for name in ("foliage", "interior")},
     "image_sky": LightScene(image_sky, "image"),  # the file of ``write_sky``
+    "glass_ball": LightScene(glass_ball, (0.15, 0.18, 0.22)),
+    "glass_panes": LightScene(glass_panes, (0.9, 1.0, 1.1)),
+    "rough_glass": LightScene(rough_glass),
+    "amber": LightScene(amber, (0.4, 0.45, 0.5)),
 }
 
 SAMPLES = {"many_lights": 512, "interior": 256}

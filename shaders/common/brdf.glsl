@@ -7,6 +7,15 @@
 #ifndef GLOSSY
 #define GLOSSY 1
 #endif
+#ifndef DIELECTRICS
+#define DIELECTRICS 0 // 1: dielectric lobes of any color and index of refraction
+#endif
+#ifndef TRANSMISSION
+#define TRANSMISSION 0 // 1: surfaces that light goes through; needs DIELECTRICS
+#endif
+#ifndef VOLUME
+#define VOLUME 0 // 1: media that absorb light; needs TRANSMISSION
+#endif
 #ifndef PRECISE_GGX
 #define PRECISE_GGX 0 // 1: narrow lobes keep their digits, which costs a cross product
 #endif
@@ -20,12 +29,39 @@ struct Surface {
     float specular;
     vec3 n;
     vec3 v; // towards the camera
+#if DIELECTRICS
+    vec3 f0; // reflectance of the dielectric lobe at normal incidence
+#endif
+#if TRANSMISSION
+    float transmission; // share of the light under the dielectric lobe that goes through
+    float eta;  // index of refraction beyond the surface over that on the viewer's side; 0: the lobe has Schlick's factor
+    bool thick; // light is refracted; else it goes straight through a thin wall
+#endif
+#if VOLUME
+    float medium; // on the viewer's side: place of a material among the tables of hits, 0: none
+    float beyond; // on the other side
+#endif
 };
 
 struct Lobes {
     vec3 diffuse;
     vec3 glossy;
+#if TRANSMISSION
+    vec3 transmission;
+#endif
 };
+
+#if TRANSMISSION
+Lobes no_light() { return Lobes(vec3(0.0), vec3(0.0), vec3(0.0)); }
+vec3 all_lobes(Lobes x) { return x.diffuse + x.glossy + x.transmission; }
+Lobes times(Lobes x, vec3 light) { return Lobes(x.diffuse * light, x.glossy * light, x.transmission * light); }
+Lobes plus(Lobes a, Lobes b) { return Lobes(a.diffuse + b.diffuse, a.glossy + b.glossy, a.transmission + b.transmission); }
+#else
+Lobes no_light() { return Lobes(vec3(0.0), vec3(0.0)); }
+vec3 all_lobes(Lobes x) { return x.diffuse + x.glossy; }
+Lobes times(Lobes x, vec3 light) { return Lobes(x.diffuse * light, x.glossy * light); }
+Lobes plus(Lobes a, Lobes b) { return Lobes(a.diffuse + b.diffuse, a.glossy + b.glossy); }
+#endif
 
 // GGX distribution of normals at the unit half vector h, 1/sr.
 float ggx_d(vec3 n, vec3 h, float n_h, float a2) {
@@ -38,9 +74,16 @@ float ggx_d(vec3 n, vec3 h, float n_h, float a2) {
     return a2 / (PI * f * f);
 }
 
+#if DIELECTRICS
+#include "common/dielectric.glsl"
+#endif
+
 Lobes evaluate_brdf(Surface s, vec3 l) {
-    Lobes r = Lobes(vec3(0.0), vec3(0.0));
+    Lobes r = no_light();
     float n_l = dot(s.n, l);
+#if TRANSMISSION
+    if (n_l < 0.0) r.transmission = evaluate_btdf(s, l);
+#endif
     if (n_l <= 0.0) return r;
 #if !GLOSSY
     r.diffuse = s.base_color / PI * n_l; // every dielectric here has specular 0, and nothing is metal
@@ -56,9 +99,17 @@ Lobes evaluate_brdf(Surface s, vec3 l) {
     float d = ggx_d(s.n, h * h_length, n_h, a2);
     float vis = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2) + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
     float lobe = d * vis;
-    float dielectric_f = s.specular * (0.04 + 0.96 * schlick);
+#if DIELECTRICS
+    vec3 dielectric_f = dielectric_fresnel(s, v_h);
+    float taken = max(dielectric_f.r, max(dielectric_f.g, dielectric_f.b));
+#else
+    float dielectric_f = s.specular * (0.04 + 0.96 * schlick), taken = dielectric_f;
+#endif
     vec3 metal_f = s.base_color + (1.0 - s.base_color) * schlick;
-    r.diffuse = (1.0 - s.metallic) * (1.0 - dielectric_f) * s.base_color / PI * n_l;
+    r.diffuse = (1.0 - s.metallic) * (1.0 - taken) * s.base_color / PI * n_l;
+#if TRANSMISSION
+    r.diffuse *= 1.0 - s.transmission;
+#endif
     r.glossy = ((1.0 - s.metallic) * dielectric_f + s.metallic * metal_f) * lobe * n_l;
     return r;
 #endif

@@ -21,5 +21,20 @@ CameraVertex camera_vertex(ivec2 local) {
     r.surface.specular = m.w;
     r.surface.n = normal_at(pixel).xyz;
     r.surface.v = direction_to_camera(pixel, p.xyz);
+#if DIELECTRICS
+    vec4 lobe = load_state(local, FIRST_F0);
+    r.surface.f0 = lobe.rgb;
+    r.surface.specular = lobe.w;
+#endif
+#if TRANSMISSION
+    vec4 glass = load_state(local, FIRST_GLASS);
+    r.surface.transmission = glass.x;
+    r.surface.eta = glass.y;
+    r.surface.thick = glass.z > 0.5;
+#endif
+#if VOLUME
+    r.surface.medium = max(-glass.w, 0.0); // the camera is in air: what is before the surface absorbs nothing on the way to it
+    r.surface.beyond = max(glass.w, 0.0);
+#endif
     return r;
 }

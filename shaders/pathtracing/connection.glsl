@@ -40,6 +40,9 @@ void store_subpath(ivec2 local, SubpathEnd y) {
     store_state(local, LIT_GEOMETRIC, vec4(y.g, y.surface.metallic));
     store_state(local, LIT_NORMAL, vec4(y.surface.n, y.surface.alpha));
     store_state(local, LIT_COLOR, vec4(y.surface.base_color, y.surface.specular));
+#if DIELECTRICS
+    store_state(local, LIT_F0, vec4(y.surface.f0, 0.0));
+#endif
 }
 
 SubpathEnd load_subpath(ivec2 local) {
@@ -49,32 +52,47 @@ SubpathEnd load_subpath(ivec2 local) {
     y.row = int(point.w);
     y.p = point.xyz;
     y.g = geometric.xyz;
-    y.surface = Surface(color.rgb, geometric.w, normal.w, color.w, normal.xyz, vec3(0.0));
+    y.surface.base_color = color.rgb;
+    y.surface.metallic = geometric.w;
+    y.surface.alpha = normal.w;
+    y.surface.specular = color.w;
+    y.surface.n = normal.xyz;
+    y.surface.v = vec3(0.0);
+#if DIELECTRICS
+    y.surface.f0 = load_state(local, LIT_F0).rgb;
+#endif
+#if TRANSMISSION
+    y.surface.transmission = y.surface.eta = 0.0;
+#endif
     return y;
 }
 
 // Light that the end of the subpath sends to the viewer over the surface ``s`` at p.
 Lobes connect(ivec2 local, Surface s, vec3 p, vec3 g) {
-    const Lobes NONE = Lobes(vec3(0.0), vec3(0.0));
+    Lobes none = no_light();
     SubpathEnd y = load_subpath(local);
-    if (y.row < 0) return NONE;
+    if (y.row < 0) return none;
     vec3 origin = offset_origin(p, g, y.p - p);
     vec3 towards = y.p - origin;
     float d2 = dot(towards, towards);
-    if (!(d2 > 0.0)) return NONE;
+    if (!(d2 > 0.0)) return none;
     vec3 l = towards * inversesqrt(d2);
     LightRecord light = light_record(y.row);
     Incident arriving = incident(light, y.p);
     float cosine = -dot(y.g, l);
-    if (!faces(s, g, l) || !(cosine > 0.0) || !faces(y.surface, y.g, arriving.l)) return NONE;
+    if (!faces(s, g, l) || !(cosine > 0.0) || !faces(y.surface, y.g, arriving.l)) return none;
     y.surface.v = -l;
     Lobes reflected = evaluate_brdf(y.surface, arriving.l), f = evaluate_brdf(s, l);
-    vec3 radiance = (reflected.diffuse + reflected.glossy) * arriving.radiance;
+    vec3 radiance = all_lobes(reflected) * arriving.radiance;
     // Balance heuristic over the pdf of the subpath: one over the sum of both.
     radiance /= brdf_pdf(s, l) + subpath_pdf(y.row, light, y.p, y.g) * d2 / cosine;
-    if (!(luminance((f.diffuse + f.glossy) * radiance) > 0.0)) return NONE;
+#if VOLUME // the light shines on the point through the medium in which both points lie
+    float medium = medium_towards(s, g, l);
+    radiance *= transmittance(medium, sqrt(d2) + length(light.position.xyz - y.p));
+#endif
+    if (!(luminance(all_lobes(f) * radiance) > 0.0)) return none;
     // The ray ends before the point by what keeps it from hitting the point's own surface.
     vec3 span = offset_origin(y.p, y.g, -l) - origin;
-    if (occluded(Ray(origin, safe_normalize(span), length(span) * 0.999999))) return NONE;
-    return Lobes(f.diffuse * radiance, f.glossy * radiance);
+    if (occluded(Ray(origin, safe_normalize(span), length(span) * 0.999999))) return none;
+    return times(f, radiance);
 }

@@ -2,7 +2,7 @@
 //
 // Paper      section 3.2, f_dir.
 // Reads      position normal geometric_normal base_color material, light table, acceleration structure.
-// Writes     layers EXACT_DIFFUSE and EXACT_GLOSSY of the path state; lights first_light .. first_light + LIGHT_CHUNK - 1.
+// Writes     layers EXACT_DIFFUSE, EXACT_GLOSSY and EXACT_TRANSMISSION of the path state; lights first_light .. first_light + LIGHT_CHUNK - 1.
 // Reference  metrics.lighting, ray casts
 #include "pathtracing/state.glsl"
 #include "pathtracing/light_sampling.glsl"
@@ -14,7 +14,7 @@ void main() {
     ivec2 local = local_pixel();
     if (outside_tile(local)) return;
     CameraVertex x = camera_vertex(local);
-    Lobes sum = Lobes(vec3(0.0), vec3(0.0));
+    Lobes sum = no_light();
     if (x.lit) {
         int end = min(first_light + LIGHT_CHUNK, P.lights.x);
         for (int row = first_light; row < end; ++row) {
@@ -22,16 +22,24 @@ void main() {
             Incident arriving = incident(light, x.p);
             if (!faces(x.surface, x.g, arriving.l) || !(luminance(arriving.radiance) > 0.0)) continue;
             vec3 origin = offset_origin(x.p, x.g, arriving.l);
-            if (occluded(Ray(origin, arriving.l, punctual_reach(light, origin)))) continue;
-            Lobes f = evaluate_brdf(x.surface, arriving.l);
-            sum.diffuse += f.diffuse * arriving.radiance;
-            sum.glossy += f.glossy * arriving.radiance;
+            float reach = punctual_reach(light, origin);
+            if (occluded(Ray(origin, arriving.l, reach))) continue;
+#if VOLUME
+            arriving.radiance *= transmittance(medium_towards(x.surface, x.g, arriving.l), reach);
+#endif
+            sum = plus(sum, times(evaluate_brdf(x.surface, arriving.l), arriving.radiance));
         }
     }
     if (first_light > 0) {
         sum.diffuse += load_state(local, EXACT_DIFFUSE).rgb;
         sum.glossy += load_state(local, EXACT_GLOSSY).rgb;
+#if TRANSMISSION
+        sum.transmission += load_state(local, EXACT_TRANSMISSION).rgb;
+#endif
     }
+#if TRANSMISSION
+    store_state(local, EXACT_TRANSMISSION, vec4(sum.transmission, 0.0));
+#endif
     store_state(local, EXACT_DIFFUSE, vec4(sum.diffuse, 0.0));
     store_state(local, EXACT_GLOSSY, vec4(sum.glossy, 0.0));
 }

@@ -6,6 +6,8 @@
 // Reference  references.path_tracing
 #include "raytracing/surface.glsl"
 #include "pathtracing/light_sampling.glsl"
+#include "pathtracing/hit_vertex.glsl"
+#include "pathtracing/lobe_sums.glsl"
 #include "pathtracing/numbers.glsl"
 #include "pathtracing/state.glsl"
 #include "pathtracing/going_on.glsl"
@@ -19,16 +21,13 @@ const float LEAST_SURVIVAL = 0.05;
 void contribute(ivec2 local, vec3 light) {
     light = finite_or_counted(light);
     if (!(luminance(light) > 0.0)) return;
-    vec4 diffuse = load_state(local, FIRST_DIFFUSE), glossy = load_state(local, FIRST_GLOSSY);
-    vec3 d = light * diffuse.rgb, g = light * glossy.rgb;
+    Lobes x = first_lobes(local, light);
     if (vertex == 1) {
-        add_state(local, DIRECT_DIFFUSE, vec4(d, 0.0));
-        add_state(local, DIRECT_GLOSSY, vec4(g, 0.0));
-        store_state(local, FIRST_DIFFUSE, vec4(diffuse.rgb, diffuse.w + luminance(d + g)));
+        add_direct(local, x);
+        add_state(local, FIRST_DIFFUSE, vec4(vec3(0.0), luminance(all_lobes(x))));
     } else {
-        add_state(local, INDIRECT_DIFFUSE, vec4(d, 0.0));
-        add_state(local, INDIRECT_GLOSSY, vec4(g, 0.0));
-        store_state(local, FIRST_GLOSSY, vec4(glossy.rgb, glossy.w + luminance(d + g)));
+        add_indirect(local, x);
+        add_state(local, FIRST_GLOSSY, vec4(vec3(0.0), luminance(all_lobes(x))));
     }
 }
 
@@ -36,11 +35,9 @@ void contribute(ivec2 local, vec3 light) {
 void contribute_indirect(ivec2 local, vec3 light) {
     light = finite_or_counted(light);
     if (!(luminance(light) > 0.0)) return;
-    vec4 glossy = load_state(local, FIRST_GLOSSY);
-    vec3 d = light * load_state(local, FIRST_DIFFUSE).rgb, g = light * glossy.rgb;
-    add_state(local, INDIRECT_DIFFUSE, vec4(d, 0.0));
-    add_state(local, INDIRECT_GLOSSY, vec4(g, 0.0));
-    store_state(local, FIRST_GLOSSY, vec4(glossy.rgb, glossy.w + luminance(d + g)));
+    Lobes x = first_lobes(local, light);
+    add_indirect(local, x);
+    add_state(local, FIRST_GLOSSY, vec4(vec3(0.0), luminance(all_lobes(x))));
 }
 
 void main() {
@@ -49,8 +46,12 @@ void main() {
     NumbersOf numbers = numbers_of(local);
     vec4 origin = load_state(local, ORIGIN_PDF);
     vec3 throughput = load_state(local, THROUGHPUT).rgb;
-    Ray ray = Ray(origin.xyz, load_state(local, DIRECTION).xyz, FAR);
+    vec4 direction = load_state(local, DIRECTION);
+    Ray ray = Ray(origin.xyz, direction.xyz, FAR);
     Hit hit = closest_hit(ray);
+#if VOLUME
+    if (hit.instance < 0) throughput *= transmittance(direction.w, FAR);
+#endif
     if (hit.instance < 0) {
 #if ENVIRONMENT
 #if ENVIRONMENT_IMAGE
@@ -68,6 +69,10 @@ void main() {
     }
     vec4 of_emitter = sample_numbers_of(numbers, vertex, EMITTER);
     HitSurface x = surface_at(ray, hit, of_emitter.w);
+    Surface s = hit_vertex(x, -ray.direction, direction.w);
+#if VOLUME
+    throughput *= transmittance(s.medium, hit.t);
+#endif
 #if EMITTERS
     if (x.emitter >= 0) {
         float cosine = abs(dot(x.geometric_normal, ray.direction));
@@ -76,38 +81,37 @@ void main() {
     }
 #endif
     if (vertex >= LAST_VERTEX || x.unlit) return;
-    Surface s;
-    s.base_color = x.base_color;
-    s.metallic = x.metallic;
-    s.alpha = max(x.roughness * x.roughness, MIN_ALPHA);
-    s.specular = x.specular;
-    s.n = x.normal;
-    s.v = -ray.direction;
     vec3 g = x.geometric_normal;
     vec2 before = vec2(origin.w, hit.t * hit.t / max(abs(dot(g, ray.direction)), 1.0e-12));
+#if TRANSMISSION
+    if (s.transmission > 0.0) before.x = 0.0; // no light subpath ends there
+#endif
     Lobes light = next_event(s, x.position, g, of_emitter, sample_numbers_of(numbers, vertex, ENVIRONMENT_PUNCTUAL), 0, before);
 #if BIDIRECTIONAL
     if (vertex < LAST_VERTEX - 1) {
-        Lobes connected = connect(local, s, x.position, g);
-        light = Lobes(light.diffuse + connected.diffuse, light.glossy + connected.glossy);
+        light = plus(light, connect(local, s, x.position, g));
     }
 #endif
-    contribute_indirect(local, throughput * (light.diffuse + light.glossy));
+    contribute_indirect(local, throughput * all_lobes(light));
     vec4 u = sample_numbers_of(numbers, vertex, SCATTER);
     BrdfSample next = sample_brdf(s, u.xyz);
     if (!(next.pdf > 0.0) || !faces(s, g, next.l)) return;
     Lobes f = evaluate_brdf(s, next.l);
-    throughput *= (f.diffuse + f.glossy) / next.pdf;
-    float peak = max(max(throughput.r, throughput.g), throughput.b);
-    bool alive = peak > 0.0 && !non_finite(throughput);
+    throughput *= all_lobes(f) / next.pdf;
+    float brightest = max(max(throughput.r, throughput.g), throughput.b);
+    bool alive = brightest > 0.0 && !non_finite(throughput);
     if (vertex >= ROULETTE_FROM) {
-        float survival = clamp(peak, LEAST_SURVIVAL, 1.0);
+        float survival = clamp(brightest, LEAST_SURVIVAL, 1.0);
         alive = alive && u.w < survival;
         throughput /= survival;
     }
     if (!alive) return;
     store_state(local, ORIGIN_PDF, vec4(offset_origin(x.position, g, next.l), next.pdf));
+#if VOLUME
+    store_state(local, DIRECTION, vec4(next.l, medium_towards(s, g, next.l)));
+#else
     store_state(local, DIRECTION, vec4(next.l, 0.0));
+#endif
     store_state(local, THROUGHPUT, vec4(throughput, 0.0));
     go_on(local, vertex + 1);
 }

@@ -16,6 +16,7 @@
 #include "pathtracing/shadow_reach.glsl"
 #include "raytracing/trace.glsl"
 #include "raytracing/alpha.glsl"
+#include "pathtracing/media.glsl"
 #if EMITTERS
 #include "raytracing/emitters.glsl"
 #endif
@@ -34,7 +35,19 @@ float power_heuristic(float a, float b) {
     return 1.0 / (1.0 + ratio * ratio);
 }
 
-bool faces(Surface s, vec3 g, vec3 l) { return dot(g, l) > 0.0 && dot(s.n, l) > 0.0; }
+// Whether the surface can send light from l to the viewer.
+bool faces(Surface s, vec3 g, vec3 l) {
+    bool above = dot(g, l) > 0.0 && dot(s.n, l) > 0.0;
+#if TRANSMISSION
+    above = above || (s.transmission > 0.0 && dot(g, l) < 0.0 && dot(s.n, l) < 0.0);
+#endif
+    return above;
+}
+
+#if VOLUME
+// The medium that light from l comes through.
+float medium_towards(Surface s, vec3 g, vec3 l) { return dot(g, l) > 0.0 ? s.medium : s.beyond; }
+#endif
 
 #if PUNCTUAL
 #if BIDIRECTIONAL
@@ -60,7 +73,7 @@ LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep, vec2 be
         if (before.x > 0.0) arriving.radiance *= scattered_weight(before, subpath_pdf(row, light_record(row), p, g));
 #endif
         Lobes f = evaluate_brdf(s, arriving.l);
-        float reflected = luminance((f.diffuse + f.glossy) * arriving.radiance);
+        float reflected = luminance(all_lobes(f) * arriving.radiance);
         if (!(reflected > 0.0)) continue;
         float weight = reflected / pdf;
         total += weight;
@@ -124,7 +137,7 @@ const int FROM_PUNCTUAL = 0, FROM_EMITTERS = 1, FROM_ENVIRONMENT = 2;
 // Light that one sample of each kind of source sends to the viewer.  ``sources``: of SOURCES, from ``first``; ``before``: as of
 // punctual_ray.
 Lobes next_event(Surface s, vec3 p, vec3 g, vec4 of_emitter, vec4 of_others, int first, vec2 before) {
-    Lobes sum = Lobes(vec3(0.0), vec3(0.0));
+    Lobes sum = no_light();
 #if SOURCES > 0
     for (int i = first; i < SOURCES; ++i) { // one loop, so that the shadow ray is compiled once
         LightRay ray = NO_LIGHT;
@@ -140,9 +153,10 @@ Lobes next_event(Surface s, vec3 p, vec3 g, vec4 of_emitter, vec4 of_others, int
 #endif
         if (!(luminance(ray.radiance) > 0.0)) continue;
         if (occluded(Ray(ray.origin, ray.l, ray.t_max))) continue;
-        Lobes f = evaluate_brdf(s, ray.l);
-        sum.diffuse += f.diffuse * ray.radiance;
-        sum.glossy += f.glossy * ray.radiance;
+#if VOLUME
+        ray.radiance *= transmittance(medium_towards(s, g, ray.l), ray.t_max);
+#endif
+        sum = plus(sum, times(evaluate_brdf(s, ray.l), ray.radiance));
     }
 #endif
     return sum;

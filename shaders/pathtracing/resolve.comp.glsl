@@ -31,29 +31,53 @@ void main() {
     vec4 direct_diffuse = load_state(local, DIRECT_DIFFUSE), direct_glossy = load_state(local, DIRECT_GLOSSY);
     vec4 indirect_diffuse = load_state(local, INDIRECT_DIFFUSE), indirect_glossy = load_state(local, INDIRECT_GLOSSY);
     vec3 diffuse = direct_diffuse.rgb / n, glossy = direct_glossy.rgb / n;
+#if TRANSMISSION
+    vec3 through = load_state(local, DIRECT_TRANSMISSION).rgb / n;
+    vec3 indirect_through = load_state(local, INDIRECT_TRANSMISSION).rgb / n;
+#endif
 #if PIXEL_LIST
+    const int LOBES = LISTED_LOBES / 3;
     int entry = LISTED_LOBES * (local.y * TILE_SIZE.x + local.x);
     listed_light[entry] = vec4(diffuse, 1.0);
     listed_light[entry + 1] = vec4(glossy, 1.0);
-    listed_light[entry + 2] = vec4(indirect_diffuse.rgb / n, 1.0);
-    listed_light[entry + 3] = vec4(indirect_glossy.rgb / n, 1.0);
+    listed_light[entry + LOBES] = vec4(indirect_diffuse.rgb / n, 1.0);
+    listed_light[entry + LOBES + 1] = vec4(indirect_glossy.rgb / n, 1.0);
     bool exact = EXACT_PUNCTUAL != 0 && list_entry(local).w != 0u;
-    listed_light[entry + 4] = exact ? load_state(local, EXACT_DIFFUSE) : vec4(0.0);
-    listed_light[entry + 5] = exact ? load_state(local, EXACT_GLOSSY) : vec4(0.0);
+    listed_light[entry + 2 * LOBES] = exact ? load_state(local, EXACT_DIFFUSE) : vec4(0.0);
+    listed_light[entry + 2 * LOBES + 1] = exact ? load_state(local, EXACT_GLOSSY) : vec4(0.0);
+#if TRANSMISSION
+    listed_light[entry + 2] = vec4(through, 1.0);
+    listed_light[entry + LOBES + 2] = vec4(indirect_through, 1.0);
+    listed_light[entry + 2 * LOBES + 2] = exact ? load_state(local, EXACT_TRANSMISSION) : vec4(0.0);
+#endif
 #else
 #if EXACT_PUNCTUAL
     diffuse += load_state(local, EXACT_DIFFUSE).rgb;
     glossy += load_state(local, EXACT_GLOSSY).rgb;
 #endif
-    FINAL_DIRECT(direct_out, pixel, diffuse + glossy);
-    FINAL_INDIRECT(indirect_out, pixel, (indirect_diffuse.rgb + indirect_glossy.rgb) / n);
+    vec3 direct = diffuse + glossy, indirect = (indirect_diffuse.rgb + indirect_glossy.rgb) / n;
+#if TRANSMISSION
+#if EXACT_PUNCTUAL
+    through += load_state(local, EXACT_TRANSMISSION).rgb;
+#endif
+    direct += through;
+    indirect += indirect_through;
+#endif
+    FINAL_DIRECT(direct_out, pixel, direct);
+    FINAL_INDIRECT(indirect_out, pixel, indirect);
 #if SPLIT_DIRECT
     FINAL_DIRECT(direct_diffuse_out, pixel, diffuse);
     FINAL_DIRECT(direct_glossy_out, pixel, glossy);
+#if TRANSMISSION
+    FINAL_DIRECT(direct_transmission_out, pixel, through);
+#endif
 #endif
 #if SPLIT_INDIRECT
     FINAL_INDIRECT(indirect_diffuse_out, pixel, indirect_diffuse.rgb / n);
     FINAL_INDIRECT(indirect_glossy_out, pixel, indirect_glossy.rgb / n);
+#if TRANSMISSION
+    FINAL_INDIRECT(indirect_transmission_out, pixel, indirect_through);
+#endif
 #endif
 #if PATH_INFO
     float squares = max(n * (n - 1.0), 1.0); // variance of the mean

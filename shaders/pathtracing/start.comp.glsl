@@ -8,6 +8,7 @@
 #include "pathtracing/going_on.glsl"
 #include "pathtracing/numbers.glsl"
 #include "pathtracing/sums.glsl"
+#include "pathtracing/lobe_sums.glsl"
 #include "pathtracing/camera_vertex.glsl"
 
 uniform int samples_before; // samples of this pixel that are in the sums
@@ -19,33 +20,42 @@ void main() {
     NumbersOf numbers = numbers_of(local);
     if (samples_before == 0) {
         for (int layer = DIRECT_DIFFUSE; layer <= INDIRECT_GLOSSY; ++layer) store_state(local, layer, vec4(0.0));
+#if TRANSMISSION
+        store_state(local, DIRECT_TRANSMISSION, vec4(0.0));
+        store_state(local, INDIRECT_TRANSMISSION, vec4(0.0));
+#endif
     } else {
         close_sample(local, float(samples_before));
     }
     CameraVertex x = camera_vertex(local);
-    Lobes direct = Lobes(vec3(0.0), vec3(0.0)), first = direct, connected = direct;
+    Lobes direct = no_light(), first = direct, connected = direct;
     if (x.lit) {
         direct = next_event(x.surface, x.p, x.g, sample_numbers_of(numbers, 0, EMITTER),
                             sample_numbers_of(numbers, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL, vec2(0.0));
-        direct = Lobes(finite_or_counted(direct.diffuse), finite_or_counted(direct.glossy));
+        direct = finite_or_counted(direct);
         BrdfSample next = sample_brdf(x.surface, sample_numbers_of(numbers, 0, SCATTER).xyz);
         if (next.pdf > 0.0 && faces(x.surface, x.g, next.l)) {
             first = evaluate_brdf(x.surface, next.l);
-            first = Lobes(finite_or_counted(first.diffuse / next.pdf), finite_or_counted(first.glossy / next.pdf));
+            first = finite_or_counted(over(first, next.pdf));
             store_state(local, ORIGIN_PDF, vec4(offset_origin(x.p, x.g, next.l), next.pdf));
+#if VOLUME
+            store_state(local, DIRECTION, vec4(next.l, medium_towards(x.surface, x.g, next.l)));
+#else
             store_state(local, DIRECTION, vec4(next.l, 0.0));
-            if (luminance(first.diffuse + first.glossy) > 0.0) go_on(local, 1);
+#endif
+            if (luminance(all_lobes(first)) > 0.0) go_on(local, 1);
         }
 #if BIDIRECTIONAL
         connected = connect(local, x.surface, x.p, x.g);
-        connected = Lobes(finite_or_counted(connected.diffuse), finite_or_counted(connected.glossy));
-        add_state(local, INDIRECT_DIFFUSE, vec4(connected.diffuse, 0.0));
-        add_state(local, INDIRECT_GLOSSY, vec4(connected.glossy, 0.0));
+        connected = finite_or_counted(connected);
+        add_indirect(local, connected);
 #endif
-        add_state(local, DIRECT_DIFFUSE, vec4(direct.diffuse, 0.0));
-        add_state(local, DIRECT_GLOSSY, vec4(direct.glossy, 0.0));
+        add_direct(local, direct);
     }
     store_state(local, THROUGHPUT, vec4(1.0));
-    store_state(local, FIRST_DIFFUSE, vec4(first.diffuse, luminance(direct.diffuse + direct.glossy)));
-    store_state(local, FIRST_GLOSSY, vec4(first.glossy, luminance(connected.diffuse + connected.glossy)));
+    store_state(local, FIRST_DIFFUSE, vec4(first.diffuse, luminance(all_lobes(direct))));
+    store_state(local, FIRST_GLOSSY, vec4(first.glossy, luminance(all_lobes(connected))));
+#if TRANSMISSION
+    store_state(local, FIRST_TRANSMISSION, vec4(first.transmission, 0.0));
+#endif
 }

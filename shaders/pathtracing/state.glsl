@@ -5,7 +5,7 @@
 #include "common/numbers.glsl"
 
 const int ORIGIN_PDF = 0;      // xyz: origin of the next ray, relative to the camera; w: pdf of its direction, 1/sr
-const int DIRECTION = 1;       // xyz: its direction, unit
+const int DIRECTION = 1;       // xyz: its direction, unit; w, with VOLUME: the medium that it is in
 const int THROUGHPUT = 2;      // xyz: after the first bounce
 const int FIRST_DIFFUSE = 3;   // xyz: diffuse lobe / pdf at the first bounce; w: direct luminance of this sample
 const int FIRST_GLOSSY = 4;    // xyz: glossy lobe / pdf; w: indirect luminance of this sample
@@ -16,11 +16,22 @@ const int INDIRECT_GLOSSY = 8; // xyz: sum; w: samples whose first bounce hit a 
 const int EXACT_DIFFUSE = 9;   // xyz: direct light of all punctual lights, diffuse lobe
 const int EXACT_GLOSSY = 10;   // xyz: glossy lobe
 const int FIRST_POINT = 11;    // xyz: where the paths start
+#if DIELECTRICS
+const int FIRST_F0 = 12;       // of the visible surface, xyz: reflectance of the dielectric lobe at normal incidence; w: specular
+#if TRANSMISSION
+const int FIRST_GLASS = 13;    // of it, x: transmission; y: relative index; z: 1 where thick; w: medium, < 0 on the viewer's side
+const int FIRST_TRANSMISSION = 14; // xyz: transmitted lobe / pdf at the first bounce
+const int DIRECT_TRANSMISSION = 15; // xyz: sum
+const int INDIRECT_TRANSMISSION = 16; // xyz: sum
+const int EXACT_TRANSMISSION = 17; // xyz: as EXACT_DIFFUSE
+#endif
+#endif
 // With BIDIRECTIONAL, the end of the light subpath:
-const int LIT_POINT = 12;      // xyz: relative to the camera; w: row of the light, < 0: none
-const int LIT_GEOMETRIC = 13;  // xyz: unit normal of the triangle; w: metallic
-const int LIT_NORMAL = 14;     // xyz: shading normal; w: roughness squared
-const int LIT_COLOR = 15;      // xyz: base color; w: specular
+const int LIT_POINT = 12 + DIELECTRICS + 5 * TRANSMISSION; // xyz: relative to the camera; w: row of the light, < 0: none
+const int LIT_GEOMETRIC = LIT_POINT + 1; // xyz: unit normal of the triangle; w: metallic
+const int LIT_NORMAL = LIT_POINT + 2; // xyz: shading normal; w: roughness squared
+const int LIT_COLOR = LIT_POINT + 3; // xyz: base color; w: specular
+const int LIT_F0 = LIT_POINT + 4; // with DIELECTRICS, xyz: as FIRST_F0
 
 ivec2 local_pixel() { return ivec2(gl_GlobalInvocationID.xy); }
 

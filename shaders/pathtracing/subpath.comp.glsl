@@ -5,6 +5,7 @@
 // Reference  references.path_tracing
 #include "raytracing/surface.glsl"
 #include "pathtracing/light_sampling.glsl"
+#include "pathtracing/hit_vertex.glsl"
 #include "pathtracing/numbers.glsl"
 
 void main() {
@@ -28,7 +29,10 @@ void main() {
         if (x.unlit) y.row = -1;
         y.p = x.position;
         y.g = x.geometric_normal;
-        y.surface = Surface(x.base_color, x.metallic, max(x.roughness * x.roughness, MIN_ALPHA), x.specular, x.normal, vec3(0.0));
+        y.surface = hit_vertex(x, vec3(0.0), 0.0);
+#if TRANSMISSION
+        if (y.surface.transmission > 0.0) y.row = -1; // pairs with such a point are found from the camera alone
+#endif
     }
     store_subpath(local, y);
 }

@@ -66,4 +66,19 @@ vec4 bilinear(MapPoint p) {
 vec3 linear_of_srgb(vec3 c) {
     return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), greaterThan(c, vec3(0.04045)));
 }
+
+#if HIT_SPECULAR_COLOR_MAPS
+// As ``bilinear``, of colors.
+vec3 bilinear_of_srgb(MapPoint p) {
+    if ((p.modes & MAP_NEAREST) != 0u) return linear_of_srgb(texel_of(p, ivec2(p.at)).rgb);
+    vec2 low = floor(p.at - 0.5), f = p.at - 0.5 - low;
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < 4; ++k) {
+        ivec2 step = ivec2(k & 1, k >> 1);
+        vec2 w = mix(1.0 - f, f, vec2(step));
+        sum += w.x * w.y * linear_of_srgb(texel_of(p, ivec2(low) + step).rgb);
+    }
+    return sum;
+}
+#endif
 #endif

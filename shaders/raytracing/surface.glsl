@@ -7,6 +7,47 @@
 #include "raytracing/alpha.glsl"
 #include "raytracing/ray.glsl"
 
+#if HIT_DIELECTRICS
+// The lobe of a material beside its base color (common/dielectric.glsl).
+struct Dielectric {
+    vec3 f0;
+    float specular;
+    float transmission;
+    float eta;
+    bool thick;
+    float medium; // place of the material where the surface bounds a volume; < 0: the viewer is in it
+};
+
+// ``textured``: read its textures at ``texcoords``; ``back``: seen from behind.
+Dielectric dielectric_at(uint material, bool textured, vec4 texcoords, bool back) {
+    uint last = material + HIT_MATERIAL_TEXELS - 2u;
+    vec4 reflectance = hit_floats(last), through = hit_floats(last + 1u);
+    uint flags = hit_words(material + 1u).w;
+    Dielectric d;
+    d.specular = hit_floats(material + 2u).z;
+    d.transmission = through.w;
+    d.thick = (flags & MATERIAL_THICK) != 0u;
+    d.eta = through.w > 0.0 ? (d.thick && back ? 1.0 / reflectance.w : reflectance.w) : 0.0;
+    d.medium = d.thick && through.w > 0.0 ? (back ? -float(material) : float(material)) : 0.0;
+    vec3 color = reflectance.rgb;
+#if HIT_TEXTURES
+    flags = textured ? flags : 0u;
+#if HIT_SPECULAR_COLOR_MAPS
+    if ((flags & MATERIAL_SPECULAR_COLOR_MAP) != 0u) color *= bilinear_of_srgb(map_point(material, SLOT_SPECULAR_COLOR, texcoords));
+#endif
+#if HIT_SPECULAR_MAPS
+    if ((flags & MATERIAL_SPECULAR_MAP) != 0u) d.specular *= bilinear(map_point(material, SLOT_SPECULAR, texcoords)).a;
+#endif
+#if HIT_TRANSMISSION_MAPS
+    if ((flags & MATERIAL_TRANSMISSION_MAP) != 0u)
+        d.transmission *= bilinear(map_point(material, SLOT_TRANSMISSION, texcoords)).r;
+#endif
+#endif
+    d.f0 = min(color, 1.0) * d.specular;
+    return d;
+}
+#endif
+
 struct HitSurface {
     vec3 position;         // camera-relative
     vec3 geometric_normal; // unit, faces the ray's origin
@@ -19,6 +60,9 @@ struct HitSurface {
     int emitter;   // row of the emitter table, or -1
     bool unlit;    // scatters and emits nothing
     float area;    // of the triangle in this frame, square meters
+#if HIT_DIELECTRICS
+    Dielectric dielectric;
+#endif
 };
 
 #if HIT_EMISSION
@@ -133,6 +177,10 @@ HitSurface surface_at(Ray ray, Hit hit, float u) {
         s.metallic *= texel.x;
         s.roughness *= texel.y;
     }
+#endif
+#if HIT_DIELECTRICS
+    s.dielectric = dielectric_at(material, true, texcoords, side < 0.0);
+    s.specular = s.dielectric.specular;
 #endif
     s.unlit = (flags & MATERIAL_UNLIT) != 0u;
     s.emission = vec3(0.0);

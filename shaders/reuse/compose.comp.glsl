@@ -77,6 +77,12 @@ void main() {
 #if HAS_INDIRECT_GLOSSY
     specular += READ(indirect_glossy, from).rgb;
 #endif
+#if HAS_DIRECT_TRANSMISSION
+    specular += READ(direct_transmission, from).rgb;
+#endif
+#if HAS_INDIRECT_TRANSMISSION
+    specular += READ(indirect_transmission, from).rgb;
+#endif
     imageStore(specular_out, pixel, vec4(surface ? specular * exposure : vec3(0.0), shaded));
 #endif
 #if WRITE_EMITTED

@@ -52,6 +52,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.animation import OrbitCamera, Poser, bounding_sphere, camera_of_run
     from taubench_gl.effects.census import census
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
+    from taubench_gl.effects.path_tracing import left_out
     from taubench_gl.evaluation.appearance import transparency_notes
     from taubench_gl.evaluation.schedule import frame_total
     from taubench_gl.frame.memory import memory_of_frame
@@ -110,7 +111,10 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "effects": effect_costs(animated, drawn),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
-        "notes": [*map(str, scene.notes), *transparency_notes(scene, settings.sequence.blend)],
+        "notes": [
+            *map(str, (*scene.notes, *left_out(scene, settings))),
+            *transparency_notes(scene, settings.sequence.blend),
+        ],
     }
 
 

@@ -32,6 +32,7 @@ from taubench_gl.evaluation import (
     missing_of_scene,
     preview_notes,
     sampled_pairs,
+    scene_lobes,
     summarize_lobes,
 )
 from taubench_gl.features import COLUMNS
@@ -79,7 +80,8 @@ def sampled_light(
     job: Job, head: Mapping[str, Any], reports: Sequence[Mapping[str, Any]], pairs: Mapping[int, Mapping[str, Any]]
 ) -> SampledLight | None:
     """The sampled light of a job, all of whose pairs are counted, before its first round; None where it has none."""
-    light = SampledLight.of(job.settings, range(*head["frames"]), reports[0]["unmeasured"], job.lobes)
+    lobes = scene_lobes(job.lobes, reports[0]["source"]["effects"])
+    light = SampledLight.of(job.settings, range(*head["frames"]), reports[0]["unmeasured"], lobes)
     if light is not None:
         for position in job_positions(job, head):
             light.add(position, counts_of_record(pairs[position]))
@@ -122,7 +124,7 @@ def merge_job(
     if decides_light(settings):
         summary["decided_light"] = decided_summary(rows)
     if job.lobes:
-        missing = missing_of_scene(job.lobes, unmeasured)
+        missing = missing_of_scene(job.lobes, unmeasured, source["effects"], settings)
         summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])
     if settings.metrics.exact:
         summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])

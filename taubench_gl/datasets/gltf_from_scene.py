@@ -195,8 +195,7 @@ def _material(w: Writer, m: Material, textures: _Textures) -> int:
     extensions: dict[str, Any] = {}
     if strength > 1.0:
         extensions["KHR_materials_emissive_strength"] = {"emissiveStrength": strength}
-    if m.specular != 1.0:
-        extensions["KHR_materials_specular"] = {"specularFactor": m.specular}
+    extensions |= _dielectric(m, textures)
     if m.unlit:
         extensions["KHR_materials_unlit"] = {}
     if extensions:
@@ -205,6 +204,28 @@ def _material(w: Writer, m: Material, textures: _Textures) -> int:
         used += [name for name in extensions if name not in used]
     w.gltf.materials.append(out)
     return len(w.gltf.materials) - 1
+
+
+def _dielectric(m: Material, textures: _Textures) -> dict[str, Any]:
+    """KHR_materials_specular, ior, transmission and volume of a material, where they are not the defaults."""
+    specular: dict[str, Any] = {} if m.specular == 1.0 else {"specularFactor": m.specular}
+    if any(c != 1.0 for c in m.specular_color):
+        specular["specularColorFactor"] = list(m.specular_color)
+    transmission: dict[str, Any] = {"transmissionFactor": m.transmission} if m.transmission else {}
+    maps = (
+        (specular, "specularTexture", m.specular_texture),
+        (specular, "specularColorTexture", m.specular_color_texture),
+        (transmission, "transmissionTexture", m.transmission_texture),
+    )
+    for owner, name, texture in maps:
+        if texture is not None:
+            owner[name] = textures.info(texture)
+    volume: dict[str, Any] = {"thicknessFactor": 1.0, "attenuationColor": list(m.attenuation_color)} if m.thick else {}
+    if m.thick and np.isfinite(m.attenuation_distance):
+        volume["attenuationDistance"] = m.attenuation_distance
+    ior = {} if m.ior == 1.5 else {"ior": m.ior}
+    parts = {"specular": specular, "ior": ior, "transmission": transmission, "volume": volume}
+    return {f"KHR_materials_{name}": part for name, part in parts.items() if part}
 
 
 def _camera(w: Writer, c: Camera) -> int:

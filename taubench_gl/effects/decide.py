@@ -14,7 +14,16 @@ import numpy as np
 
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.effects.path_tracing import REPLACED, cost_text, emissive_surfaces, method_of, traced_sources
+from taubench_gl.effects.path_tracing import (
+    GLASS,
+    NO_TRANSMISSION,
+    REPLACED,
+    cost_text,
+    emissive_surfaces,
+    glass_counts,
+    method_of,
+    traced_sources,
+)
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import Settings
@@ -228,7 +237,25 @@ def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wante
             )
             for name, (source, light) in by_source.items()
         }
-    return {"path_traced": whole, **parts}
+    return {"path_traced": whole, **parts, **_glass(scene, whole)}
+
+
+def _glass(scene: Scene, path_traced: Effect) -> dict[str, Effect]:
+    """The effects of surfaces that path-traced light alone has."""
+    counts = glass_counts(drawn_materials(scene))
+    words = {
+        "dielectrics": ("primitive has a dielectric lobe of its own", "primitives have a dielectric lobe of their own"),
+        "transmission": ("primitive lets light through", "primitives let light through"),
+        "volume": ("primitive absorbs light inside", "primitives absorb light inside"),
+    }
+    none = {"transmission": NO_TRANSMISSION}
+    out = {}
+    for name in GLASS:
+        counted = none.get(name) if not counts[name] and name in none else _count(counts[name], *words[name])
+        on = path_traced.enabled and counts[name] > 0
+        left_out = "" if on or not counts[name] else ", path-traced light alone has it"
+        out[name] = Effect(on, f"{counted}{left_out}")
+    return out
 
 
 def _not_traced(source: str, light: str, settings: Settings) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from taubench_gl.effects.lighting import counts_as_light, emits, environment_of
-from taubench_gl.scene.model import Scene
-from taubench_gl.settings import LightingSettings, Settings
+from taubench_gl.scene.model import Material, Note, Scene
+from taubench_gl.scene.notes import listed
+from taubench_gl.settings import PREVIEWED, LightingSettings, Settings
 
 SOURCES = ("punctual", "emitters", "environment")
 
@@ -58,6 +61,37 @@ def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
     return frozenset(name for name, there in present.items() if there)
 
 
+GLASS = ("dielectrics", "transmission", "volume")
+"""Effects of surfaces that path-traced light alone has."""
+
+NO_TRANSMISSION = "no surface lets light through"
+
+
+def has_dielectric(material: Material) -> bool:
+    """Whether its dielectric lobe has a color, a texture or an index of refraction, or light goes through."""
+    own = material.ior != 1.5 or material.specular_color != (1.0, 1.0, 1.0) or material.specular_texture is not None
+    lobe = material.specular > 0.0 and (own or material.specular_color_texture is not None)
+    return not material.unlit and (lobe or transmits(material))
+
+
+def transmits(material: Material) -> bool:
+    """Whether light goes through; an infinite index of refraction (0) reflects all of it."""
+    return not material.unlit and material.transmission > 0.0 and material.ior > 0.0
+
+
+def absorbs(material: Material) -> bool:
+    """Whether light that goes through is absorbed on its way inside."""
+    dark = material.attenuation_distance < np.inf and min(material.attenuation_color) < 1.0
+    return transmits(material) and material.thick and dark
+
+
+def glass_counts(materials: Iterable[Material]) -> dict[str, int]:
+    """Effect of ``GLASS`` -> number of ``materials`` that need it."""
+    needs = dict(zip(GLASS, (has_dielectric, transmits, absorbs), strict=True))
+    listed = list(materials)
+    return {name: sum(map(need, listed)) for name, need in needs.items()}
+
+
 def traced_effects(enabled: Mapping[str, Any] | frozenset[str]) -> frozenset[str]:
     """Those of ``enabled`` that trace paths."""
     return frozenset({"path_traced", "emitter_light", "environment_light"} & set(enabled))
@@ -88,6 +122,37 @@ def notes(scene: Scene, settings: Settings, enabled: frozenset[str]) -> list[str
     parts = {"emitter_light": text, "environment_light": "the environment"}
     named = [part for effect, part in parts.items() if effect in enabled]
     return [f"light of {' and '.join(named)} is path-traced: {cost_text(settings.lighting)}"] if named else []
+
+
+def left_out(scene: Scene, settings: Settings) -> list[Note]:
+    """What raster light leaves out of surfaces that path-traced light has."""
+    if method_of(settings) == "path-traced":
+        return []
+    used = {n: {p.material for p in _primitives(scene, n) if len(p.triangles)} for n in scene.mesh_nodes.tolist()}
+    preview = "preview: " if method_of(settings) in PREVIEWED else ""
+    out = []
+    for need, what, consequence in _LEFT_OUT:
+        materials = sorted(i for i in set().union(*used.values()) if i >= 0 and need(scene.materials[i]))
+        if materials:
+            objects = sum(not found.isdisjoint(materials) for found in used.values())
+            names = listed(scene.materials[i].name or f"number {i}" for i in materials)
+            text = (
+                f"{preview}{what} is not simulated: {consequence}; {objects} of {len(used)} objects, "
+                f"material{'s' * (len(materials) > 1)} {names}; --light path-traced has it"
+            )
+            out.append(Note(text, kind="glass", count=objects, materials=frozenset(materials)))
+    return out
+
+
+_LEFT_OUT: tuple[tuple[Callable[[Material], bool], str, str], ...] = (
+    (transmits, "transmission (KHR_materials_transmission)", "drawn opaque"),
+    (absorbs, "absorption (KHR_materials_volume)", "drawn without attenuation inside"),
+    (
+        lambda m: has_dielectric(m) and not transmits(m),
+        "the dielectric lobe (KHR_materials_ior, specular)",
+        "drawn with an index of refraction of 1.5 and a white lobe",
+    ),
+)
 
 
 def _primitives(scene: Scene, node: int) -> tuple[Any, ...]:

@@ -17,7 +17,14 @@ from taubench_gl.evaluation.lighting import (
     files_identity,
     resolve_lighting,
 )
-from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels, summarize_lobes
+from taubench_gl.evaluation.lobes import (
+    LobeColumns,
+    missing_of_scene,
+    require_lobes,
+    scene_channels,
+    scene_lobes,
+    summarize_lobes,
+)
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
     EvaluatedPair,
@@ -82,5 +89,6 @@ __all__ = [
     "sampled_pairs",
     "scene_channels",
     "scene_facts",
+    "scene_lobes",
     "summarize_lobes",
 ]

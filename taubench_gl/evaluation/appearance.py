@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.effects.lighting import without_auto
+from taubench_gl.effects.path_tracing import left_out
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.schedule import first_middle_last
 from taubench_gl.frame.materials import BLEND_CUTOFF
@@ -41,21 +42,23 @@ class Surfaces:
 def appearance_notes(
     animated: AnimatedScene, settings: Settings, frames: range, owner: GpuOwner | None = None
 ) -> list[str]:
-    """The scene's notes, with the share of the image of those that concern materials, and notes on blended surfaces.
+    """The scene's notes, what its raster light leaves out, and notes on blended surfaces.
+
+    With the share of the image of those that concern materials.
 
     Draws only if there are such materials: the first, middle and last of ``frames``, small and without light, with
     the programs of ``owner``.
     """
     scene = animated.scene
-    blended = blended_materials(scene)
-    if not blended and not any(note.materials for note in scene.notes):
-        return [str(note) for note in scene.notes]
+    blended, every = blended_materials(scene), (*scene.notes, *left_out(scene, settings))
+    if not blended and not any(note.materials for note in every):
+        return [str(note) for note in every]
     metered = first_middle_last(frames)
     where = f"of pixels in frame{'s' * (len(metered) > 1)} {', '.join(map(str, metered))}"
     # Drawn opaque, so that surfaces that the cutoff removes are seen.
     seen = _surfaces(animated, settings.replace(blend="opaque"), metered, owner)
     notes = []
-    for note in scene.notes:
+    for note in every:
         share = f"; {seen.percent(seen.of(note.materials)):.1f} % {where}" if note.materials else ""
         notes.append(f"{note}{share}")
     if blended:

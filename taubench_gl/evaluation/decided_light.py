@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, SCENE_LOBES
+from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE
+from taubench_gl.effects.decide import as_summary
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, read_preview
+from taubench_gl.evaluation.lobes import scene_lobes
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
 from taubench_gl.frame.sources import RasterSource
@@ -40,7 +42,7 @@ class DecidedLight:
         """``source``, ``settings``: of the pairs, with one kind of history."""
         self._settings = settings
         self._columns = sampled_columns(source.unmeasured, self._settings.metrics.columns)
-        self._lobes = tuple(lobe for lobe in session.wants.lobes if lobe in SCENE_LOBES)
+        self._lobes = scene_lobes(session.wants.lobes, as_summary(source.effects))
         self._pixels = DecidedPixels(session.variant, self._settings, self._columns, self._lobes)
 
     def blocks(self, session: Session) -> dict[str, Any]:

@@ -16,7 +16,6 @@ import numpy as np
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.evaluation.pairs import PairEvaluator
 from taubench_gl.features import FEATURE_BIT, LIGHT_FEATURES, RADIANCE_FEATURES
-from taubench_gl.frame.passes.pathtracing import LISTED_LOBES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
@@ -127,7 +126,7 @@ class DecidedPixels:
         lobes: Collection[str] = (),
     ):
         """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide; ``lobes``
-        (diffuse, glossy): whose distances are wanted too."""
+        (of ``scene_lobes``): whose distances are wanted too."""
         self._settings, self.columns, self._lobes = settings, tuple(columns), tuple(lobes)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
         traced = decided_light(settings)
@@ -218,7 +217,8 @@ class DecidedPixels:
     def _changes(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """Column -> its value now less that in the history, (m, ..., 3), of radiance (m, ..., 1 + taps, lobes, 3)."""
         exposure, expand = self._settings.lighting.exposure_factor, (slice(None), *[None] * (light.ndim - 4))
-        direct, indirect = light[..., :2, :].sum(axis=-2), light[..., 2:, :].sum(axis=-2)
+        half = light.shape[-2] // 2
+        direct, indirect = light[..., :half, :].sum(axis=-2), light[..., half:, :].sum(axis=-2)
         values = {"direct": direct * exposure, "indirect": indirect * exposure}
         if "color" in self.columns:
             emission = 0.0 if listed.emission is None else listed.emission[expand]
@@ -230,7 +230,7 @@ class DecidedPixels:
     def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """``lobe_distance`` -> distance (m,) of each wanted lobe, of parts ``light``."""
         out = {}
-        for place, name in enumerate(LISTED_LOBES):
+        for place, name in enumerate(self._sources[0].listed_lobes):
             bounce, lobe = name.split("_")
             if bounce in self.columns and lobe in self._lobes:
                 change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])

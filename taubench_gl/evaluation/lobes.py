@@ -9,6 +9,7 @@ import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import HISTOGRAM_BINS, LOBES, SCENE_LOBES
+from taubench_gl.effects.path_tracing import NO_TRANSMISSION
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
@@ -31,18 +32,32 @@ def require_lobes(lobes: Collection[str]) -> None:
 
 
 def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
-    """Channels of the ``lobes`` of a rendered scene: it has diffuse and glossy ones."""
+    """Channels of the ``lobes`` of a rendered scene."""
     return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in SCENE_LOBES)
 
 
-def missing_of_scene(lobes: Collection[str], unmeasured: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """lobe -> {direct or indirect: why it is null}, for a rendered scene.  ``unmeasured``: of its source."""
-    none = "rendered scenes have diffuse and glossy lobes only"
+def scene_lobes(lobes: Collection[str], effects: Mapping[str, Any]) -> tuple[str, ...]:
+    """Those of ``lobes`` that a rendered scene has.  ``effects``: the block of its summary."""
+    none = {"transmission"} if effects["transmission"]["reason"] == NO_TRANSMISSION else set()
+    return tuple(lobe for lobe in lobes if lobe in SCENE_LOBES and lobe not in none)
+
+
+def missing_of_scene(
+    lobes: Collection[str], unmeasured: Mapping[str, str], effects: Mapping[str, Any], settings: Settings
+) -> dict[str, dict[str, str]]:
+    """lobe -> {direct or indirect: why it is null}, for a rendered scene.
+
+    ``unmeasured``: of its source; ``effects``: the block of its summary.
+    """
+    own, why = scene_lobes(lobes, effects), {}
+    why = {lobe: "rendered scenes have no volumetric lobe" for lobe in lobes if lobe not in SCENE_LOBES}
+    transmission = effects["transmission"]
+    # Where light is sampled or decided, the source is the preview, and its columns are those of path-traced light.
+    if "transmission" not in own or not (transmission["on"] or settings.lighting.light in ("auto", "path-traced")):
+        why["transmission"] = transmission["reason"]
     return {
-        lobe: {b: none if lobe not in SCENE_LOBES else unmeasured[b] for b in BOUNCES
-               if lobe not in SCENE_LOBES or b in unmeasured}
-        for lobe in lobes
-    }  # fmt: skip
+        lobe: {b: why.get(lobe) or unmeasured[b] for b in BOUNCES if lobe in why or b in unmeasured} for lobe in lobes
+    }
 
 
 def summarize_lobes(
@@ -82,12 +97,16 @@ class LobeColumns:
         null}; ``texture``: name of the source's texture of a (lobe, direct or indirect).
         """
         self._source, self._texture = source, texture
+        self._dark: Any = None
         self._lobes: dict[str, tuple[PairEvaluator | None, SequenceStats]] = {}
         for lobe, reasons in missing.items():
             measured = tuple(b for b in BOUNCES if b not in reasons)
             how = {"radiance": measured, "timed": False}
             evaluator = owner.open_evaluator(source, settings, **how) if measured else None
             self._lobes[lobe] = evaluator, SequenceStats(measured, dict(reasons))
+            if self._dark is None and any(texture(lobe, b) not in source.current for b in measured):
+                self._dark = owner.own(owner.gpu.texture(source.size))  # of a lobe that the preview leaves out
+                self._dark.write(bytes(16 * source.size[0] * source.size[1]))
 
     def blocks(self, session: Session) -> dict[str, Any]:
         """The block ``lobes`` of summary.json."""
@@ -104,9 +123,9 @@ class LobeColumns:
 
     def _count(self, lobe: str, evaluator: PairEvaluator, pair: Pair) -> np.ndarray:
         """The mask histogram of ``pair`` with a lobe for direct and indirect."""
-        names = {b: self._texture(lobe, b) for b in BOUNCES}
+        names = {b: self._texture(lobe, b) for b in self._lobes[lobe][1].measured}
         current, previous = (
-            dict(textures) | {b: textures[name] for b, name in names.items() if name in textures}
+            dict(textures) | {b: textures.get(name, self._dark) for b, name in names.items()}
             for textures in (self._source.current, self._source.previous)
         )
         step = reprojection(pair.view, self._source.previous_view, *self._source.size)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import SCENE_LOBES
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, PreviewPair, read_preview
 from taubench_gl.evaluation.histories import better, chosen_words
 from taubench_gl.evaluation.owner import GpuOwner
@@ -163,7 +162,7 @@ class SampledLight:
     """The sampled light of one run: the preview's counts of every pair first, then rounds of visits."""
 
     def __init__(self, settings: Settings, frames: range, unmeasured: Mapping[str, str], lobes: Sequence[str] = ()):
-        """``unmeasured``: column -> why the preview has none; ``lobes``: measured apart."""
+        """``unmeasured``: column -> why the preview has none; ``lobes`` (of ``scene_lobes``): measured apart."""
         columns = sampled_columns(unmeasured, settings.metrics.columns)
         shading = "shading" not in unmeasured_rates(unmeasured)
         self.sample: PairSample = sampled_pairs(frames, settings)
@@ -173,7 +172,7 @@ class SampledLight:
             thresholds,
             shading,
             settings.lighting.light_within,
-            [lobe for lobe in lobes if lobe in SCENE_LOBES],
+            lobes,
         )
         self._settings, self.rounds = settings, 0
 

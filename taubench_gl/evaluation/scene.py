@@ -10,12 +10,13 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.animation.eyes import other_eye
+from taubench_gl.effects.decide import as_summary
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.both import BothHistories
 from taubench_gl.evaluation.decided_light import DecidedLight
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting, with_pairs, with_samples
-from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
+from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels, scene_lobes
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.sampled_light import SampledLight, decides_light, preview_notes
@@ -63,7 +64,8 @@ class SceneInput:
         if session.wants.sampled and decides_light(settings):
             yield DecidedLight(session, source, settings)
         if session.wants.lobes:
-            missing = missing_of_scene(session.wants.lobes, source.unmeasured)
+            effects = as_summary(source.effects)
+            missing = missing_of_scene(session.wants.lobes, source.unmeasured, effects, settings)
             yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if settings.metrics.exact:
             yield ExactColumns.of_source(session.variant, settings, source, self.frames)
@@ -83,7 +85,8 @@ class SceneInput:
     def sampled_light(self, session: Session) -> SampledLight | None:
         if not session.wants.sampled:
             return None
-        return SampledLight.of(self.settings, self.frames, session.source.unmeasured, session.wants.lobes)
+        lobes = scene_lobes(session.wants.lobes, as_summary(session.source.effects))
+        return SampledLight.of(self.settings, self.frames, session.source.unmeasured, lobes)
 
     def amend(self, summary: dict[str, Any], session: Session) -> None:
         if session.sampled is None:

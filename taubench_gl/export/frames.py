@@ -18,7 +18,7 @@ from taubench_gl import math3d
 from taubench_gl.animation import View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import Reason
+from taubench_gl.conventions import SCENE_LOBES, Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
@@ -97,7 +97,7 @@ class FrameSource(GpuOwner):
         wanted = {*names, *(("direct", "indirect") if exact else ())}
         columns += tuple(c for c in LIGHT_FEATURES if c in wanted and c not in columns)
         for column in ("direct", "indirect"):
-            lobes = {f"{column}_diffuse", f"{column}_glossy", *(("path_info",) * (column == "direct"))}
+            lobes = {*(f"{column}_{lobe}" for lobe in SCENE_LOBES), *(("path_info",) * (column == "direct"))}
             if lobes & set(names) and column not in columns:
                 columns += (column,)
         self._settings = settings = settings.replace(columns=columns)
@@ -135,6 +135,9 @@ class FrameSource(GpuOwner):
         column = "direct" if name == "path_info" else name.partition("_")[0]
         if column in self.source.unmeasured or name == column:
             return self.source.unmeasured.get(column, "the scene does not have it")
+        transmission = self.source.effects["transmission"]
+        if name.endswith("_transmission") and not transmission.enabled:
+            return transmission.reason
         return "no light is path-traced"
 
     def view(self, frame: int) -> View:

@@ -11,7 +11,7 @@ from taubench_gl.export.channels import PATH_INFO, RADIANCE_OF_ALL, clean_name, 
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.option_groups import TrainingOptions
-from taubench_gl.pathtraced.references import LOBES
+from taubench_gl.pathtraced.references import LOBES, reference_lobes
 from taubench_gl.reuse.light_pairs import LightPairs, input_kind
 from taubench_gl.reuse.references import PathTracedReference, reference_samples
 from taubench_gl.settings import Settings
@@ -19,12 +19,12 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 
 
-def training_names(options: TrainingOptions) -> tuple[str, ...]:
-    """Channels in order: the reference and its lobes, then radiance, lobes and ``path_info`` of each seed."""
+def training_names(options: TrainingOptions, lobes: tuple[str, ...] = LOBES) -> tuple[str, ...]:
+    """Channels in order: the reference and its ``lobes``, then radiance, lobes and ``path_info`` of each seed."""
     kind, clean = input_kind(options, 0) if options.wanted else None, []
     if options.reference is not None:
-        clean = [RADIANCE_OF_ALL, *(LOBES if reference_samples(options.reference) else ())]
-    noisy = () if kind is None else (RADIANCE_OF_ALL, *((*LOBES, PATH_INFO) if kind.path_samples else ()))
+        clean = [RADIANCE_OF_ALL, *(lobes if reference_samples(options.reference) else ())]
+    noisy = () if kind is None else (RADIANCE_OF_ALL, *((*lobes, PATH_INFO) if kind.path_samples else ()))
     seeds = range(options.seeds)
     return (*map(clean_name, clean), *(noisy_name(k, name) for k in seeds for name in noisy))
 
@@ -53,9 +53,10 @@ class TrainingLight(LightPairs):
     def __init__(self, gpu: Gpu, animated: AnimatedScene, settings: Settings, options: TrainingOptions):
         """``settings``: resolved for all columns.  Raises SettingsError."""
         kind = input_kind(options, settings.lighting.seed)
-        lobes = LOBES if kind is not None and kind.path_samples else ()
+        every = reference_lobes(animated.scene)
+        lobes = every if kind is not None and kind.path_samples else ()
         super().__init__(gpu, animated, settings, options, (*lobes, *((PATH_INFO,) if lobes else ())))
-        self.names, self._lobes = training_names(options), lobes
+        self.names, self._lobes = training_names(options, every), lobes
 
     def announce(self, frames: Iterable[int], announce: Callable[[str], None]) -> None:
         """Report how long the references of ``frames`` take, if any are to be traced."""

@@ -217,7 +217,7 @@ class RasterSource(Owner):
         seed: int | None = None,
         parts: bool = False,
     ) -> np.ndarray:
-        """Path-traced light of pixels of the current frame, with option ``pixel_list``: (n, samples, 4, 3) radiance.
+        """Path-traced light of pixels of the current frame, with option ``pixel_list``: (n, samples, k, 3) radiance.
 
         ``pixels``, ``keys`` (n, 2): column and row from the top; the sample numbers are those of pixel ``keys`` in
         frame ``number``, of the sequence ``seed`` (None: that of the settings) or, with ``parts``, of ``part_table``.
@@ -229,6 +229,11 @@ class RasterSource(Owner):
         rows = [np.stack([p[:, 0], self.size[1] - 1 - p[:, 1]], axis=-1) for p in (pixels, keys)]
         frame.number, paths.scramble = number, paths.scramble if seed is None else seed
         return paths.listed_light(frame, *rows, samples, parts=parts)
+
+    @property
+    def listed_lobes(self) -> tuple[str, ...]:
+        """Names of the lobes of ``listed_light``, in order."""
+        return self.light.paths.lobes
 
     @property
     def previous_time(self) -> float:

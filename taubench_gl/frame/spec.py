@@ -14,7 +14,7 @@ from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import Effect, indirect_method
 from taubench_gl.effects.lighting import Environment, Sun, environment_of
-from taubench_gl.effects.path_tracing import emitters, method_of, traced_effects, traced_sources
+from taubench_gl.effects.path_tracing import GLASS, emitters, method_of, traced_effects, traced_sources
 from taubench_gl.frame.lights import KINDS, light_kinds, significant_lights
 from taubench_gl.frame.materials import MaterialKey, material_key, with_blend
 from taubench_gl.frame.shading import Shading
@@ -157,6 +157,12 @@ class FrameSpec:
     @property
     def _replaces_raster(self) -> bool:
         return method_of(self.settings) == "path-traced" and bool(self.path_traced_sources)
+
+    @property
+    def glass(self) -> dict[str, bool]:
+        """Macros of the effects of surfaces that path-traced light alone has."""
+        traced = bool(self.path_traced_sources)
+        return {name.upper(): traced and name in self.enabled for name in GLASS}
 
     @cached_property
     def emitters(self) -> frozenset[int]:

@@ -21,7 +21,8 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.data_files import code_hash, read_json, stored_arrays
-from taubench_gl.effects.path_tracing import traced_sources
+from taubench_gl.effects.decide import drawn_materials
+from taubench_gl.effects.path_tracing import traced_sources, transmits
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
@@ -30,6 +31,7 @@ from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.outputs import duration_text, replacing, write_atomically
 from taubench_gl.paths import cache_folder
+from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 from taubench_gl.srgb import LUMINANCE
 
@@ -37,6 +39,9 @@ Array = np.ndarray
 
 SCHEMA = "taubench-gl/path-traced-reference/1"
 LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
+TRANSMITTED = ("direct_transmission", "indirect_transmission")
+"""Lobes that follow where a surface of the scene lets light through."""
+
 HALVES = 2
 """Sample sequences of a reference.  Each has half of the samples; their difference measures the noise."""
 
@@ -49,7 +54,8 @@ every frame's name, exposure multiplies afterwards."""
 
 _CODE = ("frame/passes/pathtracing.py", "frame/passes/gbuffer.py", "frame/passes/deform.py", "frame/raytracing",
          "frame/materials.py", "frame/environment.py", "frame/lights.py", "effects/lighting.py",
-         "metrics/path_samples.py", "metrics/environment.py", "metrics/stochastic.py", "srgb.py")  # fmt: skip
+         "effects/path_tracing.py", "metrics/path_samples.py", "metrics/environment.py", "metrics/stochastic.py",
+         "srgb.py")  # fmt: skip
 _SHADER_FOLDERS = ("common", "gbuffer", "deform", "raytracing", "pathtracing")
 
 NORMAL_MEDIAN = 0.6744897501960817
@@ -75,17 +81,18 @@ FEWEST, MOST = 4, 4096
 class Accumulated:
     """Sums over the samples of one frame, without exposure.
 
-    ``counts`` (2,): samples of each half; ``sums`` (2, 4, h, w, 3) float32: radiance by half and lobe of ``LOBES``.
+    ``counts`` (2,): samples of each half; ``sums`` (2, k, h, w, 3) float32: radiance by half and lobe, of ``LOBES`` or
+    ``reference_lobes``.
     """
 
     counts: Array
     sums: Array
 
     @classmethod
-    def empty(cls, size: tuple[int, int]) -> Accumulated:
-        """``size``: width, height."""
+    def empty(cls, size: tuple[int, int], lobes: int = len(LOBES)) -> Accumulated:
+        """``size``: width, height; ``lobes``: their number."""
         width, height = size
-        sums = np.zeros((HALVES, len(LOBES), height, width, 3), dtype=np.float32)
+        sums = np.zeros((HALVES, lobes, height, width, 3), dtype=np.float32)
         return cls(np.zeros(HALVES, dtype=np.int64), sums)
 
     @property
@@ -95,7 +102,7 @@ class Accumulated:
 
     def add(self, half: int, count: int, means: Mapping[str, Array]) -> None:
         """Add ``count`` samples, whose ``means`` are (h, w, >= 3) by lobe."""
-        for k, lobe in enumerate(LOBES):
+        for k, lobe in enumerate(self.names):
             self.sums[half, k] += np.float32(count) * means[lobe][..., :3]
         self.counts[half] += count
 
@@ -112,7 +119,12 @@ class Accumulated:
     def lobes(self) -> dict[str, Array]:
         """Mean radiance by lobe, (h, w, 3) float32."""
         total = self.sums.sum(axis=0, dtype=np.float64) / max(self.samples, 1)
-        return dict(zip(LOBES, total.astype(np.float32), strict=True))
+        return dict(zip(self.names, total.astype(np.float32), strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the lobes, in order."""
+        return (*LOBES, *TRANSMITTED)[: self.sums.shape[1]]
 
     def halves(self) -> Array | None:
         """Mean radiance of all lobes by half, (2, h, w, 3) float64, independent of each other; None with fewer than two
@@ -170,6 +182,11 @@ class Noise:
         return f"{rms} % of the mean luminance (RMS), {typical} % typically"
 
 
+def reference_lobes(scene: Scene) -> tuple[str, ...]:
+    """Lobes of the references of ``scene``."""
+    return (*LOBES, *TRANSMITTED) if any(map(transmits, drawn_materials(scene))) else LOBES
+
+
 @cache
 def code_version() -> str:
     """Hash of the modules and shaders that trace paths, 16 hexadecimal digits."""
@@ -204,14 +221,19 @@ class StoredReference:
         text = json.dumps(self.about, sort_keys=True)
         return self.root / hashlib.sha256(text.encode()).hexdigest()[:16]
 
+    @property
+    def lobes(self) -> tuple[str, ...]:
+        """Names of the lobes that are stored."""
+        return tuple(self.about.get("lobes", LOBES))
+
     def load(self, frame: int, view: View, size: tuple[int, int]) -> Accumulated:
         """The sums of ``frame``, empty where none are stored.  Raises OutputError for a damaged file."""
         path = self._path(frame, view, size)
         if path is None or not path.is_file():
-            return Accumulated.empty(size)
+            return Accumulated.empty(size, len(self.lobes))
         with stored_arrays(path, hint="delete it: it is rendered again") as stored:
             loaded = Accumulated(*(stored[name] for name in ("counts", "sums")))
-        if loaded.sums.shape != Accumulated.empty(size).sums.shape:
+        if loaded.sums.shape != Accumulated.empty(size, len(self.lobes)).sums.shape:
             raise OutputError("is of another size", where=str(path), hint="delete it: it is rendered again")
         return loaded
 
@@ -319,12 +341,13 @@ class SceneTracer:
         if not traced_sources(animated.scene, self._settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
         self.size = settings.sequence.width, settings.sequence.height
+        self._lobes = reference_lobes(animated.scene)
         self._drawn: int | None = None
 
     @cached_property
     def _source(self) -> RasterSource:
         """Opened for the first sample: the structures of its scene take seconds, and stored frames need none."""
-        return self._owner.open_source(self._animated, self._settings, extra=LOBES)
+        return self._owner.open_source(self._animated, self._settings, extra=self._lobes)
 
     def view(self, frame: int) -> View:
         return self._animated.view_at(frame / self._settings.sequence.fps)
@@ -336,7 +359,7 @@ class SceneTracer:
             self._drawn = frame
         source.trace(PATTERN_FRAMES[half], first, count)
         black = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
-        return {name: source.read(name)[..., :3] if name in source.channels else black for name in LOBES}
+        return {name: source.read(name)[..., :3] if name in source.channels else black for name in self._lobes}
 
 
 def path_settings(settings: Settings) -> Settings:
@@ -365,11 +388,16 @@ class Reference:
 
     @property
     def direct(self) -> Array:
-        return self.lobes["direct_diffuse"] + self.lobes["direct_glossy"]
+        return self._sum("direct")
 
     @property
     def indirect(self) -> Array:
-        return self.lobes["indirect_diffuse"] + self.lobes["indirect_glossy"]
+        return self._sum("indirect")
+
+    def _sum(self, bounce: str) -> Array:
+        """Radiance of all its lobes, in their order."""
+        first, *others = (light for name, light in self.lobes.items() if name.startswith(f"{bounce}_"))
+        return sum(others, first)
 
 
 @dataclass(frozen=True, slots=True)
@@ -419,6 +447,8 @@ class References:
         ``exact``: frames have ``samples`` and are stored apart, so that no other evaluation adds samples to them.
         """
         about = identity(reference_settings(settings), file_hashes(animated.scene, settings))
+        lobes = reference_lobes(animated.scene)
+        about |= {"lobes": list(lobes)} if lobes != LOBES else {}
         store = StoredReference(about | ({"samples": samples} if exact else {}), animated.scene.name)
         return cls(SceneTracer(owner, animated, settings), store, samples)
 

@@ -31,7 +31,10 @@ NEEDS: dict[str, tuple[str, ...]] = {
 }
 """Input -> inputs that it is computed from."""
 
-LOBES = {"diffuse": ("direct_diffuse", "indirect_diffuse"), "specular": ("direct_glossy", "indirect_glossy")}
+LOBES = {
+    "diffuse": ("direct_diffuse", "indirect_diffuse"),
+    "specular": ("direct_glossy", "indirect_glossy", "direct_transmission", "indirect_transmission"),
+}
 """Input -> the channels that it is the sum of."""
 
 COMPOSED = ("direct", "diffuse", "specular", "emitted", "sample_count", "hit_distance", "variance")

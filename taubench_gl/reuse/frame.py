@@ -81,7 +81,10 @@ INPUTS: dict[str, InputInfo] = {
             "rgb: diffuse lobe of direct and indirect light, with the color of the surface, exposure applied; 0 for "
             "sky; a: as radiance.  radiance = diffuse + specular + emitted",
         ),
-        InputInfo("specular", 4, "f4", RADIANCE_UNIT, "rgb: glossy lobe of direct and indirect light; as diffuse"),
+        InputInfo(
+            "specular", 4, "f4", RADIANCE_UNIT,
+            "rgb: glossy lobe of direct and indirect light, and what comes through the surface; as diffuse",
+        ),
         InputInfo(
             "emitted", 4, "f4", RADIANCE_UNIT,
             "rgb: emission of surfaces, the environment elsewhere, exposure applied: radiance without light noise",

@@ -56,6 +56,8 @@ def refusal(source: RasterSource) -> str | None:
     """Why methods cannot light the frames of ``source``, or None."""
     if source.light is None or source.light.paths is None:
         return "nothing lights the scene"
+    if source.effects["transmission"].enabled:
+        return "a surface lets light through"
     draws = source.renderer.draws
     if any(draws[int(row)].posed for row in source.light.paths.attributes.emitters["draw"]):
         return "an emissive surface deforms"

@@ -85,6 +85,16 @@ class Material:
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     specular: float = 1.0  # KHR_materials_specular: scales the dielectric lobe, 0 = Lambert
+    # Path-traced light alone has what follows.
+    specular_texture: Texture | None = None  # alpha scales ``specular``
+    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of that lobe at normal incidence; may be above 1
+    specular_color_texture: Texture | None = None
+    ior: float = 1.5  # index of refraction; 0: infinite, a dielectric lobe that reflects all light
+    transmission: float = 0.0  # share of the light under the dielectric lobe that goes through the surface
+    transmission_texture: Texture | None = None  # red scales ``transmission``
+    thick: bool = False  # the surface bounds a volume (KHR_materials_volume, thickness above 0); else it is thin
+    attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of white light after the attenuation distance
+    attenuation_distance: float = np.inf  # meters in the volume
     unlit: bool = False
     # BLEND: present with a probability of alpha (``--blend stochastic``) instead of where alpha is at least 0.5
     stochastic: bool = False

@@ -154,8 +154,6 @@ REMARKS: dict[str, Kind] = {
                                 "converted to metallic and roughness"),
     "specular-texture": Kind("specular texture{s} with other coordinates than the diffuse one",
                              "the specular factor is used"),
-    "specular-color": Kind("material{s} with a specular color or texture (KHR_materials_specular)",
-                           "only specularFactor is simulated"),
     "channel-without-target": Kind("animation channel{s} without a target node", "ignored"),
     "channel-unknown-path": Kind("animation channel{s} of unknown path", "ignored"),
     "not-animated": Kind("animation channel{s} of a property that is not animated here", "constant"),

@@ -271,6 +271,9 @@ VISUALIZATIONS: dict[str, Visualization] = {
     "indirect": Visualization("indirect", "radiance", "radiance after two or more bounces", fixed=None),
     "direct_diffuse": Visualization("direct_diffuse", "radiance", "diffuse lobe of direct", fixed=None),
     "direct_glossy": Visualization("direct_glossy", "radiance", "glossy lobe of direct", fixed=None),
+    "direct_transmission": Visualization(
+        "direct_transmission", "radiance", "direct light that comes through the surface", fixed=None
+    ),
     "emission": Visualization("emission", "radiance", "emitted radiance", fixed=None),
     "headlight": Visualization("normal", "headlight", "headlight shading"),
     "base_color": Visualization("base_color", "radiance", "base color"),
@@ -291,7 +294,7 @@ VISUALIZATIONS: dict[str, Visualization] = {
 }
 
 LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "direct_diffuse": "direct",
-         "direct_glossy": "direct", "emission": "emission"}  # fmt: skip
+         "direct_glossy": "direct", "direct_transmission": "transmission", "emission": "emission"}  # fmt: skip
 """Visualization -> the effect it needs."""
 
 

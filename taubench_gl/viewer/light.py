@@ -218,7 +218,7 @@ class Lights(GpuOwner):
     def choose(self, state: ViewerState, feed: Any, channel: str) -> Coarse | None:
         """Set and return ``active``: coarse light while the image moves, if it has ``channel``."""
         coarse = COARSE[state.moving_light] if state.moving and self.lit(feed) else None
-        if channel in ("indirect", "direct_diffuse", "direct_glossy"):
+        if channel in ("indirect", "direct_diffuse", "direct_glossy", "direct_transmission"):
             coarse = None
         self.active = coarse
         compared = state.comparison != "off" or state.beside

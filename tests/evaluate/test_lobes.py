@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,37 @@ def test_lobes_add_up(glowing, more):
         source.release()
         plain.release()
         gpu.collect()
+
+
+def glazed() -> Scene:
+    """The room with a block of glass, part of which is diffuse."""
+    scene = shiny()
+    glass = replace(scene.materials[1], metallic=0.0, transmission=0.6, thick=True)
+    return replace(scene, materials=(scene.materials[0], glass, *scene.materials[2:]))
+
+
+def test_lobes_of_glass_add_up():
+    chosen, every = settings(light="path-traced", bounces=3, spp=4), (*LOBES, "transmission")
+    with open_gpu() as gpu:
+        source = RasterSource(gpu, AnimatedScene(glazed()), chosen, extra=scene_channels(every))
+        source.advance(1)
+        for name in ("direct", "indirect"):
+            whole = source.read(name)[..., :3]
+            parts = [source.read(f"{name}_{lobe}")[..., :3] for lobe in every]
+            assert name == "direct" or all(part.max() > 0.0 for part in parts)
+            np.testing.assert_allclose(sum(parts), whole, rtol=2e-6, atol=1e-6 * whole.max())
+        source.release()
+        gpu.collect()
+
+
+def test_transmission_is_null_where_nothing_lets_light_through_and_where_light_is_raster():
+    own = settings(frames=(0, 2), indirect="none", light="raster")
+    for scene in (shiny(), glazed()):
+        found = evaluate(scene, own, lobes="transmission").summary["lobes"]["transmission"]["direct"]
+        assert found["mean_percent"] is None and found["reason"]
+    traced = settings(frames=(0, 2), light="path-traced", spp=2, bounces=3, exposure=64.0)
+    found = evaluate(glazed(), traced, lobes="transmission").summary["lobes"]["transmission"]
+    assert found["indirect"]["mean_percent"] > 0.0
 
 
 def test_columns_of_lobes_are_counts_of_their_channels():

@@ -31,7 +31,8 @@ def export(out: Path, format: str, **changes: Any) -> ExportResult:
     return export_scene(DEMO, out, settings(**changes), ExportOptions(format, **chosen), **control)
 
 
-_OTHERS = ("indirect_diffuse", "indirect_glossy", "path_info", "exact_reasons", "disparity")
+_OTHERS = ("indirect_diffuse", "indirect_glossy", "direct_transmission", "indirect_transmission", "path_info",
+           "exact_reasons", "disparity")  # fmt: skip
 RASTERIZED = {n: c for n, c in EXPORTS.items() if n not in _OTHERS}
 """Channels of ``all`` that frames of one camera without path-traced light have."""
 

@@ -16,6 +16,7 @@ from taubench_gl.apps.inspect_command import describe
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.materials import image_bytes
 from taubench_gl.frame.passes.lighting import LOBES
+from taubench_gl.frame.passes.pathtracing import hit_options, state_layers
 from taubench_gl.frame.plan import DEPENDS, effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
@@ -23,6 +24,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import busy_room, lamp_field
 from taubench_gl.settings import Settings
 
@@ -38,6 +40,14 @@ CASES = {
     "a lit room in motion": (lambda: busy_room(lamps=3), {"reprojection": "motion"}),
     "many lights": (lambda: lamp_field(3, 20, cells=4), {"columns": ("direct", "color"), "indirect": "none"}),
 }
+
+
+def glass_room(**glass) -> Scene:
+    """A lit room of which one material is absorbing glass with a colored lobe, or as ``glass`` says."""
+    scene = busy_room(lamps=1)
+    fields = {"transmission": 0.5, "thick": True, "attenuation_distance": 1.0, "attenuation_color": (0.5, 0.9, 0.9)}
+    first = replace(scene.materials[0], **(fields | glass))
+    return replace(scene, materials=(first, *scene.materials[1:]))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -131,6 +141,31 @@ def test_every_frame_can_run(columns, effects, mode, make):
     }
 
 
+def test_scenes_without_glass_have_nothing_of_it():
+    """The macros, layers and tables of glass exist where a surface that is drawn needs them, and only there."""
+    kinds = {
+        (): {"transmission": 0.0, "thick": True},
+        ("DIELECTRICS",): {"transmission": 0.0, "ior": 1.8},
+        ("DIELECTRICS", "TRANSMISSION"): {"attenuation_color": (1.0, 1.0, 1.0)},
+        ("DIELECTRICS", "TRANSMISSION", "VOLUME"): {},
+    }
+    memory = []
+    for macros, fields in kinds.items():
+        settings = Settings(**SIZE, light="path-traced", spp=1)
+        spec = frame_spec(AnimatedScene(glass_room(**fields)), settings)
+        resources, options = frame_resources(spec), hit_options(spec)
+        traced = [name for name in resources.shaders if name.startswith("pathtracing/")]
+        assert traced
+        for macro in ("DIELECTRICS", "TRANSMISSION", "VOLUME"):
+            assert all((f"{macro} " in name or f"{macro}]" in name) == (macro in macros) for name in traced)
+        assert (options.material_texels > 16) == options.dielectrics == ("DIELECTRICS" in macros)
+        assert state_layers(spec) == 12 + ("DIELECTRICS" in macros) + 5 * ("TRANSMISSION" in macros)
+        memory.append(sum(resources.memory.values()))
+        plain = frame_spec(AnimatedScene(glass_room(**fields)), Settings(**SIZE))
+        assert not any(plain.glass.values()), "the preview has none of it"
+    assert memory[0] < memory[1] < memory[2] == memory[3]
+
+
 def test_one_lobe_makes_direct_light_write_both():
     spec = frame_spec(AnimatedScene(busy_room(lamps=2)), Settings(**SIZE))
     assert not set(LOBES) & set(frame_channels(spec))
@@ -140,6 +175,7 @@ def test_one_lobe_makes_direct_light_write_both():
 def test_what_effects_depend_on():
     on_direct = {"shadows", "light_culling", "glossy", "sky", "sun", "point_lights", "spot_lights"}
     on_direct |= {"directional_lights", "path_traced", "emitter_light", "environment_light"}
+    on_direct |= {"dielectrics", "transmission", "volume"}
     assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
     assert not any("shadows" in needed for needed in DEPENDS.values())  # lights without maps shine on patches
     assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]

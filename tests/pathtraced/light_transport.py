@@ -2,7 +2,8 @@
 
 Per scene: NAME.glb (and NAME.exr, the environment), NAME/frame_NNNN.exr with direct and indirect radiance (half) and
 planar depth (float), means over all seeds, NAME/camera.json, and NAME/blocks.npz with the means of 4x4 pixels of the
-second frame: ``mean`` over the seeds and unbiased ``variance`` of one seed, (6, h / 4, w / 4, 3), order KINDS.
+second frame: ``mean`` over the seeds and unbiased ``variance`` of one seed, (k, h / 4, w / 4, 3), order KINDS, or
+GLASS_KINDS of scenes with glass.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from references.significance import Estimate
 
+from taubench_gl.conventions import SCENE_LOBES
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
@@ -25,6 +27,10 @@ SIZE, FPS, FRAMES = (96, 56), 24.0, range(5, 7)
 SEEDS, BOUNCES, BLOCK = range(1, 17), 12, 4
 LOBES = ("diffuse_direct", "glossy_direct", "diffuse_indirect", "glossy_indirect")
 KINDS = (*LOBES, "direct", "indirect")
+GLASS = ("glass_ball", "glass_panes", "rough_glass", "amber")
+GLASS_SEEDS = range(1, 9)
+GLASS_LOBES = tuple(f"{lobe}_{bounce}" for bounce in ("direct", "indirect") for lobe in SCENE_LOBES)
+GLASS_KINDS = (*GLASS_LOBES, "direct", "indirect")
 COLUMNS = ("frustum", "position", "direct", "indirect")
 
 
@@ -44,8 +50,13 @@ class Reference:
     def frames(self) -> Path:
         return FOLDER / self.name
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What the blocks are of."""
+        return GLASS_KINDS if self.name in GLASS else KINDS
+
     def blocks(self) -> Estimate:
-        """Mean radiance of blocks, (kind, row, column, rgb), order KINDS; row 0 is the top."""
+        """Mean radiance of blocks, (kind, row, column, rgb), order ``kinds``; row 0 is the top."""
         with np.load(self.frames / BLOCKS_FILE) as file:
             return Estimate(file["mean"].astype(np.float64), file["variance"].astype(np.float64), int(file["count"]))
 

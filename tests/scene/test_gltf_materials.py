@@ -15,7 +15,9 @@ from gltf_builders import (
 )
 from gltf_files import Gltf
 
+from taubench_gl.effects.path_tracing import absorbs, has_dielectric, transmits
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Material
 
 
 def test_material_defaults_and_extensions(tmp_path: Path) -> None:
@@ -38,6 +40,30 @@ def test_material_defaults_and_extensions(tmp_path: Path) -> None:
     for name in ("KHR_materials_clearcoat", "ACME_unheard_of"):
         assert notes_about(scene, name)
     assert not notes_about(scene, "unlit")
+
+
+def test_extensions_of_the_dielectric_lobe(tmp_path: Path) -> None:
+    gltf = Gltf()
+    names = ("ior", "specular", "transmission", "volume")
+    for name in names:
+        gltf.extension(f"KHR_materials_{name}")
+
+    def add(**parts: dict) -> None:
+        gltf.add("materials", {"extensions": {f"KHR_materials_{name}": part for name, part in parts.items()}})
+
+    add(**{name: {} for name in names})
+    volume = {"thicknessFactor": 0.1, "attenuationColor": [0.5, 1, 0], "attenuationDistance": 2.5}
+    specular = {"specularFactor": 0.5, "specularColorFactor": [0.1, 2, 1]}
+    add(ior={"ior": 1.33}, specular=specular, transmission={"transmissionFactor": 0.75}, volume=volume)
+    add(ior={"ior": 0.0}, transmission={"transmissionFactor": 1.0})
+    scene = load_scene(gltf.save(tmp_path))
+    plain, glass, mirror = scene.materials
+    assert plain == Material() and not scene.notes
+    assert (glass.ior, glass.specular, glass.specular_color) == (1.33, 0.5, (0.1, 2.0, 1.0))
+    assert (glass.transmission, glass.thick, glass.attenuation_distance) == (0.75, True, 2.5)
+    assert glass.attenuation_color == (0.5, 1.0, 0.0) and not mirror.thick
+    assert transmits(glass) and absorbs(glass) and not transmits(mirror) and has_dielectric(mirror)
+    assert not any(check(plain) for check in (transmits, absorbs, has_dielectric))
 
 
 def test_texture_transform(tmp_path: Path) -> None:

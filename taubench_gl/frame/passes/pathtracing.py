@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.conventions import NO_HISTORY, SCENE_LOBES
+from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment, seen_of
 from taubench_gl.frame.lights import KINDS as LIGHT_KINDS
@@ -49,8 +51,8 @@ PATH = Struct(
     Field("numbers", "uvec4", "x: frame, y: seed"),
     Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
 )
-LAYERS, SUBPATH_LAYERS = 12, 4
-"""Layers of the path state, and those that light subpaths add."""
+LAYERS, SUBPATH_LAYERS, TRANSMISSION_LAYERS = 12, 4, 5
+"""Layers of the path state, and those that light subpaths and transmission add; dielectric lobes add one to each."""
 
 CANDIDATES = 8
 """Most lights that compete for one light sample.  As many lights are all evaluated at the camera's vertex."""
@@ -67,9 +69,6 @@ LIGHT_GAP = 1e-5
 
 LIST_TILE = (256, 64)
 """Columns and rows of path state for a list: samples of its pixels that are traced together."""
-
-LISTED_LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
-"""Radiance of a sample of a listed pixel, in the order of ``listed_light``."""
 
 NO_PIXEL = 0xFFFFFFFF
 """Fills the last part of a pixel list: beyond every image."""
@@ -94,6 +93,23 @@ def vertices(spec: FrameSpec) -> int:
 def path_lists(spec: FrameSpec) -> int:
     """Lists of paths that go on of one sample: to every vertex, and one that nothing extends."""
     return spec.bounces + 2
+
+
+def path_lobes(spec: FrameSpec) -> tuple[str, ...]:
+    """Lobes of path-traced light."""
+    return SCENE_LOBES if spec.glass["TRANSMISSION"] else SCENE_LOBES[:2]
+
+
+def listed_lobes(spec: FrameSpec) -> tuple[str, ...]:
+    """Radiance of a sample of a listed pixel, in the order of ``listed_light``: lobes of direct, then of indirect."""
+    return tuple(f"{bounce}_{lobe}" for bounce in ("direct", "indirect") for lobe in path_lobes(spec))
+
+
+def state_layers(spec: FrameSpec) -> int:
+    """Layers of the path state."""
+    glass = spec.glass
+    own = glass["DIELECTRICS"] + TRANSMISSION_LAYERS * glass["TRANSMISSION"]
+    return LAYERS + own + (SUBPATH_LAYERS + glass["DIELECTRICS"]) * spec.bidirectional
 
 
 def exact_punctual(spec: FrameSpec) -> bool:
@@ -127,7 +143,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         return {}
     image = "environment" in sources and spec.environment.kind == "image"
     kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
-    tile, layers = tile_size(spec), LAYERS + SUBPATH_LAYERS * spec.bidirectional
+    tile, layers = tile_size(spec), state_layers(spec)
     state = Resource.texture("path_state", (tile[0], layers * tile[1]), label="paths")
     counts = Resource.buffer("path_counts", 4 * len(COUNTS), label="paths")
 
@@ -145,7 +161,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
 
     def make(name: str, traced: bool = True) -> ComputePass:
         p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
-        p.define(EXACT_PUNCTUAL=exact_punctual(spec)).constants("P", PATH, values)
+        p.define(EXACT_PUNCTUAL=exact_punctual(spec), **spec.glass).constants("P", PATH, values)
         spec.declare_directions(p)
         p.image("path_state", access=UPDATE, given=True)
         p.buffer("path_counts", "uint", access=UPDATE, given=True)
@@ -156,7 +172,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         if not traced:
             return p.dispatch(tile, spec.tuning.shading_group)
         p.define(
-            GLOSSY="glossy" in spec.enabled,
+            GLOSSY="glossy" in spec.enabled or spec.glass["TRANSMISSION"],
             INDEPENDENT=spec.pattern == "independent",
             PUNCTUAL="punctual" in sources,
             BIDIRECTIONAL=spec.bidirectional,
@@ -187,6 +203,8 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         return p.dispatch(tile, spec.tuning.shading_group)
 
     out = {"anchor": make("anchor").use(*spec.channels("position"))}
+    if spec.glass["DIELECTRICS"]:
+        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint NO_HISTORY = {NO_HISTORY}u;")
     if exact_punctual(spec):
         out["exact"] = make("exact").use(*spec.channels(*SURFACE))
     if spec.bidirectional:
@@ -210,7 +228,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         out["start"].allocate(*own.resources, choice)
     size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
     if spec.pixel_list:
-        lobes = len(LISTED_LOBES) + 2
+        lobes = 3 * len(path_lobes(spec))
         for name, entry in (("pixel_list", 16), ("listed_light", 16 * lobes)):
             out["start"].allocate(Resource.buffer(name, entry * tile[0] * tile[1], label="paths"))
         out["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
@@ -231,7 +249,7 @@ def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
     """Writes the channels, or adds to what the raster method wrote."""
     added = {"direct": spec.raster_direct, "indirect": spec.raster_indirect}
     p.define(**{f"ADD_TO_{name.upper()}": add for name, add in added.items()})
-    split = {"direct": ("direct_diffuse", "direct_glossy"), "indirect": ("indirect_diffuse", "indirect_glossy")}
+    split = {bounce: [f"{bounce}_{lobe}" for lobe in path_lobes(spec)] for bounce in ("direct", "indirect")}
     for name, lobes in split.items():
         wanted = bool(set(lobes) & set(spec.extra))
         p.define(**{f"SPLIT_{name.upper()}": wanted})
@@ -252,7 +270,7 @@ def cell_rows(spec: FrameSpec) -> int:
     return min(len(seen_of(spec.environment)), CELLS)
 
 
-@stage("direct", options=("path_traced", "emitter_light", "environment_light", "glossy", *KINDS))
+@stage("direct", options=("path_traced", "emitter_light", "environment_light", *GLASS, "glossy", *KINDS))
 def path_traced_light(spec: FrameSpec) -> Sequence[Pass]:
     """Light of the sources that paths are traced for."""
     return tuple(declarations(spec).values())
@@ -265,9 +283,11 @@ def hit_options(spec: FrameSpec) -> HitOptions:
         emission = "all" if "path_traced" in spec.enabled else "strong"
     return HitOptions(
         normal_maps="normal_maps" in spec.enabled,
-        glossy="glossy" in spec.enabled,
+        glossy="glossy" in spec.enabled or spec.glass["TRANSMISSION"],
         emission=emission,
         alpha_test="alpha_mask" in spec.enabled,
+        dielectrics=spec.glass["DIELECTRICS"],
+        transmission=spec.glass["TRANSMISSION"],
     )
 
 
@@ -295,7 +315,7 @@ class PathTracing(Owner):
             if name in passes:
                 self.attributes.declare(self.structure.declare(passes[name]))
         self._passes: dict[str, CompiledCompute] = {n: self.own(context.compute(p)) for n, p in passes.items()}
-        self._tile = tile_size(spec)
+        self._tile, self.lobes = tile_size(spec), listed_lobes(spec)
         self._rows: tuple[int, int | None] | None = None  # first sample and seed of the numbers on the GPU; None: parts
         if "environment_choice" in self.tables:
             self.tables["environment_choice"].write(direction_choice(seen_of(spec.environment)).tobytes())
@@ -341,12 +361,12 @@ class PathTracing(Owner):
         """Light of ``pixels`` (n, 2), column and GL row, in ``frame``, after ``run`` with ``spec.pixel_list``.
 
         ``keys`` (n, 2): the pixel whose sample numbers each has; ``samples``: their numbers, with ``parts`` those of
-        ``part_table``.  A pixel may be listed more than once.  (n, samples, 4, 3) float32, radiance of LISTED_LOBES;
-        light without noise is part of every sample.
+        ``part_table``.  A pixel may be listed more than once.  (n, samples, k, 3) float32, radiance of the k
+        ``listed_lobes``; light without noise is part of every sample.
         """
-        count, size = len(pixels), self._tile[0] * self._tile[1]
+        count, size, lobes = len(pixels), self._tile[0] * self._tile[1], len(self.lobes)
         packed = [at[:, 0].astype(np.uint32) | at[:, 1].astype(np.uint32) << np.uint32(16) for at in (pixels, keys)]
-        out = np.zeros((len(samples) * count, len(LISTED_LOBES) + 2, 3), np.float32)
+        out = np.zeros((len(samples) * count, lobes + lobes // 2, 3), np.float32)
         done = 0
         while done < len(out):
             first = samples[done // count]
@@ -363,8 +383,8 @@ class PathTracing(Owner):
             out[done:end] = stored[: end - done, :, :3]
             done = end
         out = out.reshape(len(samples), count, -1, 3).swapaxes(0, 1)
-        out[..., :2, :] += out[:, :1, len(LISTED_LOBES) :]
-        return out[..., : len(LISTED_LOBES), :]
+        out[..., : lobes // 2, :] += out[:, :1, lobes:]
+        return out[..., :lobes, :]
 
     def _trace_entries(self, frame: FrameContext, exact: bool) -> None:
         """One sample of every entry of the list; ``exact``: some have light without noise."""

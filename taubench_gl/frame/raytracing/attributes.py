@@ -17,6 +17,7 @@ from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_a
 from taubench_gl.frame.raytracing.emitters import EMITTER, emitter_table
 from taubench_gl.frame.raytracing.hit_tables import (
     COLOR_SLOTS,
+    DIELECTRIC_SLOTS,
     DRAW_TEXELS,
     HIT_SLOTS,
     MATERIAL_TEXELS,
@@ -43,6 +44,7 @@ NO_EMITTERS = np.zeros(0, EMITTER)
 _TABLES = "tables of ray hits"
 _HINT = "trace fewer triangles, or choose the raster method of light"
 
+_SLOTS = HIT_SLOTS + DIELECTRIC_SLOTS
 _CONSTANTS = (
     f"const int HIT_ROW_BITS = {ROW_BITS}, HIT_ROW_MASK = {(1 << ROW_BITS) - 1};",
     f"const uint DRAW_TEXELS = {DRAW_TEXELS}u, MATERIAL_TEXELS = {MATERIAL_TEXELS}u, SLOT_TEXELS = {SLOT_TEXELS}u;",
@@ -53,9 +55,10 @@ _CONSTANTS = (
     *(f"const uint WRAP_{n} = {getattr(hit_tables, n)}u;" for n in ("REPEAT", "CLAMP", "MIRROR")),
     *(f"const uint {n} = {getattr(hit_tables, n)}u;" for n in ("MAP_UV1", "MAP_TRANSFORMED", "MAP_NEAREST")),
     f"const uint MATERIAL_UNLIT = {hit_tables.UNLIT}u;",
-    f"const uint MATERIAL_MAPS = {sum(hit_tables.FIRST_MAP << i for i in range(len(HIT_SLOTS)))}u;",
-    *(f"const uint SLOT_{s.upper()} = {i}u;" for i, s in enumerate(HIT_SLOTS)),
-    *(f"const uint MATERIAL_{s.upper()}_MAP = {hit_tables.FIRST_MAP << i}u;" for i, s in enumerate(HIT_SLOTS)),
+    f"const uint MATERIAL_THICK = {hit_tables.THICK}u;",
+    f"const uint MATERIAL_MAPS = {hit_tables.THICK - hit_tables.FIRST_MAP}u;",
+    *(f"const uint SLOT_{s.upper()} = {i}u;" for i, s in enumerate(_SLOTS)),
+    *(f"const uint MATERIAL_{s.upper()}_MAP = {hit_tables.FIRST_MAP << i}u;" for i, s in enumerate(_SLOTS)),
 )
 
 
@@ -112,10 +115,12 @@ class HitAttributes:
             HIT_TEXTURES=bool(self.atlas.places), HIT_UV1=t.second_uv, HIT_UV_TRANSFORMS=t.transformed,
             HIT_COLORS=t.colors, HIT_ALPHA=t.alpha_test, HIT_POSED=posed, HIT_NORMAL_MAPS=t.slots["normal"],
             HIT_METALLIC_ROUGHNESS_MAPS=t.slots["metallic_roughness"], HIT_EMISSIVE_MAPS=t.slots["emissive"],
-            HIT_EMISSION=t.emission,
+            HIT_EMISSION=t.emission, HIT_DIELECTRICS=self.options.dielectrics,
+            **{f"HIT_{s.upper()}_MAPS": t.slots.get(s, False) for s in DIELECTRIC_SLOTS},
         )  # fmt: skip
         p.glsl(
             *_CONSTANTS,
+            f"const uint HIT_MATERIAL_TEXELS = {self.options.material_texels}u;",
             f"const int EMITTERS_AT = {t.places['emitters']}, EMITTER_CELLS_AT = {t.places['cells']};",
             f"const int EMITTER_COUNT = {t.emitters}, EMITTER_CELLS = {emitter_cell_count(t.emitters)};",
         )

@@ -30,12 +30,21 @@ MATERIAL_TEXELS, SLOT_TEXELS = 4, 3
 HIT_SLOTS = ("base_color", "metallic_roughness", "normal", "emissive")
 """Texture slots of hits, in the order of their records."""
 
-COLOR_SLOTS = ("base_color", "emissive")
+DIELECTRIC_SLOTS = ("specular", "specular_color", "transmission")
+"""Slots of materials with more than the common dielectric lobe; their records follow, where a scene needs them."""
+
+DIELECTRIC_TEXELS = 2
+"""Texels of such a material, behind its slots."""
+
+COLOR_SLOTS = ("base_color", "emissive", "specular_color")
 POSED, MIRRORED, VISIBLE, ALPHA_TEST, UV1, COLORS = (1 << i for i in range(6))
 """Bits of a draw."""
 
 UNLIT, FIRST_MAP = 1, 2
-"""Bits of a material; the bit of slot i is FIRST_MAP << i."""
+"""Bits of a material; the bit of slot i, also of DIELECTRIC_SLOTS, is FIRST_MAP << i."""
+
+THICK = FIRST_MAP << len(HIT_SLOTS) + len(DIELECTRIC_SLOTS)
+"""Bit of a material that bounds a volume."""
 
 REPEAT, CLAMP, MIRROR = 0, 1, 2
 MAP_UV1, MAP_TRANSFORMED, MAP_NEAREST = 16, 32, 64
@@ -52,6 +61,19 @@ class HitOptions:
     glossy: bool = True  # False: nothing is metal and no dielectric has a glossy lobe, so roughness does not matter
     emission: str = "all"  # "none" | "strong": only what counts as light (``counts_as_light``) | "all"
     alpha_test: bool = True
+    dielectrics: bool = False  # more than the common dielectric lobe: color, index of refraction, textures
+    transmission: bool = False
+
+    @property
+    def slots(self) -> tuple[str, ...]:
+        """Slots that materials have records of."""
+        return HIT_SLOTS + DIELECTRIC_SLOTS * self.dielectrics
+
+    @property
+    def material_texels(self) -> int:
+        """Texels of a material with its slots."""
+        own = DIELECTRIC_TEXELS * self.dielectrics
+        return MATERIAL_TEXELS + SLOT_TEXELS * len(self.slots) + own
 
 
 def hit_emission(material: Material, options: HitOptions) -> tuple[float, float, float]:
@@ -68,8 +90,11 @@ def hit_slots(material: Material, options: HitOptions) -> tuple[str, ...]:
         "metallic_roughness": lit and options.glossy,
         "normal": lit and options.normal_maps and material.normal_scale != 0.0,
         "emissive": any(hit_emission(material, options)),
+        "specular": lit,
+        "specular_color": lit,
+        "transmission": lit and options.transmission and material.transmission > 0.0,
     }
-    return tuple(s for s in HIT_SLOTS if needed[s] and texture_of(material, s) is not None)
+    return tuple(s for s in options.slots if needed[s] and texture_of(material, s) is not None)
 
 
 class WordTable:
@@ -137,23 +162,40 @@ def centered(draws: Sequence[Draw], centers: Array, positions: Array) -> Array:
 def material_texels(
     materials: Sequence[Material], atlas: AtlasPlan, options: HitOptions
 ) -> tuple[Array, list[tuple[str, ...]]]:
-    """Rows (M, MATERIAL_TEXELS + 3 SLOT_TEXELS, 4) uint32 and the slots of each material that are in the atlas."""
-    rows = np.zeros((len(materials), MATERIAL_TEXELS + SLOT_TEXELS * len(HIT_SLOTS), 4), np.float32)
+    """Rows (M, ``options.material_texels``, 4) uint32 and the slots of each material that are in the atlas."""
+    rows = np.zeros((len(materials), options.material_texels, 4), np.float32)
     words = rows.view(np.uint32)
     used = [hit_slots(m, options) for m in materials]
     for i, (m, slots) in enumerate(zip(materials, used, strict=True)):
         rows[i, 0] = m.base_color
         rows[i, 1, :3] = hit_emission(m, options)
-        words[i, 1, 3] = UNLIT * m.unlit + sum(FIRST_MAP << HIT_SLOTS.index(s) for s in slots)
+        words[i, 1, 3] = UNLIT * m.unlit + sum(FIRST_MAP << options.slots.index(s) for s in slots)
         rows[i, 2] = m.metallic, m.roughness, m.specular, material_cutoff(m)
         rows[i, 3, 0] = m.normal_scale
+        if options.dielectrics:
+            words[i, 1, 3] |= THICK * m.thick
+            rows[i, -DIELECTRIC_TEXELS:] = dielectric_texels(m, options)
         for slot in slots:
-            at = MATERIAL_TEXELS + SLOT_TEXELS * HIT_SLOTS.index(slot)
+            at = MATERIAL_TEXELS + SLOT_TEXELS * options.slots.index(slot)
             texture = texture_of(m, slot)
             (x, y), (w, h) = atlas.places[texture.image], atlas.sizes[texture.image]
             words[i, at] = x | y << 16, w | h << 16, texture_modes(texture), 0
             rows[i, at + 1, :3], rows[i, at + 2, :3] = texture.uv_transform
     return words, used
+
+
+def dielectric_texels(m: Material, options: HitOptions) -> Array:
+    """(2, 4): reflectance of the lobe at normal incidence, without ``specular``, and index of refraction; absorption in
+    the volume, 1/m, and transmission.
+
+    An infinite index transmits nothing.
+    """
+    reflectance = ((m.ior - 1.0) / (m.ior + 1.0)) ** 2 if m.ior else 1.0
+    absorption = np.zeros(3)
+    if m.thick and np.isfinite(m.attenuation_distance):
+        absorption = -np.log(np.maximum(m.attenuation_color, 1e-9)) / m.attenuation_distance
+    transmission = m.transmission if options.transmission and m.ior else 0.0
+    return np.array([[*(reflectance * np.array(m.specular_color)), m.ior], [*absorption, transmission]])
 
 
 def texture_modes(texture: Texture) -> int:
@@ -273,7 +315,7 @@ def build_tables(
     bits = out.rows[:, 3, 1]
     return HitTables(
         table.image(), out,
-        slots={s: any(s in slots[m] for m in drawn) for s in HIT_SLOTS},
+        slots={s: any(s in slots[m] for m in drawn) for s in options.slots},
         transformed=any(is_transformed(texture_of(materials[m], s)) for m in drawn for s in slots[m]),
         second_uv=bool((bits & UV1).any()), colors=bool((bits & COLORS).any()),
         alpha_test=bool((bits & ALPHA_TEST).any()),

@@ -192,9 +192,23 @@ def scatter_once():
         for node in material.node_tree.nodes if material.use_nodes else ():
             if node.type == "BSDF_PRINCIPLED":
                 node.distribution = "GGX"
+            elif node.type == "VOLUME_ABSORPTION":
+                absorb_as_gltf(node)
     for owner in bpy.data.objects:
         if owner.type == "MESH":
             owner.cycles.shadow_terminator_geometry_offset = owner.cycles.shadow_terminator_offset = 0.0
+
+
+def absorb_as_gltf(node):
+    """The importer writes color and 1 / distance of KHR_materials_volume, of which Cycles takes (1 - color) / distance;
+    the extension has -ln(color) / distance."""
+    color, density = node.inputs["Color"], node.inputs["Density"]
+    if color.is_linked or density.is_linked:
+        return
+    absorbed = [-math.log(max(c, 1e-9)) * density.default_value for c in color.default_value[:3]]
+    most = max(absorbed)
+    density.default_value = most
+    color.default_value = (*(1.0 - a / most if most > 0.0 else 1.0 for a in absorbed), 1.0)
 
 
 def configure(scene, job):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -149,7 +149,6 @@ class MaterialReader:
         pbr = material.pbr_metallic_roughness or schema.MetallicRoughness()
         strength = document.extension(material, "KHR_materials_emissive_strength", schema.EmissiveStrength, pointer)
         scale = 1.0 if strength is None else strength.emissive_strength
-        specular = self._specular(material, pointer)
         normal, occlusion = material.normal_texture, material.occlusion_texture
         read = Material(
             name=material.name,
@@ -172,8 +171,8 @@ class MaterialReader:
             alpha_mode=material.alpha_mode,
             alpha_cutoff=material.alpha_cutoff,
             double_sided=material.double_sided,
-            specular=specular,
             unlit="KHR_materials_unlit" in material.extensions,
+            **self._dielectric(material, pointer),
         )
         glossy = self._specular_glossiness(material, pointer)
         if glossy is None:
@@ -199,14 +198,26 @@ class MaterialReader:
             out = replace(out, specular_texture=None)
         return out
 
-    def _specular(self, material: schema.Material, pointer: str) -> float:
-        """The factor of KHR_materials_specular; its color and textures are not simulated, with a note."""
-        extension = self.document.extension(material, "KHR_materials_specular", schema.Specular, pointer)
-        if extension is None:
-            return 1.0
-        if extension.specular_texture or extension.specular_color_factor or extension.specular_color_texture:
-            self.document.remark("specular-color", pointer)
-        return extension.specular_factor
+    def _dielectric(self, material: schema.Material, pointer: str) -> dict[str, Any]:
+        """Fields of a material from KHR_materials_specular, ior, transmission and volume."""
+        read, out = self.document.extension, {}
+        if (specular := read(material, "KHR_materials_specular", schema.Specular, pointer)) is not None:
+            where = f"{pointer}/extensions/KHR_materials_specular"
+            out["specular"], out["specular_color"] = specular.specular_factor, specular.specular_color_factor
+            out["specular_texture"] = self._texture(specular.specular_texture, f"{where}/specularTexture")
+            color = self._texture(specular.specular_color_texture, f"{where}/specularColorTexture")
+            out["specular_color_texture"] = color
+        if (ior := read(material, "KHR_materials_ior", schema.Ior, pointer)) is not None:
+            # Below 1 the extension has 0 alone.
+            out["ior"] = ior.ior if ior.ior == 0.0 else max(ior.ior, 1.0)
+        if (transmission := read(material, "KHR_materials_transmission", schema.Transmission, pointer)) is not None:
+            where = f"{pointer}/extensions/KHR_materials_transmission/transmissionTexture"
+            out["transmission"] = transmission.transmission_factor
+            out["transmission_texture"] = self._texture(transmission.transmission_texture, where)
+        if (volume := read(material, "KHR_materials_volume", schema.Volume, pointer)) is not None:
+            out["thick"], out["attenuation_color"] = volume.thickness_factor > 0.0, volume.attenuation_color
+            out["attenuation_distance"] = np.inf if volume.attenuation_distance is None else volume.attenuation_distance
+        return out
 
     def _texture(self, info: schema.TextureInfo | None, pointer: str) -> Texture | None:
         if info is None:

@@ -472,7 +472,8 @@ class MeshReader:
             return texcoords[0], texcoords[1]
         material = self.materials[primitive.material]
         for texture in (material.base_color_texture, material.metallic_roughness_texture, material.normal_texture,
-                        material.occlusion_texture, material.emissive_texture):  # fmt: skip
+                        material.occlusion_texture, material.emissive_texture, material.specular_texture,
+                        material.specular_color_texture, material.transmission_texture):  # fmt: skip
             if texture is not None and texcoords[texture.texcoord] is None:
                 # OpenGL's default for a missing attribute; all viewers draw such files.
                 texcoords[texture.texcoord] = self._share(("zeros", count), lambda: np.zeros((count, 2), np.float32))

@@ -272,10 +272,25 @@ class EmissiveStrength(Struct, rename="camel"):
 
 
 class Specular(Struct, rename="camel"):
-    specular_factor: Annotated[float, Meta(ge=0.0, le=1.0)] = 1.0
-    specular_texture: Any = None
-    specular_color_factor: Any = None
-    specular_color_texture: Any = None
+    specular_factor: Unit = 1.0
+    specular_texture: TextureInfo | None = None
+    specular_color_factor: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
+    specular_color_texture: TextureInfo | None = None
+
+
+class Ior(Struct):
+    ior: NonNegative = 1.5
+
+
+class Transmission(Struct, rename="camel"):
+    transmission_factor: Unit = 0.0
+    transmission_texture: TextureInfo | None = None
+
+
+class Volume(Struct, rename="camel"):
+    thickness_factor: NonNegative = 0.0
+    attenuation_distance: Positive | None = None
+    attenuation_color: tuple[Unit, Unit, Unit] = (1.0, 1.0, 1.0)
 
 
 class PbrSpecularGlossiness(Struct, rename="camel"):
