@@ -2,7 +2,8 @@
 //
 // Paper      section 3.2, f_dir.
 // Reads      position normal geometric_normal base_color material, light table, acceleration structure.
-// Writes     layers EXACT_DIFFUSE, EXACT_GLOSSY and EXACT_TRANSMISSION of the path state; lights first_light .. first_light + LIGHT_CHUNK - 1.
+// Writes     layers EXACT_DIFFUSE, EXACT_GLOSSY and EXACT_TRANSMISSION of the path state; lights first_light to
+//            first_light + LIGHT_CHUNK - 1.
 // Reference  metrics.lighting, ray casts
 #include "pathtracing/state.glsl"
 #include "pathtracing/light_sampling.glsl"

@@ -38,8 +38,10 @@ def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
 
 def scene_lobes(lobes: Collection[str], effects: Mapping[str, Any]) -> tuple[str, ...]:
     """Those of ``lobes`` that a rendered scene has.  ``effects``: the block of its summary."""
-    none = {"transmission"} if effects["transmission"]["reason"] == NO_TRANSMISSION else set()
-    return tuple(lobe for lobe in lobes if lobe in SCENE_LOBES and lobe not in none)
+    own = [lobe for lobe in lobes if lobe in SCENE_LOBES]
+    if "transmission" in own and effects["transmission"]["reason"] == NO_TRANSMISSION:
+        own.remove("transmission")
+    return tuple(own)
 
 
 def missing_of_scene(

@@ -30,7 +30,7 @@ from taubench_gl.pathtraced.references import (
     listed,
 )
 from taubench_gl.scene.model import Camera
-from taubench_gl.settings import Settings
+from taubench_gl.settings import STEREO, Settings
 
 SIZE = (6, 4)
 SIGMA = {"direct_diffuse": 0.5, "direct_glossy": 0.0, "indirect_diffuse": 0.25, "indirect_glossy": 0.0}
@@ -304,7 +304,7 @@ def test_what_the_radiance_depends_on_is_in_the_key(tmp_path):
 
 def test_every_setting_is_in_the_key_or_known_not_to_matter():
     """A new setting must be decided on: a reference for another value of it must not be reused if radiance differs."""
-    of_the_view = {"frames", "camera"}
+    of_the_view = {"frames", "camera", *STEREO}
     afterwards = {"exposure", "tone_map", "thresholds", "unit_scale", "sampling", "exact"}
     set_by_references = {
         "reprojection", "columns", "samples_per_pixel", "pairs", "effects", "light", "spp", "pattern", "indirect",
