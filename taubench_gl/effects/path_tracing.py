@@ -88,8 +88,8 @@ def absorbs(material: Material) -> bool:
 def glass_counts(materials: Iterable[Material]) -> dict[str, int]:
     """Effect of ``GLASS`` -> number of ``materials`` that need it."""
     needs = dict(zip(GLASS, (has_dielectric, transmits, absorbs), strict=True))
-    listed = list(materials)
-    return {name: sum(map(need, listed)) for name, need in needs.items()}
+    every = list(materials)
+    return {name: sum(map(need, every)) for name, need in needs.items()}
 
 
 def traced_effects(enabled: Mapping[str, Any] | frozenset[str]) -> frozenset[str]:
