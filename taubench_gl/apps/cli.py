@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import shlex
 import sys
@@ -39,8 +40,9 @@ from taubench_gl.apps.selftest_command import selftest
 from taubench_gl.apps.stages import show_stages
 from taubench_gl.apps.stress_command import stress
 from taubench_gl.apps.view_command import view
-from taubench_gl.errors import TaubenchError
+from taubench_gl.errors import TaubenchError, printable
 
+log = logging.getLogger(__name__)
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
 _REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -128,6 +130,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         # A terminal that cannot show a dash or a superscript gets a question mark, not a traceback.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    log.info("%s", printable(shlex.join(["taubench-gl", *(sys.argv[1:] if arguments is None else arguments)])))
     try:
         code = cli.main(args=arguments, prog_name="taubench-gl", standalone_mode=False)
         if sys.stdout is not None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import os
 import threading
+import time
 from collections.abc import Callable
 
 from taubench_gl.apps.screen import note
 
 STAGE_SECONDS = 1.0
-"""A stage that takes longer is printed where no bar shows it."""
+"""A stage is printed, where no bar shows it, after so long without a line."""
 
 VARIABLE = "TAUBENCH_STAGE_SECONDS"
 """Another number of seconds, for programs that read standard error."""
@@ -19,21 +20,31 @@ VARIABLE = "TAUBENCH_STAGE_SECONDS"
 class Stages(logging.Handler):
     """Shows what a command does before it has a number to show: the package's log records of level INFO.
 
-    A bar has the text of the stage at once; without one, a line says it once the stage has taken STAGE_SECONDS.
+    A bar has the text of the stage at once; without one, a line says it once nothing was said for STAGE_SECONDS.
     """
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.show: Callable[[str], None] | None = None  # of the bar that is on the terminal
         self._timer: threading.Timer | None = None
+        self._said = time.monotonic()  # when the command began, then when the last line was printed
+
+    def begin(self) -> None:
+        """A command begins."""
+        self._said = time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
         self.end()
         if self.show is not None:
             return self.show(record.getMessage())
-        self._timer = threading.Timer(_patience(), note, (f"{record.getMessage()} ...",))
+        silent = time.monotonic() - self._said
+        self._timer = threading.Timer(max(_patience() - silent, 0.0), self._say, (f"{record.getMessage()} ...",))
         self._timer.daemon = True
         self._timer.start()
+
+    def _say(self, line: str) -> None:
+        self._said = time.monotonic()
+        note(line)
 
     def silence(self) -> None:
         """Show none from now on: the command says by itself how far it is."""
@@ -64,3 +75,4 @@ def show_stages() -> None:
     logger.setLevel(logging.INFO)
     logger.propagate = False
     logger.addHandler(STAGES)
+    STAGES.begin()
