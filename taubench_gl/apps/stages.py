@@ -37,8 +37,10 @@ class Stages(logging.Handler):
         self.end()
         if self.show is not None:
             return self.show(record.getMessage())
-        silent = time.monotonic() - self._said
-        self._timer = threading.Timer(max(_patience() - silent, 0.0), self._say, (f"{record.getMessage()} ...",))
+        line, rest = f"{record.getMessage()} ...", self._said + _patience() - time.monotonic()
+        if rest <= 0.0:  # now: what follows may keep other threads from running
+            return self._say(line)
+        self._timer = threading.Timer(rest, self._say, (line,))
         self._timer.daemon = True
         self._timer.start()
 

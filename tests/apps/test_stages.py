@@ -24,11 +24,14 @@ def logged(monkeypatch):
     return handler, logger, said
 
 
-def test_a_long_stage_is_a_line(logged, monkeypatch):
-    monkeypatch.setattr(stages, "STAGE_SECONDS", 0.0)
+@pytest.mark.parametrize("seconds", [0.0, 0.05], ids=["at once", "later"])
+def test_a_long_stage_is_a_line(logged, monkeypatch, seconds):
+    monkeypatch.setattr(stages, "STAGE_SECONDS", seconds)
     handler, logger, said = logged
+    handler.begin()
     logger.info("reading %s", "a.glb")
-    handler._timer.join()
+    if handler._timer is not None:
+        handler._timer.join()
     assert said == ["reading a.glb ..."]
 
 
