@@ -57,7 +57,7 @@ def refusal(source: RasterSource) -> str | None:
     if source.light is None or source.light.paths is None:
         return "nothing lights the scene"
     if source.effects["transmission"].enabled:
-        return "a surface lets light through"
+        return "a surface lets light through, which no sample of a light follows (KHR_materials_transmission)"
     draws = source.renderer.draws
     if any(draws[int(row)].posed for row in source.light.paths.attributes.emitters["draw"]):
         return "an emissive surface deforms"
