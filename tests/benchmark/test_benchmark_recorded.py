@@ -27,5 +27,5 @@ def test_a_recorded_cell_of_the_quick_suite_comes_out_again(lighting_defaults):
     assert recorded["suite"] == suite.describe()
     for entry in entries:
         known = recorded["methods"][entry.label]["cases"][case.id]["mean"]
-        for name in ("flip", "psnr_db", "flicker"):  # not relmse: the record still counts emitters
+        for name in ("flip", "psnr_db", "relmse", "flicker"):
             assert found["methods"][entry.label]["mean"][name] == pytest.approx(known[name], rel=0.02)
