@@ -394,6 +394,11 @@ class MetricsSettings(Checked):
         shown="one at the distance --eyes",
     )
 
+    @property
+    def stereo(self) -> bool:
+        """Whether the history of a frame is the other eye."""
+        return self.history == "eye"
+
     def __post_init__(self) -> None:
         # super() without arguments does not work in a dataclass with slots: the decorator makes another class.
         Checked.__post_init__(self)

@@ -54,6 +54,15 @@ class LitPair:
     def percent(self, bits: int) -> float:
         return 100.0 * float(self.has(bits).mean())
 
+    def row_width(self, bits: int) -> float:
+        """Pixels with any of ``bits`` in the middle row."""
+        return float(self.has(bits)[self.mask.shape[0] // 2].sum())
+
+
+def focal_px(yfov: float, height: int) -> float:
+    """Focal length in pixels of images ``height`` pixels high.  ``yfov``: radians."""
+    return float(0.5 * height / np.tan(0.5 * yfov))
+
 
 class Stage:
     """A GL context and an image size for the demos of one run.  The caller enters ``gpu``."""

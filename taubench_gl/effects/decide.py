@@ -145,7 +145,7 @@ def _cuts(scene: Scene) -> Effect:
 
 
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:
-    if settings.metrics.history == "eye":
+    if settings.metrics.stereo:
         return Effect(False, "both eyes see the scene at the same time")
     if settings.metrics.reprojection != "motion":
         return Effect(False, "the reprojection is 'camera'")

@@ -68,6 +68,7 @@ class Explanation:
     reason: str
     object_motion_m: float | None = None  # distance by which the surface point itself moved; None: not determined
     motion_word: int | None = None  # ``word`` under motion reprojection, bits of the comparison; None: not determined
+    history: str = "frame"  # or ``eye``: the image compared with
 
     def __str__(self) -> str:
         return self.reason
@@ -106,9 +107,9 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
         )
     behind = bool(word & (Reason.BEHIND | Reason.FIRST | Reason.CUT | Reason.INVALID))
     at = None if behind else (at_up[0], pair.height - 1 - at_up[1])
-    words = in_words(word, images.settings.metrics.history)
+    history = images.settings.metrics.history
     moved = (float(motion[0]), -float(motion[1]) + 0.0)
-    explanation = Explanation((x, row), word, moved, at, features, words)
+    explanation = Explanation((x, row), word, moved, at, features, in_words(word, history), history=history)
     if comparable and source.reprojection == "camera" and word & (Reason.POSITION | Reason.NORMAL):
         return _with_object_motion(explanation, images, now)
     return explanation
@@ -123,11 +124,9 @@ def with_light(geometry: Explanation, light: Explanation) -> Explanation:
         return replace(geometry, features=features)
     bits = sum(int(bit) for n in values if FEATURE[n].light for bit in (FEATURE_BIT[n], *FEATURE[n].details))
     word = geometry.word | light.word & bits
-    reason = geometry.reason
-    for history in ("frame", "eye"):
-        if reason == in_words(geometry.word, history):
-            reason = in_words(word, history)
-            break
+    reason, history = geometry.reason, geometry.history
+    if reason == in_words(geometry.word, history):
+        reason = in_words(word, history)
     return replace(geometry, word=word, features=features, reason=reason)
 
 
@@ -151,7 +150,7 @@ def _with_object_motion(explanation: Explanation, images: MaskedPair, now: Mappi
     helps = not word & (FRUSTUM | Reason.POSITION | Reason.NORMAL)
     words = explanation.reason
     if motion > 1e-3 * threshold and (helps or motion > threshold):
-        then = f": {in_words(word)}" if word else " it would be reusable"
+        then = f": {in_words(word, explanation.history)}" if word else " it would be reusable"
         words = f"it moved {meters:.3g} m itself; with motion vectors{then}"
     return replace(explanation, reason=words, object_motion_m=meters, motion_word=word)
 

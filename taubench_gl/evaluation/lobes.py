@@ -51,7 +51,7 @@ def missing_of_scene(
 
     ``unmeasured``: of its source; ``effects``: the block of its summary.
     """
-    own, why = scene_lobes(lobes, effects), {}
+    own = scene_lobes(lobes, effects)
     why = {lobe: "rendered scenes have no volumetric lobe" for lobe in lobes if lobe not in SCENE_LOBES}
     transmission = effects["transmission"]
     # Where light is sampled or decided, the source is the preview, and its columns are those of path-traced light.

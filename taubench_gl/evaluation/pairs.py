@@ -88,7 +88,6 @@ class PairEvaluator:
         """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
-        self._stereo = settings.metrics.history == "eye"  # the source draws the history of every frame with it
         # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
         self.deferred = self._samples == 1 and not images
         self._timer = context.timer
@@ -114,7 +113,8 @@ class PairEvaluator:
         pair before this one, else this one, whose images stay valid until the next call.
         """
         started = time.perf_counter()
-        evaluate = evaluate and (self._stereo or bool(self._previous))
+        stereo = self.settings.metrics.stereo  # the source draws the history of every frame with it
+        evaluate = evaluate and (stereo or bool(self._previous))
         views: list[View] = []
         counts: Counts | None = None
         run = 0
@@ -122,7 +122,7 @@ class PairEvaluator:
         for sample in range(self._samples):
             views.append(self._draw(frame, sample))
             if evaluate:
-                before.append(self.source.previous_view if self._stereo else self._previous[sample])
+                before.append(self.source.previous_view if stereo else self._previous[sample])
                 run = self.submit(reprojection_of(views[-1], before[-1], *self.source.size))
                 if not self.deferred:
                     one = self._masks.read(run)
@@ -265,7 +265,7 @@ class Pair:
         self._eye: Pair | None = None
 
     def __repr__(self) -> str:
-        return f"<Pair: frame {self.frame} and the one before, {self.row['pixels']} pixels>"
+        return f"<Pair: frame {self.frame} and its history, {self.row['pixels']} pixels>"
 
     @cached_property
     def mask(self) -> np.ndarray:

@@ -77,7 +77,7 @@ class SceneInput:
         return scene_facts(self.animated, self.frames, self.lighting, session)
 
     def views(self, session: Session) -> list[View]:
-        if self.settings.metrics.all_pairs and self.settings.metrics.history != "eye":
+        if self.settings.metrics.all_pairs and not self.settings.metrics.stereo:
             return session.drawn
         fps = self.settings.sequence.fps
         return [self.animated.view_at(frame / fps) for frame in self.frames]

@@ -126,7 +126,6 @@ class Session(GpuOwner):
         Raises TaubenchError.
         """
         self.given, self.wants, self.settings = given, wants, given.settings
-        self._stereo = given.settings.metrics.history == "eye"
         gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
         self.timer = PassTimer(gpu, first=TIMED_FIRST, every=every)
         super().__init__(gpu, self.timer, shaders)
@@ -165,7 +164,9 @@ class Session(GpuOwner):
         that begins with the frame drawn last does not draw it again; nobody else has drawn with the source meanwhile.
         """
         schedule = frame_schedule(self.given.frames, self.settings) if schedule is None else schedule
-        if self._stereo and any(evaluate for _, evaluate in schedule):  # no frame before is anyone's history
+        if self.settings.metrics.stereo and any(
+            evaluate for _, evaluate in schedule
+        ):  # no frame before is anyone's history
             schedule = [(frame, evaluate) for frame, evaluate in schedule if evaluate]
         checked = checked_frames(schedule) if checked is None else checked
         self._begin()
@@ -238,7 +239,7 @@ class Session(GpuOwner):
 
     def _path(self, one: EvaluatedPair) -> tuple[View, View]:
         """Views of the camera in the frame before and in that of the pair, whatever its history is."""
-        if not self._stereo:
+        if not self.settings.metrics.stereo:
             return one.views
         return self.given.animated.view_at((one.frame - 1) / self.settings.sequence.fps), one.view
 

@@ -107,7 +107,7 @@ def export_scene(
     if settings.metrics.history == "both":
         raise SettingsError("an export has one history", hint="give --history frame or eye", setting="history")
     control = (overwrite, progress, announce or (lambda line: None))
-    if settings.metrics.history == "eye":
+    if settings.metrics.stereo:
         return _export_eyes(scene, out, settings, options, control)
     return _locked(scene, out, settings, options, control)
 
@@ -143,7 +143,7 @@ def _export(
 ) -> ExportResult:
     """``export_scene`` of one camera.  ``control``: overwrite, progress, announce."""
     overwrite, progress, announce = control
-    names = exported_names(options, stereo=settings.metrics.history == "eye")
+    names = exported_names(options, stereo=settings.metrics.stereo)
     given = open_scene(scene, _lit(settings, options), camera)
     settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = given.frames, given.animated.scene
@@ -179,7 +179,7 @@ def _lit(settings: Settings, options: ExportOptions) -> Settings:
     """``settings`` with the columns that say whether an exposure is needed: geometry does not depend on it."""
     if options.training.wanted:
         return settings.replace(columns=COLUMNS)
-    names = exported_names(options, stereo=settings.metrics.history == "eye")
+    names = exported_names(options, stereo=settings.metrics.stereo)
     return settings if _EXPOSED & set(names) else settings.replace(columns=("frustum",))
 
 

@@ -109,8 +109,8 @@ class RasterSource(Owner):
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others = tuple(c for c in OTHERS if c not in self.unmeasured)
         self.context = self.own(GpuContext(gpu, shaders, timer))
-        eyes = settings.metrics.history == "eye"
-        self.eye = other_eye(animated.scene, animated.camera, settings) if eyes else None
+        stereo = settings.metrics.stereo
+        self.eye = other_eye(animated.scene, animated.camera, settings) if stereo else None
         self._previous_time = 0.0  # seconds
         self.current_view: View | None = None
         self.previous_view: View | None = None

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.report.light_samples import mean_samples
 from taubench_gl.report.method_styles import method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
 from taubench_gl.report.plot import Plot, label_ends
@@ -23,14 +24,6 @@ SHOWN = {
     "clipped_mse": ("clipped MSE", 5), "flicker": ("flicker", 4),
 }  # fmt: skip
 """Measures of the rankings: title and digits."""
-
-_SAMPLES = {
-    "shadow_rays": Column("rays", "", 2), "evaluations": Column("evaluations", "", 2),
-    "bias": Column("bias", "%", 2), "wrong_kept_percent": Column("kept, light gone", "%", 2),
-    "wrong_rejected_percent": Column("rejected, light there", "%", 1),
-    "duplicates_percent": Column("duplicates", "%", 1),
-    "repeated_percent": Column("repeated", "%", 1), "frame_correlation": Column("correlation, frames", "", 3),
-}  # fmt: skip
 
 _HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
 
@@ -56,7 +49,7 @@ def benchmark_sections(summary: Summary) -> dict[str, list[Table]]:
         "ranks": [_ranking(summary, track, rankings) for track, rankings in tracks.items() if rankings],
         "speeds": [_speeds(summary)] if summary["speeds"] else [],
         "classes": [*(_levels(summary, track) for track in tracks), *(_classes(summary, track) for track in tracks)],
-        "samples": [_samples(summary)],
+        "samples": [mean_samples(summary)],
         "cases": [_cases(summary)],
     }
     numbers = itertools.count(1)
@@ -106,24 +99,6 @@ def _contents(summary: Summary, track: str) -> str:
     track_cases = {name: case for name, case in summary["cases"].items() if case["track"] == track}
     cases = {case["sha256"]: name.rpartition("/")[2] for name, case in track_cases.items()}
     return f"{len(cases)} case{'s' * (len(cases) != 1)}, input {' or '.join(dict.fromkeys(cases.values()))}"
-
-
-def _samples(summary: Summary) -> Table:
-    """What methods that sample lights keep and cost: means over their cases."""
-    values: dict[str, dict[str, list[float]]] = {}
-    for label, method in summary["methods"].items():
-        for cell in method["cases"].values():
-            if samples := cell.get("samples"):
-                history = (samples["history"] or {"all": {}})["all"]
-                bias = (samples["bias"] or {}).get("percent")
-                own = {"bias": None if bias is None else abs(bias)}
-                merged = {**history, **samples, **samples["per_pixel"], **own}
-                for name in _SAMPLES:
-                    if (value := merged.get(name)) is not None:
-                        values.setdefault(label, {}).setdefault(name, []).append(value)
-    rows = [Row(n, tuple(float(np.mean(v[c])) if c in v else None for c in _SAMPLES)) for n, v in values.items()]
-    note = "Definitions: docs/reuse-evaluation.md, Light samples. Bias: mean of the absolute values of the cases."
-    return Table(0, "Light samples: means over the cases", tuple(_SAMPLES.values()), tuple(rows), (note,))
 
 
 def _levels(summary: Summary, track: str) -> Table:

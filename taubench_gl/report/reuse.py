@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.report.labels import history_text, lighting_text
+from taubench_gl.report.light_samples import MAPS, sample_tables
 from taubench_gl.report.method_styles import BLACK, method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
 from taubench_gl.report.plot import SERIES_COLORS, Plot, pareto_steps
@@ -34,12 +35,6 @@ _BOUND = {
     "clipped_mse": Column("its bound", "", 6), "clipped_headroom_db": Column("its headroom", "dB", 2),
     "weight": Column("weight of the bound", "", 3), "blended_percent": Column("blended", "%", 2),
 }  # fmt: skip
-_MAPS = (
-    "Light kept: a color for each light, dark where it does not reach the pixel. History kept: green rightly kept, red "
-    "wrongly kept, gray rightly rejected, blue wrongly rejected."
-)
-"""What the images of reservoirs show."""
-
 _LINEAR = ("linear_mse", "clipped_mse", "relmse", "clipped_relmse")
 """Measures of Table 7."""
 _FURTHER = {
@@ -50,23 +45,6 @@ _FURTHER = {
     "lpips": Column("LPIPS", "", 4), "cvvdp_jod": Column("ColorVideoVDP", "", 3),
 }  # fmt: skip
 """Measures of the last table, whose units the evaluation states."""
-
-_SAMPLES = {
-    "shadow_rays": Column("rays", "", 2), "light_samples": Column("light samples", "", 2),
-    "evaluations": Column("evaluations", "", 2), "duplicates_percent": Column("duplicates", "%", 2),
-    "repeated_percent": Column("repeated", "%", 2), "pixel_correlation": Column("correlation, pixels", "", 3),
-    "frame_correlation": Column("correlation, frames", "", 3),
-}  # fmt: skip
-_BIAS = {
-    "mean": Column("bias", "", 6), "low": Column("low", "", 6), "high": Column("high", "", 6),
-    "percent": Column("of the light", "%", 2), "brighter_seeds": Column("brighter seeds"),
-    "sign_test_p": Column("p (signs)", "", 4), "variance": Column("variance", "", 6),
-}  # fmt: skip
-_BORN = {"found_percent": Column("new light found", "%", 1), "frames": Column("after", "frames", 2)}
-_HISTORY = {
-    "kept": Column("kept"), "wrong_kept_percent": Column("of it, light gone", "%", 2),
-    "rejected": Column("rejected"), "wrong_rejected_percent": Column("of it, light there", "%", 2),
-}  # fmt: skip
 
 _LABELS = {"linear_mse": "linear MSE", "clipped_mse": "clipped MSE"} | {
     name: column.name for name, column in (_QUALITY | _FURTHER).items()
@@ -126,47 +104,12 @@ def reuse_tables(summary: Summary) -> list[Table]:
     tables.append(
         Table(4, "Bound and headroom", tuple(_BOUND.values()), rows, (_BOUND_NOTE, *_headroom_texts(summary)))
     )
-    further = _further_table(summary) + _linear_table(summary) + _sample_tables(summary)
+    further = (
+        _further_table(summary)
+        + _linear_table(summary)
+        + sample_tables(_valid(summary), summary.get("sample_reasons", {}))
+    )
     return tables + comparison_tables(summary) + further
-
-
-def _sample_tables(summary: Summary) -> list[Table]:
-    """Of methods that sample lights: cost and errors of the samples, and history reservoirs by reason."""
-    methods = {label: m["samples"] for label, m in _valid(summary).items() if m.get("samples")}
-    if not methods:
-        return []
-    merged = {label: (samples["per_pixel"] or {}) | samples["born"] | samples for label, samples in methods.items()}
-    named = _SAMPLES | _BORN
-    rows = tuple(Row(label, tuple(values.get(name) for name in named)) for label, values in merged.items())
-    note = (
-        "Rays, light samples and evaluations of reflected light: per pixel, all passes of a frame. Duplicates: pairs "
-        "of pixels at most two apart that hold equal samples; repeated: pixels that hold the sample of their history. "
-        "Correlation: of errors of luminance, next pixels and along the motion. New light: pixels that get a quarter "
-        "of their light or more from a lamp that was switched on, whose reservoir came to hold it, and after how many "
-        "frames (0: in the first)."
-    )
-    tables = [Table(8, "Light samples", tuple(named.values()), rows, (note,))]
-    merged = {label: samples | (samples["bias"] or {}) for label, samples in methods.items()}
-    rows = tuple(Row(label, tuple(values.get(name) for name in _BIAS)) for label, values in merged.items())
-    note = (
-        "Mean error of luminance against the reference, whose noise is part of it; interval over seeds from five on; "
-        "seeds whose mean is above that of the reference, and the p-value of their number. Variance: of luminance over "
-        "seeds, mean over pixels and frames."
-    )
-    tables.append(Table(9, "Bias and variance", tuple(_BIAS.values()), rows, (note,)))
-    histories = {label: samples["history"] for label, samples in methods.items() if samples["history"]}
-    rows = [
-        Row(f"{label}, {name.replace('_', ' ')}", tuple(entry[column] for column in _HISTORY))
-        for label, history in histories.items()
-        for name, entry in history.items()
-        if entry["kept"] or entry["rejected"]
-    ]
-    meaning = "; ".join(f"{name.replace('_', ' ')}: {doc}" for name, doc in summary["sample_reasons"].items())
-    note = (
-        "Reservoirs of the previous frame that hold a light, by why their history may be wrong: kept or rejected by "
-        f"the method, and whether that light reaches the pixel in this frame, by a shadow ray. {meaning}."
-    )
-    return tables + ([Table(10, "History reservoirs", tuple(_HISTORY.values()), tuple(rows), (note,))] if rows else [])
 
 
 def _headroom_texts(summary: Summary) -> list[str]:
@@ -663,7 +606,7 @@ def reuse_html(
     images = images or ReuseImages(None, NO_IMAGES)
     data = _page_data(summary, rows)
     if images.data is not None:
-        text = f"{images.text} {_MAPS}" if "sample_reasons" in summary else images.text
+        text = f"{images.text} {MAPS}" if "sample_reasons" in summary else images.text
         data |= {"images": images.data, "viewer": _viewer_data(summary, rows, text)}
     name = summary["scene"]["name"]
     best = verdict(summary)

@@ -237,7 +237,7 @@ def evaluate_methods(
     _check_labels([spec.label for spec in specs])
     options.check(settings.lighting.seed)
     kind = options.kind(settings.lighting.seed)
-    if settings.metrics.history == "both" or (settings.metrics.history == "eye" and kind.files is not None):
+    if settings.metrics.history == "both" or (settings.metrics.stereo and kind.files is not None):
         what = f"methods have no history {settings.metrics.history}" + " in files" * (kind.files is not None)
         raise SettingsError(what, hint="give --history frame, or eye for a rendered scene", setting="history")
     if kind.files is not None:

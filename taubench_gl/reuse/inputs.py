@@ -141,7 +141,7 @@ class Inputs(GpuOwner):
     @property
     def stereo(self) -> bool:
         """Whether the history of a frame is the other eye."""
-        return self.settings.metrics.history == "eye"
+        return self.settings.metrics.stereo
 
     def _inputs_of(self, frame: int, number: int, view: View, cut: bool) -> FrameInputs:
         """The inputs of the image drawn last.  ``number``: of its random numbers."""

@@ -79,7 +79,7 @@ class SampleFrame:
         return np.where(none | ~self.has(Fact.LIT), np.int8(-1), out)
 
     def words(self, x: int, row: int) -> str:
-        """The reservoir of pixel (x, row): ``lamp 7, M 20, occluded now``."""
+        """The reservoir of pixel (x, row): ``light 7, M 20, occluded now``."""
         light, *_, count = self.kept[row, x]
         if light < 0:
             return "holds no light"

@@ -439,11 +439,8 @@ class ViewerEngine:
 
     def _shows_eyes(self, state: ViewerState) -> bool:
         """Whether the image beside is the other eye, with the masks of its own history, which is this image."""
-        return state.live.history == "eye" and (state.against, state.exact, self._lights.coarse) == (
-            HISTORY[0],
-            False,
-            None,
-        )
+        whole = not state.exact and self._lights.coarse is None
+        return state.live.history == "eye" and state.against == HISTORY[0] and whole
 
     def _mask_of_eye(self, state: ViewerState) -> moderngl.Texture:
         if self._reversed is None:
@@ -469,15 +466,19 @@ class ViewerEngine:
 
     def method_scores(self, state: ViewerState) -> Mapping[str, float | None]:
         """Columns of ``reuse evaluate`` for the method and frame compared with; empty where nothing needs them."""
-        method = self.comparisons.get(state.against)
-        compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
-        return method.scores if compared else {}
+        method = self._method(state)
+        return {} if method is None else method.scores
 
     def reservoir_words(self, state: ViewerState, x: int, row: int) -> str | None:
         """What the reservoir of the method compared with holds at a pixel; None where it has none."""
+        method = self._method(state)
+        return None if method is None else method.reservoir(x, row)
+
+    def _method(self, state: ViewerState) -> MethodComparison | None:
+        """The method that the frame shown is compared with."""
         method = self.comparisons.get(state.against)
         compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
-        return method.reservoir(x, row) if compared else None
+        return method if compared else None
 
     def picture(self) -> Array:
         """The images of ``textures`` side by side, (h, w, 3) uint8, row 0 at the top."""

@@ -293,7 +293,7 @@ LIVE_SPP = 4
 def live_of(settings: Settings) -> Live:
     """The live settings that leave ``settings`` as they are."""
     metrics = settings.metrics
-    history = "eye" if metrics.history == "eye" else "frame"  # a picture shows one history: with ``both`` the frame
+    history = "eye" if metrics.stereo else "frame"  # a picture shows one history: with ``both`` the frame
     return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history)
 
 

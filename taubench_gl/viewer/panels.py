@@ -253,7 +253,7 @@ class Panels:
             self._ui.explain(term.tooltip)
             self._ui.percent(percentages.get(name))
         metrics = engine.feed.settings.metrics
-        mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.history == "eye" else " reprojection")
+        mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.stereo else " reprojection")
         self._ui.faint(f"{mode}: {words}", wrap=True)
 
     def _settings(self) -> None:

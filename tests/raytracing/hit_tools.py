@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from shader_tools import with_main
+from shader_tools import rows_glsl, with_main
 
 from taubench_gl.animation import CameraTrack, pose_vertices
 from taubench_gl.frame.raytracing.attributes import HitAttributes
@@ -31,12 +31,7 @@ CHANNELS = (
 TAPS = 64
 """Numbers u over which base color and emission are averaged: their mean is the bilinear value within 1/TAPS."""
 
-HEAD = """
-layout(local_size_x = 64) in;
-layout(std430, binding = 6) readonly buffer In { vec4 rows[]; };
-layout(std430, binding = 7) writeonly buffer Out { vec4 results[]; };
-uniform uint count;
-"""
+HEAD = rows_glsl("", first=6)
 
 WRITE = """
 void write(uint i, Ray ray, Hit hit) {

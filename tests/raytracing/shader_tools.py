@@ -10,6 +10,18 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import Source, compile_compute, resolve
 from taubench_gl.paths import SHADERS
 
+ROWS = """
+layout(local_size_x = 64) in;
+layout(std430, binding = {first}) readonly buffer In {{ vec4 rows[]; }};
+layout(std430, binding = {second}) writeonly buffer Out {{ vec4 results[]; }};
+uniform uint count;
+"""
+
+
+def rows_glsl(main: str, first: int = 0) -> str:
+    """GLSL that has rows in buffer ``first`` and results in the next, then the text ``main``."""
+    return ROWS.format(first=first, second=first + 1) + main
+
 
 def with_main(
     gpu: Gpu, includes: str, main: str, defines: dict[str, object] | None = None, preamble: str = ""

@@ -7,7 +7,7 @@ import pytest
 from references.brdf_sampling import basis_around, brdf_pdf, glossy_share, sample_brdf
 from repeated import few
 from scipy import stats
-from shader_tools import map_rows, with_main
+from shader_tools import map_rows, rows_glsl, with_main
 
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import MIN_ALPHA, SurfaceMaterial, albedo_table, evaluate_brdf
@@ -133,12 +133,7 @@ def test_nothing_is_drawn_from_a_lobe_that_is_not_there() -> None:
     assert glossy_share(black, UP, view(0.4)) == 0.0
 
 
-MAIN = """
-layout(local_size_x = 64) in;
-layout(std430, binding = 0) readonly buffer In { vec4 rows[]; };
-layout(std430, binding = 1) writeonly buffer Out { vec4 results[]; };
-uniform uint count;
-void main() {
+MAIN = rows_glsl("""void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= count) return;
     vec4 base = rows[5u * i], n = rows[5u * i + 1u], v = rows[5u * i + 2u];
@@ -150,7 +145,7 @@ void main() {
     results[3u * i + 1u] = vec4(lobes.diffuse + lobes.glossy, brdf_pdf(s, l.xyz));
     results[3u * i + 2u] = vec4(brdf_pdf(s, drawn.l), glossy_share(s), 0.0, 0.0);
 }
-"""
+""")
 
 
 def random_rows(count: int, roughness: Array, seed: int = 5) -> Array:

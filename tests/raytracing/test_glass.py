@@ -10,7 +10,7 @@ from references.dielectric import BallOnFloor, Glass, fresnel, rough_slab, slab
 from references.significance import holm_rejected
 from repeated import few
 from scipy import stats
-from shader_tools import map_rows, with_main
+from shader_tools import map_rows, rows_glsl, with_main
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.math3d import normalize
@@ -75,12 +75,7 @@ def test_smooth_glass_keeps_all_light() -> None:
             assert weight.max() <= 1.0 + 1e-12 and weight.mean() > 0.999
 
 
-MAIN = """
-layout(local_size_x = 64) in;
-layout(std430, binding = 0) readonly buffer In { vec4 rows[]; };
-layout(std430, binding = 1) writeonly buffer Out { vec4 results[]; };
-uniform uint count;
-void main() {
+MAIN = rows_glsl("""void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= count) return;
     vec4 v = rows[5u * i], u = rows[5u * i + 1u], l = rows[5u * i + 2u], m = rows[5u * i + 3u], f = rows[5u * i + 4u];
@@ -102,7 +97,7 @@ void main() {
     results[4u * i + 2u] = vec4(other.diffuse.x, other.glossy.x, other.transmission.x, brdf_pdf(s, l.xyz));
     results[4u * i + 3u] = vec4(glossy_share(s), dielectric_fresnel(s, clamp(dot(s.v, s.n), 0.0, 1.0)).x, 0.0, 0.0);
 }
-"""
+""")
 GLASS = {"DIELECTRICS": True, "TRANSMISSION": True}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import Sheet, overlay, reason_entries
-from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, LitPair, Props, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
 
 YFOV = np.radians(50.0)
@@ -30,16 +30,6 @@ def scene() -> Scene:
     start = np.array([(0.5 * STEP, 0.0, -NEAR)])
     b.animate(board, "translation", [0.0, 1.0], np.concatenate([start, start - [STEP, 0, 0]]))
     return b.build()
-
-
-def focal(height: int) -> float:
-    """Focal length in pixels."""
-    return 0.5 * height / np.tan(0.5 * YFOV)
-
-
-def width_of(pair: LitPair, reasons: Reason) -> float:
-    """Pixels with any of ``reasons`` in the middle row of the image."""
-    return float(pair.has(reasons)[pair.mask.shape[0] // 2].sum())
 
 
 @demo(
@@ -78,22 +68,23 @@ def run(stage: Stage) -> Result:
         text = f"{100.0 - pair.percent(Reason.POSITION | Reason.OUTSIDE):.1f} % of the pixels can be reused"
         sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"history: {title}", text)
     sheet.legend(reason_entries(*SHOWN))
-    parallax = focal(height) * EYES * (1 / NEAR - 1 / FAR)
-    moved, counted = focal(height) * STEP / NEAR, COUNTED
+    parallax = focal_px(YFOV, height) * EYES * (1 / NEAR - 1 / FAR)
+    moved, counted = focal_px(YFOV, height) * STEP / NEAR, COUNTED
     edge = "; up to one pixel at each edge, where the nearest history pixel shows another surface"
     board = (eye.now["position"][..., 3] < 0.5 * (NEAR + FAR)) & ~eye.has(Reason.OUTSIDE)
     findings = (
-        Finding(width_of(eye, Reason.DISOCCLUDED), "px", "is the strip that the board hides from the right eye",
+        Finding(eye.row_width(Reason.DISOCCLUDED), "px", "is the strip that the board hides from the right eye",
                 Expected.near(parallax, SLACK, "parallax f b (1 / z_near - 1 / z_far)" + counted), 0),
         Finding(float(-eye.motion[board][:, 0].mean()), "px", "is the board further left in the right eye",
-                Expected.near(focal(height) * EYES / NEAR, 0.01, "disparity f b / z_near")),
-        Finding(width_of(eye, Reason.OUTSIDE), "px", "of the left edge are not in the right image",
-                Expected.near(focal(height) * EYES / FAR, 1.0, "disparity f b / z_far; counted at pixel centers"), 0),
-        Finding(width_of(converged, Reason.OUTSIDE), "px", "of it remain with eyes that converge at the wall",
+                Expected.near(focal_px(YFOV, height) * EYES / NEAR, 0.01, "disparity f b / z_near")),
+        Finding(eye.row_width(Reason.OUTSIDE), "px", "of the left edge are not in the right image",
+                Expected.near(focal_px(YFOV, height) * EYES / FAR, 1.0,
+                              "disparity f b / z_far; counted at pixel centers"), 0),
+        Finding(converged.row_width(Reason.OUTSIDE), "px", "of it remain with eyes that converge at the wall",
                 Expected.near(0.0, 0.0, "f b (1 / z_far - 1 / c) is 0 at the distance c", 0), 0),
-        Finding(width_of(frame, Reason.DISOCCLUDED), "px", "is the strip that the board hid in the last frame",
+        Finding(frame.row_width(Reason.DISOCCLUDED), "px", "is the strip that the board hid in the last frame",
                 Expected.near(moved, SLACK, "motion f t / z_near" + counted), 0),
-        Finding(width_of(both, Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.OUTSIDE), "px",
+        Finding(both.row_width(Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.OUTSIDE), "px",
                 "have neither history",
                 Expected.between(0.0, 2.0, "the strips are on two sides of the board" + edge, 0), 0),
     )  # fmt: skip
@@ -107,10 +98,10 @@ def _distance(stage: Stage) -> Parameter:
     for eyes in DISTANCES:
         pair = stage.pair(scene(), columns=COLUMNS, history="eye", eyes=eyes)
         images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
-        widths.append(width_of(pair, Reason.DISOCCLUDED))
+        widths.append(pair.row_width(Reason.DISOCCLUDED))
     return Parameter(
         "distance of the eyes", "m", DISTANCES, "is the strip that the board hides from the right eye", "px",
-        tuple(widths), tuple(focal(stage.size[1]) * eyes * (1 / NEAR - 1 / FAR) for eyes in DISTANCES),
+        tuple(widths), tuple(focal_px(YFOV, stage.size[1]) * eyes * (1 / NEAR - 1 / FAR) for eyes in DISTANCES),
         (SLACK,) * len(DISTANCES), "parallax f b (1 / z_near - 1 / z_far)" + COUNTED,
         start=DISTANCES.index(EYES), images=tuple(images), digits=0,
         note="Light blue: hidden from the right eye. Orange: not in its image.",

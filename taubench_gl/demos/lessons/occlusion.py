@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
-from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, LitPair, Props, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
 
 YFOV = np.radians(50.0)
@@ -28,16 +28,6 @@ def scene(moves: str = "camera", step: float = STEP) -> Scene:
     node = board if moves == "board" else camera
     b.animate(node, "translation", [0.0, 1.0], np.concatenate([start, start + [step, 0, 0]]))
     return b.build()
-
-
-def focal(height: int) -> float:
-    """Focal length in pixels."""
-    return 0.5 * height / np.tan(0.5 * YFOV)
-
-
-def width_of(pair: LitPair, reason: Reason) -> float:
-    """Pixels with ``reason`` in the middle row of the image."""
-    return float(pair.has(reason)[pair.mask.shape[0] // 2].sum())
 
 
 @demo(
@@ -77,28 +67,28 @@ def run(stage: Stage) -> Result:
     )
     for place, (pair, title, direction, how) in enumerate(shown):
         axes = sheet.panel(place, 0, pair.now["color"][..., :3], title)
-        middle = (0.5 * stage.size[0] + (0.5 * focal(height) * STEP / NEAR) * direction, 0.5 * height)
-        half = 0.5 * focal(height) * STEP / NEAR
+        middle = (0.5 * stage.size[0] + (0.5 * focal_px(YFOV, height) * STEP / NEAR) * direction, 0.5 * height)
+        half = 0.5 * focal_px(YFOV, height) * STEP / NEAR
         arrow(axes, (middle[0] - direction * half, middle[1]), (middle[0] + direction * half, middle[1]))
-        text = f"{width_of(pair, SHOWN[0]):.0f} px disoccluded, {width_of(pair, SHOWN[1]):.0f} px occluding"
+        text = f"{pair.row_width(SHOWN[0]):.0f} px disoccluded, {pair.row_width(SHOWN[1]):.0f} px occluding"
         sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"mask: {how}", text)
     sheet.legend(reason_entries(*SHOWN))
-    parallax = focal(height) * STEP * (1 / NEAR - 1 / FAR)
-    moved = focal(height) * STEP / NEAR
+    parallax = focal_px(YFOV, height) * STEP * (1 / NEAR - 1 / FAR)
+    moved = focal_px(YFOV, height) * STEP / NEAR
     counted = "; counted at pixel centers, ± 1 px"
     edge = "; up to one pixel at its edge, where the nearest history pixel shows the wall"
     findings = (
-        Finding(width_of(walked, Reason.DISOCCLUDED), "px", "is the strip that the moving camera disoccludes",
+        Finding(walked.row_width(Reason.DISOCCLUDED), "px", "is the strip that the moving camera disoccludes",
                 Expected.near(parallax, 1.0, "parallax f t (1 / z_near - 1 / z_far)" + counted), 0),
-        Finding(width_of(walked, Reason.OCCLUDING), "px", "are newly occluding with the moving camera",
+        Finding(walked.row_width(Reason.OCCLUDING), "px", "are newly occluding with the moving camera",
                 Expected.between(0.0, 1.0, "covered surfaces are not in the image" + edge, 0), 0),
-        Finding(width_of(camera, Reason.DISOCCLUDED), "px", "is the strip that the moving board disoccludes",
+        Finding(camera.row_width(Reason.DISOCCLUDED), "px", "is the strip that the moving board disoccludes",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
-        Finding(width_of(camera, Reason.OCCLUDING), "px", "are newly occluding without motion vectors",
+        Finding(camera.row_width(Reason.OCCLUDING), "px", "are newly occluding without motion vectors",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
-        Finding(width_of(motion, Reason.OCCLUDING), "px", "are newly occluding with motion vectors",
+        Finding(motion.row_width(Reason.OCCLUDING), "px", "are newly occluding with motion vectors",
                 Expected.between(0.0, 1.0, "each point of the board finds its previous position" + edge, 0), 0),
-        Finding(width_of(motion, Reason.DISOCCLUDED), "px", "is the disoccluded strip with motion vectors",
+        Finding(motion.row_width(Reason.DISOCCLUDED), "px", "is the disoccluded strip with motion vectors",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
     )  # fmt: skip
     caption = (
@@ -113,10 +103,10 @@ def _distance(stage: Stage) -> Parameter:
     for step in STEPS:
         pair = stage.pair(scene("camera", step), columns=("frustum", "position", "color"))
         images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
-        widths.append(width_of(pair, Reason.DISOCCLUDED))
+        widths.append(pair.row_width(Reason.DISOCCLUDED))
     return Parameter(
         "motion of the camera", "m", STEPS, "is the strip that appears", "px", tuple(widths),
-        tuple(focal(stage.size[1]) * step * (1 / NEAR - 1 / FAR) for step in STEPS), (1.0,) * len(STEPS),
+        tuple(focal_px(YFOV, stage.size[1]) * step * (1 / NEAR - 1 / FAR) for step in STEPS), (1.0,) * len(STEPS),
         "parallax f t (1 / z_near - 1 / z_far); counted at pixel centers", start=STEPS.index(STEP),
         images=tuple(images), digits=0, note="Light blue: disoccluded.",
     )  # fmt: skip

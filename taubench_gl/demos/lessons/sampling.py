@@ -21,7 +21,7 @@ from taubench_gl.demos.sheet import (
     reason_entries,
     rgb,
 )
-from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera, Scene
 from taubench_gl.selftest.bench import MovingCamera, PairImages, limits
@@ -46,13 +46,8 @@ def scene() -> Scene:
     b.checkered(12.0, 9.0, (24, 18), (CHALK, SAND), translation=(2.2, 0, -12), rotation=turn_y(-90))
     b.light(translation=(-1.0, 1.5, 0.0), intensity=90.0)
     camera = b.camera(yfov=YFOV, znear=0.05)
-    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(-np.degrees(JITTER / focal(PAGE_HEIGHT)))])
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(-np.degrees(JITTER / focal_px(YFOV, PAGE_HEIGHT)))])
     return b.build()
-
-
-def focal(height: int) -> float:
-    """Focal length in pixels."""
-    return float(0.5 * height / np.tan(0.5 * YFOV))
 
 
 def camera(jitter: float = JITTER) -> MovingCamera:
@@ -63,7 +58,7 @@ def camera(jitter: float = JITTER) -> MovingCamera:
 
 def left_of_the_side_wall(size: tuple[int, int]) -> slice:
     """Columns that show the board and the wall but not the side wall."""
-    return slice(0, int(0.5 * size[0] + focal(size[1]) * 2.2 / 14.0) - 4)
+    return slice(0, int(0.5 * size[0] + focal_px(YFOV, size[1]) * 2.2 / 14.0) - 4)
 
 
 def per_row(pair: PairImages) -> float:
