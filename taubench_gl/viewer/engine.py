@@ -30,6 +30,7 @@ from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disj
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
+from taubench_gl.viewer.controls import IMAGE, MASKS
 from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
@@ -140,7 +141,7 @@ class ViewerEngine:
             self.gpu.flush()  # it is drawn while light is prepared
         self.shots = previous, current
         first = self._first(state, previous, current)
-        mask_key = (previous.key, current.key, first, coarse, tuple(sorted(state.thresholds.items())))
+        mask_key = (previous.key, current.key, first, coarse, state.restarted_by(MASKS))
         evaluate = changed or mask_key != self._mask_key
         if evaluate:
             self.drawn.pairs += changed
@@ -330,15 +331,7 @@ class ViewerEngine:
     def _update_image(self, state: ViewerState) -> None:
         observed = state.freeze_current
         shown = self._last if observed else self.shots[1]
-        key = (
-            self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
-            state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
-            state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
-            state.freeze_previous, state.beside, state.method, state.method_input, state.exact, state.selection,
-            state.method_image,
-            version(state.method) if state.against == "method" else None,
-        )  # fmt: skip
-        if key == self._image_key:
+        if self._image_key_of(state, shown) == self._image_key:
             return
         source, frozen = self.source, None
         if observed:
@@ -356,7 +349,13 @@ class ViewerEngine:
             self._outline(state, source)
         self.gpu.flush()  # it is drawn while the panels are built
         self.drawn.images += 1
-        self._image_key = key[:3] + (state.low, state.high) + key[5:]
+        self._image_key = self._image_key_of(state, shown)  # with the automatic range
+
+    def _image_key_of(self, state: ViewerState, shown: Shot) -> tuple[Any, ...]:
+        """Everything that the image depends on."""
+        files = version(state.method) if state.against == "method" else None
+        drawn = (self._mask_key, shown.key, self.light_samples(state), state.flicker_other, files)
+        return (*drawn, *state.restarted_by(IMAGE))
 
     def _outline(self, state: ViewerState, source: Any) -> None:
         """Outline the selected node in every image."""
@@ -573,7 +572,7 @@ class ViewerEngine:
             return
         self._range_key = key
         lit = self._lights.source(shown, visual.channel) if not state.freeze_current else None
-        state.low, state.high = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
+        state.display_range = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
 
     def explain(self, state: ViewerState) -> Explanation:
         """The probed pixel; with coarse light, that of the coarse pixel over it."""

@@ -294,7 +294,7 @@ def live_of(settings: Settings) -> Live:
     """The live settings that leave ``settings`` as they are."""
     metrics = settings.metrics
     history = "eye" if metrics.stereo else "frame"  # a picture shows one history: with ``both`` the frame
-    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history)
+    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history=history)
 
 
 def live_settings(given: Settings, live: Live) -> Settings:
@@ -335,7 +335,7 @@ class OpenRequest:
     resolve: Callable[[str], tuple[str, dict[str, Any]]] | None = None
     run: str | None = None  # another run to compare with
     method: str | None = None  # a reuse method to compare with, as ``load_method`` takes it
-    restored: Any = None  # ``session_file.Restored``: how to show it
+    restored: Any = None  # ``session_file.SessionFile``: how to show it
 
 
 @dataclass(slots=True)

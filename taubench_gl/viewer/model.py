@@ -16,13 +16,14 @@ from taubench_gl.gpu.owner import Owner
 from taubench_gl.outputs import write_png
 from taubench_gl.report.video import Video
 from taubench_gl.viewer import prefs, session_file
-from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.actions import run_action
 from taubench_gl.viewer.comparisons import open_comparisons
+from taubench_gl.viewer.controls import MASKS, SOURCE
 from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
 from taubench_gl.viewer.layout import Layout, Shown, arrange
 from taubench_gl.viewer.names import PixelNames
-from taubench_gl.viewer.state import HISTORY, ViewerState, variables
+from taubench_gl.viewer.state import HISTORY, ViewerState
 from taubench_gl.viewer.timeline import Rates, Timeline
 
 Array = np.ndarray
@@ -50,7 +51,7 @@ class ViewerModel(Owner):
         self.state, engine = self._open(request)
         self.engine = self.own(engine)
         self.timeline = self.own(Timeline(gpu, self.state.first, self.state.last))
-        prefs.apply(stored, self.state)
+        stored.apply(self.state)
         self.state.message = note or self.state.message
         self.screenshots = Path(".")  # folder of screenshots and clips
         self.clip: Video | None = None
@@ -116,7 +117,7 @@ class ViewerModel(Owner):
         if self.clip is not None:
             self._toggle_clip()
         if request.restored is None:
-            prefs.apply(prefs.Prefs(values=variables(self.state)), state)
+            prefs.Prefs(values=prefs.kept(self.state)).apply(state)
         self._request, self.state, self.engine = request, state, self.own(engine, instead_of=self.engine)
         self.timeline = self.own(Timeline(self.gpu, state.first, state.last), instead_of=self.timeline)
         self._probed = self._named = None
@@ -148,7 +149,7 @@ class ViewerModel(Owner):
 
     def act(self, name: str) -> None:
         """Run an action and serve its requests.  Raises KeyError for an unknown action."""
-        ACTIONS[name].run(self.state)
+        run_action(name, self.state)
         for request in self.state.requests:
             self._serve(request)
         self.state.requests.clear()
@@ -229,7 +230,7 @@ class ViewerModel(Owner):
         if drawn == self._recorded or s.camera != "file" or s.freeze_current or s.freeze_previous:
             return
         self._recorded = drawn
-        key = (tuple(s.thresholds.items()), s.switched_off, s.live)
+        key = s.restarted_by(MASKS, SOURCE)
         self.timeline.record(key, s.frame, Rates(engine.percentages(), engine.reusable()[1], engine.coarse_light))
         if self.timeline.lacks_image(s.frame):
             self.timeline.show(s.frame, engine.image())

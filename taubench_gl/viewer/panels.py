@@ -21,18 +21,7 @@ from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
 from taubench_gl.viewer.scene_panel import ScenePanel
-from taubench_gl.viewer.state import (
-    CAMERAS,
-    COMPARISONS,
-    DOCKED,
-    EXACT_OVERLAYS,
-    LIVE_CHOICES,
-    METHOD_IMAGES,
-    METHOD_INPUTS,
-    MOVING_LIGHTS,
-    OVERLAYS,
-    set_variable,
-)
+from taubench_gl.viewer.state import CAMERAS, CONTROLS, DOCKED, EXACT_OVERLAYS, OVERLAYS
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
 from taubench_gl.viewer.timeline_panel import draw_timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
@@ -43,7 +32,6 @@ SCORES = {
     "headroom_db": "headroom, dB",
 }
 """Columns of ``reuse evaluate`` -> how the section compare names them."""
-LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
 
 
 class Panels:
@@ -54,12 +42,18 @@ class Panels:
         self._ui = Widgets(viewer)
         self._pixel = PixelPanel(self._ui)
         self._lighting: tuple[Settings | None, str] = (None, "")  # settings and what their light is in words
-        self._bodies: dict[str, Callable[[], None]] = {
-            "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
-            "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
-            "effects": self._effects, "time": self._time, "lesson": self._lesson,
-            "scene": ScenePanel(self._ui).draw,
+        self._first: dict[str, Callable[[], None]] = {
+            "camera": self._camera, "image": self._channels, "compare": lambda: self._ui.draw("against"),
+            "masks": self._reusable, "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw,
+            "effects": self._effects, "time": self._time, "lesson": self._lesson, "scene": ScenePanel(self._ui).draw,
         }  # fmt: skip
+        """Section -> what it shows before the widgets of its controls."""
+        self._after: dict[str, Callable[[], None]] = {
+            "freeze_current": imgui.same_line, "auto_range": self._range, "arrows": self._arrow_scale,
+            "method_image": self._scores, "flicker_hz": self._flickering, "overlays": self._opacity,
+            "exact": self._legend, "samples": self._size,
+        }  # fmt: skip
+        """Control -> what follows its widget."""
 
     @property
     def widgets(self) -> dict[str, Rect]:
@@ -74,7 +68,7 @@ class Panels:
         docks, shown = self._viewer.state.docks, [n for n in DOCKED if n != "lesson" or self._viewer.state.lesson]
         for side, rect in (("left", layout.left), ("right", layout.right)):
             if rect is not None:
-                names = [n for n in shown if n in self._bodies and (layout.merged or docks[n] == side)]
+                names = [n for n in shown if layout.merged or docks[n] == side]
                 self._window(side, rect, lambda names=names: self._sections(names, layout.merged))
         if layout.bar is not None:
             self._window("bar", layout.bar, self._bar)
@@ -102,9 +96,18 @@ class Panels:
                 self._move_button(name, right)
             if state.sections[name]:
                 imgui.push_item_width(150)
-                self._bodies[name]()
+                self._body(name)
                 imgui.pop_item_width()
                 imgui.dummy(ImVec2(0, 3))
+
+    def _body(self, section: str) -> None:
+        if section in self._first:
+            self._first[section]()
+        for control in CONTROLS.values():
+            if control.section == section and control.visible(self._viewer.state):
+                self._ui.draw(control.name)
+                if control.name in self._after:
+                    self._after[control.name]()
 
     def _move_button(self, name: str, right: float) -> None:
         """Moves a section to the other side panel."""
@@ -162,16 +165,13 @@ class Panels:
             if imgui.radio_button(self._camera_label(mode), s.camera == mode):
                 self._viewer.act("file camera" if mode == "file" else mode)
             self._ui.place(f"camera.{mode}")
-        self._ui.check("freeze current", s.freeze_current, "freeze current", "freeze_current")
-        imgui.same_line()
-        self._ui.check("freeze previous", s.freeze_previous, "freeze previous", "freeze_previous")
 
     def _camera_label(self, mode: str) -> str:
         """A file without a camera is seen from an orbit that frames it."""
         framing = isinstance(getattr(self._viewer.engine.feed, "camera", None), OrbitCamera)
         return "framing orbit" if mode == "file" and framing else mode
 
-    def _image(self) -> None:
+    def _channels(self) -> None:
         s = self._viewer.state
         if imgui.begin_combo("channel", s.channel.replace("_", " ")):
             for name in s.channels:
@@ -179,46 +179,40 @@ class Panels:
                     s.channel = name
             imgui.end_combo()
         self._ui.place("channel")
-        self._ui.check("auto", s.auto_range, "auto range", "auto_range")
+
+    def _range(self) -> None:
+        s = self._viewer.state
         imgui.same_line()
         step = max((s.high - s.low) * 0.01, 1e-4)
         changed, low, high = imgui.drag_float_range2("range", s.low, s.high, step, 0, 0, "%.3g", "%.3g")
         self._ui.place("range")
         if changed:
             s.set_range(low, high)
-        self._ui.check("motion arrows", s.arrows, "arrows", "arrows")
-        if s.arrows:
-            text = "%.3g x" if s.arrow_scale else f"fitting: {self._viewer.engine.arrow_scale:.3g} x"
-            self._ui.slider("arrow_scale", 0.0, 100.0, text, LOGARITHMIC, "length")
 
-    def _compare(self) -> None:
+    def _arrow_scale(self) -> None:
         s = self._viewer.state
-        self._ui.pick("with", "against", s.others)
-        self._ui.pick("mode", "comparison", COMPARISONS)
-        self._ui.check("beside the image, with the error map", s.beside, "beside", "beside")
-        if s.against == "method":
-            self._ui.pick("method", "method", s.methods)
-            self._ui.pick("input", "method_input", METHOD_INPUTS)
-            self._ui.pick("image", "method_image", METHOD_IMAGES)
-            self._ui.faint("results are colors: show the channel color", wrap=True)
-            for name, label in SCORES.items():
-                if (value := self._viewer.engine.method_scores(s).get(name)) is not None:
-                    self._ui.pair(label, f"{value:.4g}", 190.0)
-        if s.beside or s.comparison in ("difference", "error", "ghost"):
-            self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
-        if s.comparison == "split":
-            self._ui.slider("split", 0.0, 1.0, "%.2f")
-        elif s.comparison == "flicker":
-            self._ui.slider("flicker_hz", 0.25, 30.0, "%.2g per second", LOGARITHMIC)
-            self._ui.faint(f"shown: {s.against if s.flicker_other else 'this image'}")
+        if s.arrows:
+            fitting = f"fitting: {self._viewer.engine.arrow_scale:.3g} x"
+            self._ui.draw("arrow_scale", "" if s.arrow_scale else fitting)
 
-    def _masks(self) -> None:
-        s, percentages = self._viewer.state, self._viewer.engine.percentages()
-        self._reusable()
-        self._ui.check("masks", s.overlays, "overlays", "overlays")
+    def _scores(self) -> None:
+        self._ui.faint("results are colors: show the channel color", wrap=True)
+        scores = self._viewer.engine.method_scores(self._viewer.state)
+        for name, label in SCORES.items():
+            if (value := scores.get(name)) is not None:
+                self._ui.pair(label, f"{value:.4g}", 190.0)
+
+    def _flickering(self) -> None:
+        s = self._viewer.state
+        self._ui.faint(f"shown: {s.against if s.flicker_other else 'this image'}")
+
+    def _opacity(self) -> None:
         imgui.same_line()
-        self._ui.slider("opacity", 0.0, 1.0, "%.2f")
-        self._ui.check("exact reasons", s.exact, "exact", "exact")
+        self._ui.draw("opacity")
+
+    def _legend(self) -> None:
+        """The masks or exact reasons with their shares."""
+        s, percentages = self._viewer.state, self._viewer.engine.percentages()
         self._ui.faint("% of all pixels")
         if s.exact:
             self._exact_legend(percentages)
@@ -256,21 +250,9 @@ class Panels:
         mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.stereo else " reprojection")
         self._ui.faint(f"{mode}: {words}", wrap=True)
 
-    def _settings(self) -> None:
-        """Settings that change while looking, and what they result in."""
-        s, feed = self._viewer.state, self._viewer.engine.feed
-        for name, choices in LIVE_CHOICES.items():
-            value = f"{getattr(s.live, name):g}" if name == "scale" else getattr(s.live, name)
-            picked = self._ui.choose(name, value, choices)
-            if picked is not None:
-                set_variable(s, name, picked)
-        changed, stops = imgui.slider_float("exposure", s.live.stops, -8.0, 8.0, "%+.2f stops")
-        self._ui.place("stops", slider=True)
-        if changed:
-            set_variable(s, "stops", str(stops))
-        self._ui.pick("while moving", "moving_light", MOVING_LIGHTS)
-        samples = self._ui.number("path tracing", s.samples, 0, 1024, "%d samples", "samples", LOGARITHMIC)
-        s.samples = s.samples if samples is None else samples
+    def _size(self) -> None:
+        """What the settings result in."""
+        feed = self._viewer.engine.feed
         width, height = feed.size
         self._ui.faint(f"{width} x {height} pixels, exposure {feed.settings.lighting.exposure_factor:.4g}", wrap=True)
 

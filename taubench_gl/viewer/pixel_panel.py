@@ -61,8 +61,11 @@ class PixelPanel:
                 _mark(x, corner.y, side, s.magnified, MARK[name])
             imgui.set_cursor_screen_pos(ImVec2(x, corner.y + side + 2))
             self._ui.faint(name)
-        half = self._ui.number("pixels", s.magnified // 2, 1, 30, f"{s.magnified} x {s.magnified}", "magnified")
-        s.magnified = s.magnified if half is None else 2 * half + 1
+        text = f"{s.magnified} x {s.magnified}"
+        changed, half = imgui.slider_int("pixels", s.magnified // 2, 1, 30, text)
+        self._ui.place("magnified", slider=True)
+        if changed:
+            s.magnified = 2 * half + 1
 
     def _names(self, explained: Explanation) -> None:
         where = "none" if explained.at is None else f"{explained.at[0]:.2f}, {explained.at[1]:.2f}"

@@ -20,6 +20,7 @@ from taubench_gl.viewer.actions import (
     help_lines,
     key_words,
     markdown,
+    run_action,
     split_chord,
 )
 from taubench_gl.viewer.feeds import OpenRequest, scene_of, scene_path
@@ -76,7 +77,7 @@ def test_split_chord():
 def test_every_action_keeps_the_state_valid(name):
     s = state()
     for _ in range(40):
-        ACTIONS[name].run(s)
+        run_action(name, s)
     assert s.first <= s.frame <= s.last and 0 <= s.opacity <= 1 and 0 <= s.split <= 1 and s.low < s.high
     assert s.loop is None or s.first <= s.loop[0] <= s.loop[1] <= s.last
     assert s.probe is None or (0 <= s.probe[0] < 64 and 0 <= s.probe[1] < 36)
@@ -308,7 +309,7 @@ def test_preferences_are_restored(tmp_path):
     assert prefs.save(tmp_path / "new", s, (800, 600)) == ""
     stored, note = prefs.load(tmp_path / "new")
     other = state()
-    prefs.apply(stored, other)
+    stored.apply(other)
     assert (stored.window, note) == ((800, 600), "")
     assert (other.opacity, other.speed, other.shown, other.sections) == (0.25, 0.5, s.shown, s.sections)
 
@@ -323,7 +324,7 @@ def test_invalid_preferences_are_ignored_with_a_note(tmp_path, text):
 def test_unknown_preferences_are_skipped(tmp_path):
     (tmp_path / prefs.FILE).write_text('{"values": {"opacity": "many", "frame": 7, "gone": 1, "show.sky": 1}}')
     s = state()
-    prefs.apply(prefs.load(tmp_path)[0], s)
+    prefs.load(tmp_path)[0].apply(s)
     assert s.opacity == 0.7 and s.frame == 2 and s.shown["sky"]
 
 
