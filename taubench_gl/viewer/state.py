@@ -22,7 +22,6 @@ from taubench_gl.viewer.controls import (
     NOTHING,
     SOURCE,
     Action,
-    Change,
     Choice,
     Control,
     Flag,
@@ -44,19 +43,9 @@ NO_NODE = "none"
 HISTORY = ("history", "reprojected")
 """What every image can be compared with: the previous frame, and that frame looked up where motion leads."""
 SECTIONS = (
-    "playback",
-    "camera",
-    "image",
-    "compare",
-    "masks",
-    "thresholds",
-    "probe",
-    "settings",
-    "effects",
-    "time",
-    "lesson",
+    "playback", "camera", "image", "compare", "masks", "thresholds", "probe", "settings", "effects", "time", "lesson",
     "scene",
-)
+)  # fmt: skip
 DOCKS = ("left", "right")
 DOCKED = (
     "lesson", "probe", "thresholds", "scene", "camera", "image", "compare", "masks", "settings", "effects", "time",
@@ -102,61 +91,41 @@ def following(items: tuple[str, ...], item: str, step: int = 1) -> str:
     return items[(items.index(item) + step) % len(items)] if item in items else items[0]
 
 
-def _assign(attribute: str, value: object) -> Change:
-    return lambda s: setattr(s, attribute, value)
-
-
-def _next(name: str, report: str, step: int = 1) -> Change:
+def _next(s: ViewerState, name: str, report: str, step: int = 1) -> None:
     """Choose the next value of the control ``name``; ``report``: how the message about it begins."""
-
-    def change(s: ViewerState) -> None:
-        if choices := CONTROLS[name].choices(s):
-            setattr(s, name, following(choices, getattr(s, name), step))
-            s.message = f"{report}: {getattr(s, name).replace('_', ' ')}"
-
-    return change
+    if choices := CONTROLS[name].choices(s):
+        setattr(s, name, following(choices, getattr(s, name), step))
+        s.message = f"{report}: {getattr(s, name).replace('_', ' ')}"
 
 
-def _speed(step: int) -> Change:
-    def change(s: ViewerState) -> None:
-        nearest = min(range(len(SPEEDS)), key=lambda i: abs(SPEEDS[i] - s.speed))
-        s.speed = SPEEDS[min(max(nearest + step, 0), len(SPEEDS) - 1)]
-        s.message = f"speed {s.speed:g}"
-
-    return change
+def _change_speed(s: ViewerState, step: int) -> None:
+    nearest = min(range(len(SPEEDS)), key=lambda i: abs(SPEEDS[i] - s.speed))
+    s.speed = SPEEDS[min(max(nearest + step, 0), len(SPEEDS) - 1)]
+    s.message = f"speed {s.speed:g}"
 
 
 def _object_motion(s: ViewerState) -> None:
     s.channel = s.channels[0] if s.channel == "object_motion" else "object_motion"
 
 
-def _move_range(low: float, high: float) -> Change:
+def _move_range(s: ViewerState, low: float, high: float) -> None:
     """Move the ends of the display range by shares of it."""
-    return lambda s: s.set_range(s.low + low * (s.high - s.low), s.high + high * (s.high - s.low))
+    s.set_range(s.low + low * (s.high - s.low), s.high + high * (s.high - s.low))
 
 
-def _split(by: float) -> Change:
-    return lambda s: setattr(s, "split", min(max(s.split + by, 0.0), 1.0))
+def _move_split(s: ViewerState, by: float) -> None:
+    s.split = min(max(s.split + by, 0.0), 1.0)
 
 
-def _show(overlay: str) -> Change:
-    def change(s: ViewerState) -> None:
-        s.shown[overlay] = not s.shown[overlay]
-        s.overlays = s.overlays or s.shown[overlay]
-
-    return change
+def _switch_mask(s: ViewerState, name: str) -> None:
+    """Show or hide one mask; showing it shows the masks."""
+    s.shown[name] = not s.shown[name]
+    s.overlays = s.overlays or s.shown[name]
 
 
-def _opacity(by: float) -> Change:
-    def change(s: ViewerState) -> None:
-        s.opacity = round(min(max(s.opacity + by, 0.0), 1.0), 3)
-        s.message = f"opacity {s.opacity:.2f}"
-
-    return change
-
-
-def _scale_threshold(factor: float) -> Change:
-    return lambda s: s.scale_threshold(factor)
+def _change_opacity(s: ViewerState, by: float) -> None:
+    s.opacity = round(min(max(s.opacity + by, 0.0), 1.0), 3)
+    s.message = f"opacity {s.opacity:.2f}"
 
 
 def _next_threshold(s: ViewerState) -> None:
@@ -164,20 +133,18 @@ def _next_threshold(s: ViewerState) -> None:
     s.scale_threshold(1.0)
 
 
-def _probe(dx: int, dy: int) -> Change:
-    def change(s: ViewerState) -> None:
-        x, y = s.probe or (s.size[0] // 2, s.size[1] // 2)
-        s.probe_pinned = True
-        s.probe = (min(max(x + dx, 0), s.size[0] - 1), min(max(y + dy, 0), s.size[1] - 1))
-
-    return change
+def _move_probe(s: ViewerState, dx: int, dy: int) -> None:
+    """Pin the probe ``dx`` pixels to the right and ``dy`` down, within the image; without a probe from its middle."""
+    x, y = s.probe or (s.size[0] // 2, s.size[1] // 2)
+    s.probe_pinned = True
+    s.probe = (min(max(x + dx, 0), s.size[0] - 1), min(max(y + dy, 0), s.size[1] - 1))
 
 
 def _pin(s: ViewerState) -> None:
     if s.probe_pinned:
         s.probe_pinned = False
     else:
-        _probe(0, 0)(s)
+        _move_probe(s, 0, 0)
 
 
 def _toggle_effect(s: ViewerState) -> None:
@@ -185,8 +152,8 @@ def _toggle_effect(s: ViewerState) -> None:
         s.toggle_effect(s.effect)
 
 
-def _section(name: str) -> Change:
-    return lambda s: s.sections.update({name: not s.sections[name]})
+def _switch_section(s: ViewerState, name: str) -> None:
+    s.sections[name] = not s.sections[name]
 
 
 # Values with rules of their own
@@ -276,22 +243,24 @@ class ViewerState:
         group="playback", restarts=NOTHING, actions=(
             Action("loop from", "LEFT_BRACKET", "loop starts at this frame", lambda s: s.set_loop(low=s.frame)),
             Action("loop to", "RIGHT_BRACKET", "loop ends at this frame", lambda s: s.set_loop(high=s.frame)),
-            Action("loop all", "BACKSLASH", "loop over the whole sequence", _assign("loop", None)),
+            Action("loop all", "BACKSLASH", "loop over the whole sequence", lambda s: setattr(s, "loop", None)),
         ),
     ))  # fmt: skip
     speed: float = control(1.0, Number(
         0.01, 16.0, preference=True, group="playback", restarts=NOTHING, actions=(
-            Action("slower", "COMMA", "play slower", _speed(-1)), Action("faster", "PERIOD", "play faster", _speed(1)),
+            Action("slower", "COMMA", "play slower", lambda s: _change_speed(s, -1)),
+            Action("faster", "PERIOD", "play faster", lambda s: _change_speed(s, 1)),
         ),
     ))  # fmt: skip
 
     # camera
     camera: str = control("file", Choice(
         CAMERAS, group="camera", restarts=NOTHING, actions=(
-            Action("file camera", "V", "camera of the scene file", _assign("camera", "file")),
+            Action("file camera", "V", "camera of the scene file", lambda s: setattr(s, "camera", "file")),
             Action("fly", "F", "fly: W A S D move, Q E down and up, Shift faster, drag or I J K L turn",
-                   _assign("camera", "fly")),
-            Action("orbit", "O", "orbit: drag or I J K L rotate, wheel or W S zoom", _assign("camera", "orbit")),
+                   lambda s: setattr(s, "camera", "fly")),
+            Action("orbit", "O", "orbit: drag or I J K L rotate, wheel or W S zoom",
+                   lambda s: setattr(s, "camera", "orbit")),
             Action("reset camera", "R", "reset fly and orbit to the camera of the scene file"),
         ),
     ))  # fmt: skip
@@ -305,8 +274,9 @@ class ViewerState:
     channels: tuple[str, ...] = ("headlight",)  # keys of ``display.VISUALIZATIONS`` that the source has
     channel: str = control("headlight", Choice(
         lambda s: s.channels, group="image", actions=(
-            Action("next channel", "N", "show the next channel", _next("channel", "channel")),
-            Action("previous channel", "SHIFT+N", "show the previous channel", _next("channel", "channel", -1)),
+            Action("next channel", "N", "show the next channel", lambda s: _next(s, "channel", "channel")),
+            Action("previous channel", "SHIFT+N", "show the previous channel",
+                   lambda s: _next(s, "channel", "channel", -1)),
             Action("object motion", "SHIFT+U", "show object motion, or the first channel again", _object_motion),
         ),
     ))  # fmt: skip
@@ -316,10 +286,10 @@ class ViewerState:
     display_range: tuple[float, float] = control((0.0, 1.0), Special(
         lambda s: dict(zip(("range.low", "range.high"), s.display_range, strict=True)), _write_range,
         group="image", actions=(
-            Action("range up", "UP", "raise the upper end of the range", _move_range(0.0, 0.1)),
-            Action("range down", "DOWN", "lower the upper end of the range", _move_range(0.0, -0.1)),
-            Action("low up", "SHIFT+UP", "raise the lower end of the range", _move_range(0.1, 0.0)),
-            Action("low down", "SHIFT+DOWN", "lower the lower end of the range", _move_range(-0.1, 0.0)),
+            Action("range up", "UP", "raise the upper end of the range", lambda s: _move_range(s, 0.0, 0.1)),
+            Action("range down", "DOWN", "lower the upper end of the range", lambda s: _move_range(s, 0.0, -0.1)),
+            Action("low up", "SHIFT+UP", "raise the lower end of the range", lambda s: _move_range(s, 0.1, 0.0)),
+            Action("low down", "SHIFT+DOWN", "lower the lower end of the range", lambda s: _move_range(s, -0.1, 0.0)),
         ),
     ))  # fmt: skip
     arrows: bool = control(False, Flag(
@@ -333,7 +303,8 @@ class ViewerState:
     # comparison
     comparison: str = control("off", Choice(
         COMPARISONS, section="compare", label="mode", group="image", actions=(
-            Action("compare", "Y", f"comparison: {', '.join(COMPARISONS)}", _next("comparison", "comparison")),
+            Action("compare", "Y", f"comparison: {', '.join(COMPARISONS)}",
+                   lambda s: _next(s, "comparison", "comparison")),
         ),
     ))  # fmt: skip
     others: tuple[str, ...] = HISTORY  # what the image can be compared with
@@ -341,7 +312,7 @@ class ViewerState:
         lambda s: s.others, label="with", group="image", actions=(
             Action("compare with", "SHIFT+Y",
                    "compare with the next: history, reprojected history, reference, run, method",
-                   _next("against", "compared with")),
+                   lambda s: _next(s, "against", "compared with")),
         ),
     ))  # fmt: skip
     beside: bool = control(False, Flag(
@@ -358,8 +329,8 @@ class ViewerState:
     ))  # fmt: skip
     split: float = control(0.5, Number(  # fraction of the image width
         0.0, 1.0, section="compare", visible=lambda s: s.comparison == "split", group="image", actions=(
-            Action("split left", "SEMICOLON", "move the split line left", _split(-0.02)),
-            Action("split right", "APOSTROPHE", "move the split line right", _split(0.02)),
+            Action("split left", "SEMICOLON", "move the split line left", lambda s: _move_split(s, -0.02)),
+            Action("split right", "APOSTROPHE", "move the split line right", lambda s: _move_split(s, 0.02)),
         ),
     ))  # fmt: skip
     flicker_hz: float = control(2.0, Number(  # changes per second between the image and the other
@@ -373,7 +344,7 @@ class ViewerState:
         default_factory=lambda: {n: n in ("frustum", "position", "normal") for n in OVERLAYS},
         metadata=declared(Members("show", Flag(), preference=True, group="masks", actions=tuple(
             Action(f"show {name}", f"{'SHIFT+' if i >= 10 else ''}{(i + 1) % 10}", f"mask: {label_of(reason)}",
-                   _show(name))
+                   partial(_switch_mask, name=name))
             for i, (name, reason) in enumerate(OVERLAYS.items())
         ))),
     )  # fmt: skip
@@ -386,8 +357,8 @@ class ViewerState:
     ))  # fmt: skip
     opacity: float = control(0.7, Number(
         0.0, 1.0, preference=True, group="masks", actions=(
-            Action("opacity down", "MINUS", "more transparent masks", _opacity(-0.1)),
-            Action("opacity up", "EQUAL", "more opaque masks", _opacity(0.1)),
+            Action("opacity down", "MINUS", "more transparent masks", lambda s: _change_opacity(s, -0.1)),
+            Action("opacity up", "EQUAL", "more opaque masks", lambda s: _change_opacity(s, 0.1)),
         ),
     ))  # fmt: skip
     feature: str = control("position", Choice(  # the feature whose threshold the keys change
@@ -398,10 +369,13 @@ class ViewerState:
     thresholds: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255),
         metadata=declared(Members("threshold", Number(0.0, MAX_THRESHOLD), restarts=MASKS, group="thresholds", actions=(
-            Action("threshold up", "PAGE_UP", "raise the selected threshold by 10 %", _scale_threshold(1.1)),
-            Action("threshold down", "PAGE_DOWN", "lower the selected threshold by 10 %", _scale_threshold(1 / 1.1)),
-            Action("threshold double", "SHIFT+PAGE_UP", "double the selected threshold", _scale_threshold(2.0)),
-            Action("threshold half", "SHIFT+PAGE_DOWN", "halve the selected threshold", _scale_threshold(0.5)),
+            Action("threshold up", "PAGE_UP", "raise the selected threshold by 10 %", lambda s: s.scale_threshold(1.1)),
+            Action("threshold down", "PAGE_DOWN", "lower the selected threshold by 10 %",
+                   lambda s: s.scale_threshold(1 / 1.1)),
+            Action("threshold double", "SHIFT+PAGE_UP", "double the selected threshold",
+                   lambda s: s.scale_threshold(2.0)),
+            Action("threshold half", "SHIFT+PAGE_DOWN", "halve the selected threshold",
+                   lambda s: s.scale_threshold(0.5)),
             Action("threshold default", "BACKSPACE", "reset the selected threshold",
                    lambda s: s.set_threshold(s.feature, s.default_thresholds[s.feature])),
         ))),
@@ -429,10 +403,10 @@ class ViewerState:
     probe: tuple[int, int] | None = control(None, Special(  # pixel (x, row from the top)
         lambda s: {"probe": "none" if s.probe is None else f"{s.probe[0]},{s.probe[1]}"}, _write_probe,
         group="probe", restarts=NOTHING, actions=(
-            Action("probe left", "CTRL+LEFT", "probe one pixel left", _probe(-1, 0)),
-            Action("probe right", "CTRL+RIGHT", "probe one pixel right", _probe(1, 0)),
-            Action("probe up", "CTRL+UP", "probe one pixel up", _probe(0, -1)),
-            Action("probe down", "CTRL+DOWN", "probe one pixel down", _probe(0, 1)),
+            Action("probe left", "CTRL+LEFT", "probe one pixel left", lambda s: _move_probe(s, -1, 0)),
+            Action("probe right", "CTRL+RIGHT", "probe one pixel right", lambda s: _move_probe(s, 1, 0)),
+            Action("probe up", "CTRL+UP", "probe one pixel up", lambda s: _move_probe(s, 0, -1)),
+            Action("probe down", "CTRL+DOWN", "probe one pixel down", lambda s: _move_probe(s, 0, 1)),
         ),
     ))  # fmt: skip
     magnified: int = control(11, Special(  # pixels along a side of the magnified images, odd
@@ -452,7 +426,7 @@ class ViewerState:
     effects: tuple[str, ...] = ()  # effects that can be toggled
     effect: str = control("", Choice(  # the effect that the keys toggle
         lambda s: s.effects, group="effects", restarts=NOTHING, actions=(
-            Action("next effect", "G", "select the next effect", _next("effect", "effect")),
+            Action("next effect", "G", "select the next effect", lambda s: _next(s, "effect", "effect")),
         ),
     ))  # fmt: skip
     switched_off: frozenset[str] = control(frozenset(), Special(
@@ -472,7 +446,8 @@ class ViewerState:
     sections: dict[str, bool] = field(  # measuring time is slow
         default_factory=lambda: {n: n != "time" for n in SECTIONS},
         metadata=declared(Members("section", Flag(), preference=True, group="window", restarts=NOTHING, actions=tuple(
-            Action(f"section {name}", f"SHIFT+F{i}" if i < 12 else "SHIFT+T", f"open or close {name}", _section(name))
+            Action(f"section {name}", f"SHIFT+F{i}" if i < 12 else "SHIFT+T", f"open or close {name}",
+                   partial(_switch_section, name=name))
             for i, name in enumerate(SECTIONS, 1)
         ))),
     )  # fmt: skip
