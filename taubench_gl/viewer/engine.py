@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import moderngl
@@ -22,7 +20,6 @@ from taubench_gl.evaluation.explain import Explanation, with_light
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES, LIGHT_FEATURES, TABLE
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.timing import WALL_CLOCK, wall_time
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
@@ -677,43 +674,6 @@ class ViewerEngine:
 
     def release(self) -> None:
         self._owner.release()
-
-
-SMOOTHING = 0.2
-"""Weight of the latest time in the moving average."""
-
-
-class LiveTimer:
-    """Moving average of each pass's time, ``ms``; has the interface of ``gpu.timing.PassTimer``.
-
-    It measures only while ``enabled``, because it waits for the GPU before and after each pass.
-    """
-
-    clock = WALL_CLOCK
-
-    def __init__(self, gpu: Gpu):
-        self._gpu, self.enabled = gpu, False
-        self.ms: dict[str, float] = {}
-        self.latest: frozenset[str] = frozenset()  # passes of the last update that had any
-        self._measured: set[str] = set()  # since the last update began
-
-    def update(self) -> None:
-        """The next update of the image begins."""
-        if self._measured:
-            self.latest = frozenset(self._measured)
-            self._measured.clear()
-
-    @contextmanager
-    def measure(self, name: str) -> Iterator[None]:
-        if not self.enabled:
-            yield
-            return
-        with wall_time(self._gpu, partial(self._record, name)):
-            yield
-
-    def _record(self, name: str, elapsed: float) -> None:
-        self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
-        self._measured.add(name)
 
 
 def _map_beside(state: ViewerState) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +15,14 @@ from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
+from taubench_gl.gpu.timing import WALL_CLOCK, wall_time
 from taubench_gl.outputs import write_png
 from taubench_gl.report.video import Video
 from taubench_gl.viewer import prefs, session_file
 from taubench_gl.viewer.actions import run_action
 from taubench_gl.viewer.comparisons import open_comparisons
 from taubench_gl.viewer.controls import MASKS, SOURCE
-from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
+from taubench_gl.viewer.engine import ViewerEngine
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
 from taubench_gl.viewer.layout import Layout, Shown, arrange
 from taubench_gl.viewer.names import PixelNames
@@ -29,6 +32,43 @@ from taubench_gl.viewer.timeline import Rates, Timeline
 Array = np.ndarray
 LIGHT = ("direct", "color", "emission")
 """Effects that start disabled on software OpenGL."""
+
+
+SMOOTHING = 0.2
+"""Weight of the latest time in the moving average."""
+
+
+class LiveTimer:
+    """Moving average of each pass's time, ``ms``; has the interface of ``gpu.timing.PassTimer``.
+
+    It measures only while ``enabled``, because it waits for the GPU before and after each pass.
+    """
+
+    clock = WALL_CLOCK
+
+    def __init__(self, gpu: Gpu):
+        self._gpu, self.enabled = gpu, False
+        self.ms: dict[str, float] = {}
+        self.latest: frozenset[str] = frozenset()  # passes of the last update that had any
+        self._measured: set[str] = set()  # since the last update began
+
+    def update(self) -> None:
+        """The next update of the image begins."""
+        if self._measured:
+            self.latest = frozenset(self._measured)
+            self._measured.clear()
+
+    @contextmanager
+    def measure(self, name: str) -> Iterator[None]:
+        if not self.enabled:
+            yield
+            return
+        with wall_time(self._gpu, partial(self._record, name)):
+            yield
+
+    def _record(self, name: str, elapsed: float) -> None:
+        self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
+        self._measured.add(name)
 
 
 class ViewerModel(Owner):
