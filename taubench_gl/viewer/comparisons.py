@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -34,17 +33,6 @@ from taubench_gl.viewer.state import METHOD_IMAGES, ViewerState
 Array = np.ndarray
 WARM_UP = 8
 """Frames that a reuse method runs before one that does not follow the last."""
-
-
-class Comparison(Protocol):
-    """Images of the frames of a feed, with the camera of the file."""
-
-    name: str
-
-    def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
-        """The same channel of the same frame; None if it has none.  Raises TaubenchError."""
-
-    def release(self) -> None: ...
 
 
 def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Comparison]:
@@ -84,6 +72,10 @@ class RunComparison(Owner):
         self._feed = self.own(feed)
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
+        """The same channel of the same frame, with the camera of the file; None if it has none.
+
+        Raises TaubenchError.
+        """
         if frame not in self._feed.frames or channel not in CHANNELS or channel == "motion":
             return None
         needs = {effect for name, effect in LIGHT.items() if VISUALIZATIONS[name].channel == channel}
@@ -268,3 +260,7 @@ class PathTracedComparison(Owner):
         if self._error is not None:
             raise self._error
         return self._feed.source.current[channel]
+
+
+Comparison = RunComparison | MethodComparison | PathTracedComparison
+"""Images of the frames of a feed; ``texture`` has the same arguments in each."""

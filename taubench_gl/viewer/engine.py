@@ -28,11 +28,19 @@ from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
 from taubench_gl.viewer.controls import IMAGE, MASKS
-from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
+from taubench_gl.viewer.display import (
+    ARROW_STEP_PX,
+    LIGHT_BITS,
+    VISUALIZATIONS,
+    Content,
+    Display,
+    FrozenCamera,
+    Magnifier,
+    Other,
+)
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.light import REFINED, Lights
-from taubench_gl.viewer.magnifier import Magnifier
 from taubench_gl.viewer.names import PixelNames, node_at
 from taubench_gl.viewer.state import HISTORY, ViewerState
 
@@ -69,13 +77,13 @@ class ViewerEngine:
     user: UserCamera | None = None
     unmeasured: Mapping[str, str] = field(default_factory=dict)  # column of the pair -> why it is not measured
     arrow_scale: float = 1.0  # of the arrows drawn last
+    lights: Lights | None = None
 
     _owner: GpuOwner | None = None  # of everything here, the feed and the comparisons
     _evaluator: PairEvaluator | None = None
     _reversed: PairEvaluator | None = None  # of the other eye, whose history is the image; None until it is shown
     _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
     _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
-    _lights: Lights | None = None
     _observer: SceneFeed | None = None
     _display: Display | None = None
     _mask_key: Any = None
@@ -96,7 +104,7 @@ class ViewerEngine:
         self._owner = GpuOwner(self.gpu, self.timer)
         for part in (self.feed, *self.comparisons.values()):
             self._owner.own(part)
-        self._lights = self._owner.own(Lights(self._owner.context, self.timer))
+        self.lights = self._owner.own(Lights(self._owner.context, self.timer))
         self._exact = self._owner.own(ExactMasks(self.gpu))
         self._display = self._owner.own(Display(self.gpu, self.feed.size))
         self._magnifier = self._owner.own(Magnifier(self.gpu))
@@ -129,10 +137,10 @@ class ViewerEngine:
         self._plan(state)
         previous, current = self._choose_pair(state)
         channel = VISUALIZATIONS[state.channel].channel
-        coarse = self._lights.choose(state, self.feed, channel)
+        coarse = self.lights.choose(state, self.feed, current, channel)
         shown = frozenset(VISUALIZATIONS[state.channel].channels) | self._exact_channels(state)
         shown |= self._names(state)
-        self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
+        self._drawn_feed = self.feed if coarse is None else self.lights.geometry(state, shown)
         changed = self._drawn_feed.show(previous, current)
         if changed:
             self.gpu.flush()  # it is drawn while light is prepared
@@ -146,7 +154,7 @@ class ViewerEngine:
             self._mask_key, self._exact_key = mask_key, None
         self._find_exact(state)
         self._pick(state)
-        self._refine(state, current, channel)
+        self._refine(state)
         try:
             self._update_image(state)
         finally:
@@ -158,9 +166,9 @@ class ViewerEngine:
         if state.playing and state.camera == "file" and self.feed.free:
             self.feed.file_shot(state.next_frame)
 
-    def _refine(self, state: ViewerState, shot: Shot, channel: str) -> None:
+    def _refine(self, state: ViewerState) -> None:
         try:
-            self._lights.refine(state, self.feed, shot, channel)
+            self.lights.refine(state)
         except TaubenchError as error:  # such as too little memory: rasterized light stays
             state.samples, state.message = 0, str(error)
 
@@ -207,13 +215,15 @@ class ViewerEngine:
         if state.live != asked:
             state.message = "path-traced files have their light and their size"
         if planned or self._evaluator is None:
-            for part in (self._lights, self._exact):
+            for part in (self.lights, self._exact):
                 part.reset()
             self._drawn_feed = self.feed
             if self._reversed is not None:
                 self._owner.free_parts(self._reversed)
-            how, self._reversed = {"images": True, "instead_of": self._evaluator}, None
-            self._active = self._evaluator = self._owner.open_evaluator(self.feed.source, self.feed.settings, **how)
+            self._reversed = None
+            self._active = self._evaluator = self._owner.open_evaluator(
+                self.feed.source, self.feed.settings, images=True, instead_of=self._evaluator
+            )
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
             self._resize(state)
@@ -294,12 +304,12 @@ class ViewerEngine:
         """Compare the pair: mask and motion, and the counts that ``_count`` reads."""
         previous, current = self.shots
         self.pair = reprojection(current.view, previous.view, *self.feed.size)
-        coarse = self._lights.active is not None
-        self._lights.draw(state, self.feed, self.shots)  # before the masks, which wait for the geometry
-        self._active = self._lights.evaluator if coarse else self._evaluator
+        coarse = self.lights.active is not None
+        self.lights.draw(state, self.shots)  # before the masks, which wait for the geometry
+        self._active = self.lights.evaluator if coarse else self._evaluator
         self._active.submit(self.pair, declared=declared, thresholds=state.thresholds)
         if coarse:
-            self._lights.submit(state, self.shots, declared)
+            self.lights.coarse.submit(self.shots, declared, state.thresholds)
 
     def _count(self) -> None:
         """Read the counts of the pair compared last."""
@@ -308,8 +318,8 @@ class ViewerEngine:
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.unmeasured = self.source.unmeasured
-        if self._lights.active is not None:
-            self._add_light(self._lights.read())
+        if self.lights.active is not None:
+            self._add_light(self.lights.coarse.read())
         self.drawn.masks += 1
 
     def _add_light(self, counts: Counts) -> None:
@@ -322,7 +332,7 @@ class ViewerEngine:
         self.reasons["shading"] = {name: round(share * pixels) for name, pixels in reasons.items()}
         light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n in LIGHT_FEATURES}
         self.histograms |= {name: share * bins for name, bins in light.items()}
-        missing = self._lights.coarse.unmeasured
+        missing = self.lights.coarse.unmeasured
         self.unmeasured = {**self.feed.source.unmeasured, **{n: missing[n] for n in light if n in missing}}
 
     def _update_image(self, state: ViewerState) -> None:
@@ -351,7 +361,7 @@ class ViewerEngine:
     def _image_key_of(self, state: ViewerState, shown: Shot) -> tuple[Any, ...]:
         """Everything that the image depends on."""
         files = version(state.method) if state.against == "method" else None
-        drawn = (self._mask_key, shown.key, self.light_samples(state), state.flicker_other, files)
+        drawn = (self._mask_key, shown.key, self.lights.samples, state.flicker_other, files)
         return (*drawn, *state.restarted_by(IMAGE))
 
     def _outline(self, state: ViewerState, source: Any) -> None:
@@ -380,9 +390,9 @@ class ViewerEngine:
     def _content_of(self, state: ViewerState, source: Any, frozen: FrozenCamera | None) -> Content:
         """The image without comparison."""
         visual = VISUALIZATIONS[state.channel]
-        lit = self._lights.source(self.shots[1], visual.channel) if frozen is None else None
+        lit = self.lights.source if frozen is None else None
         channels = (lit or source).current
-        coarse = self._lights.coarse
+        coarse = self.lights.coarse
         return Content(
             visual.kind,
             self._active.motion_texture if visual.channel == "motion" else channels[visual.channel],
@@ -435,7 +445,7 @@ class ViewerEngine:
 
     def _shows_eyes(self, state: ViewerState) -> bool:
         """Whether the image beside is the other eye, with the masks of its own history, which is this image."""
-        whole = not state.exact and self._lights.coarse is None
+        whole = not state.exact and self.lights.coarse is None
         return state.live.history == "eye" and state.against == HISTORY[0] and whole
 
     def _mask_of_eye(self, state: ViewerState) -> moderngl.Texture:
@@ -497,7 +507,7 @@ class ViewerEngine:
 
     def _history_of(self, channel: str, reprojected: bool) -> Other | None:
         """A channel of the previous frame; None for a channel that only pairs have."""
-        coarse = self._lights.coarse if channel in REFINED else None
+        coarse = self.lights.coarse if channel in REFINED else None
         previous = (coarse or self).source.previous
         if channel not in previous:
             return None
@@ -522,7 +532,7 @@ class ViewerEngine:
         return self._magnifier.texture
 
     def magnify(self, state: ViewerState, explained: Explanation) -> moderngl.Texture:
-        """The images of ``magnifier.TILES`` around an explained pixel of the pair."""
+        """The images of ``display.TILES`` around an explained pixel of the pair."""
         key = (self._image_key, explained.pixel, state.magnified)
         if key != self._magnified:
             height = self.feed.size[1]
@@ -532,7 +542,7 @@ class ViewerEngine:
                 at = math.floor(explained.at[0] + 0.5), math.floor(height - 1 - explained.at[1] + 0.5)
             pixel = (explained.pixel[0], height - 1 - explained.pixel[1])
             content = self._content
-            if self.light_samples(state):  # history has the light of the light method
+            if self.lights.samples:  # history has the light of the light method
                 content = replace(content, channel=self.source.current[channel])
             self._magnifier.draw(state.magnified, content, self._history_of(channel, True), pixel, at)
             self._magnified = key
@@ -568,42 +578,21 @@ class ViewerEngine:
         if key == self._range_key:
             return
         self._range_key = key
-        lit = self._lights.source(shown, visual.channel) if not state.freeze_current else None
+        lit = self.lights.source if not state.freeze_current else None
         state.display_range = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
 
     def explain(self, state: ViewerState) -> Explanation:
         """The probed pixel; with coarse light, that of the coarse pixel over it."""
         explained = self._active.explain(*state.probe, thresholds=state.thresholds)
-        if self._lights.active is None:
+        if self.lights.active is None:
             return explained
-        return with_light(explained, self._lights.coarse.explain(*state.probe, state.thresholds))
+        return with_light(explained, self.lights.coarse.explain(*state.probe, state.thresholds))
 
     def exact_words(self, x: int, row: int) -> str | None:
         """The exact reason of a pixel; None unless the masks are exact ones."""
         if self._exact_key is None or self._exact.bits is None:
             return None
         return exact_words(int(self._exact.bits[row, x]), self._exact.lit)
-
-    @property
-    def coarse_light(self) -> bool:
-        """Whether the light of the pair shown is coarse."""
-        return self._lights.active is not None
-
-    def light_samples(self, state: ViewerState) -> int:
-        """Path-traced samples per pixel of the image; 0 where its light is that of the light method."""
-        return self._lights.samples(self.shots[1], VISUALIZATIONS[state.channel].channel)
-
-    def light_traced(self, state: ViewerState) -> int:
-        """Path-traced samples per pixel that there are, shown or not yet."""
-        return self._lights.traced(self.shots[1], VISUALIZATIONS[state.channel].channel)
-
-    def light_text(self, state: ViewerState) -> str:
-        """The quality of light in words; empty without light."""
-        return self._lights.text(state, self.feed, self.shots[1], VISUALIZATIONS[state.channel].channel)
-
-    def refining(self, state: ViewerState) -> bool:
-        """Whether more path-traced samples are to come."""
-        return self._lights.pending(state, self.feed, self.shots[1], VISUALIZATIONS[state.channel].channel)
 
     def value_range(self, kind: str, channel: str, source: Any) -> tuple[float, float]:
         """Smallest and largest finite value of a channel on surfaces; (0, 1) without any."""

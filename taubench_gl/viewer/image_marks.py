@@ -50,7 +50,7 @@ def _titles(viewer: ViewerModel, layout: Layout) -> None:
     """How light is drawn, or what an image beside it shows, in the upper left corner of each image."""
     texts = viewer.engine.titles(viewer.state)
     for text, (left, top, width, _) in zip(texts, layout.images, strict=True):
-        text = text or viewer.engine.light_text(viewer.state)
+        text = text or viewer.engine.lights.text(viewer.state)
         if not text:
             continue
         lines, size = imgui.get_background_draw_list(), imgui.calc_text_size(text, False, width - 20.0)

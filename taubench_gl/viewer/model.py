@@ -271,14 +271,16 @@ class ViewerModel(Owner):
             return
         self._recorded = drawn
         key = s.restarted_by(MASKS, SOURCE)
-        self.timeline.record(key, s.frame, Rates(engine.percentages(), engine.reusable()[1], engine.coarse_light))
+        self.timeline.record(
+            key, s.frame, Rates(engine.percentages(), engine.reusable()[1], engine.lights.active is not None)
+        )
         if self.timeline.lacks_image(s.frame):
             self.timeline.show(s.frame, engine.image())
 
     @property
     def busy(self) -> bool:
         """Whether the image changes without input."""
-        return self.state.busy or self.camera_moves or self.engine.refining(self.state)
+        return self.state.busy or self.camera_moves or self.engine.lights.pending(self.state)
 
     @property
     def layout(self) -> Layout:

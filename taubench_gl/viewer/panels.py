@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 
+import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.animation import OrbitCamera
-from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, OPTIONS, REASONS, STATISTICS, label_of
+from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE
+from taubench_gl.glossary import COLUMNS, CONCEPTS, EXACT_REASONS, OPTIONS, REASONS, STATISTICS, label_of
+from taubench_gl.metrics.counts import edges
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.actions import help_lines, key_words
-from taubench_gl.viewer.display import VISUALIZATIONS
+from taubench_gl.viewer.display import OUTLINE_COLOR, VISUALIZATIONS
 from taubench_gl.viewer.feeds import Feed
 from taubench_gl.viewer.image_marks import draw_marks
 from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
-from taubench_gl.viewer.scene_panel import ScenePanel
-from taubench_gl.viewer.state import CAMERAS, CONTROLS, DOCKED, EXACT_OVERLAYS, OVERLAYS
-from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
-from taubench_gl.viewer.timeline_panel import draw_timeline
+from taubench_gl.viewer.scene_tree import SceneTree
+from taubench_gl.viewer.state import CAMERAS, CONTROLS, DOCKED, EXACT_OVERLAYS, OVERLAYS, ViewerState
+from taubench_gl.viewer.timeline import Timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
 SCORES = {
@@ -323,3 +327,236 @@ class Panels:
                     self._ui.faint(doc, wrap=True)
             imgui.end_table()
         imgui.end()
+
+
+LEAST = 1e-4
+"""Lower end of a threshold slider."""
+MOST = {feature.name: feature.most for feature in TABLE if feature.most}
+"""Upper end of the slider, 10 for the other features."""
+SLIDER_HEIGHT = 30.0
+_EDGES = np.append(0.0, edges())
+
+
+def columns(counts: np.ndarray, high: float, width: int) -> np.ndarray:
+    """Pixels per column of a logarithmic axis from LEAST to ``high``, (width,) float64.
+
+    ``counts``: (HISTOGRAM_BINS,) pixels per bin of distance; a bin is spread over the columns that it covers.
+    Distances below LEAST are in the first column, those above ``high`` in the last.
+    """
+    total = np.zeros(len(counts) + 1)
+    np.cumsum(counts, out=total[1:])
+    inner = np.interp(np.arange(1, width), _places(high, width), total)
+    return np.diff(inner, prepend=0.0, append=total[-1])
+
+
+@lru_cache(maxsize=16)
+def _places(high: float, width: int) -> np.ndarray:
+    """Edges of the bins on the axis of ``columns``, (HISTOGRAM_BINS + 1,) columns."""
+    with np.errstate(divide="ignore"):
+        at = np.log(np.append(_EDGES, np.inf) / LEAST) / math.log(high / LEAST) * width
+    return np.clip(at, 0.0, width)
+
+
+class ThresholdsPanel:
+    """Draws the section."""
+
+    def __init__(self, ui: Widgets):
+        self._ui = ui
+
+    def draw(self) -> None:
+        engine = self._ui.viewer.engine
+        width = imgui.get_content_region_avail().x - 66.0
+        for feature in FEATURES:
+            if feature not in engine.feed.source.unmeasured:
+                self._feature(feature, width)
+
+    def _feature(self, feature: str, width: float) -> None:
+        s, engine = self._ui.viewer.state, self._ui.viewer.engine
+        high = MOST.get(feature, 10.0)
+        corner = imgui.get_cursor_screen_pos()
+        bar(corner.x, corner.y, width, SLIDER_HEIGHT, (0.195, 0.205, 0.224))  # the slider has no background of its own
+        _histogram(engine.histograms.get(feature), feature, s.thresholds[feature], high, (corner.x, corner.y, width))
+        for name in ("frame_bg", "frame_bg_hovered", "frame_bg_active"):
+            imgui.push_style_color(getattr(imgui.Col_, name).value, ImVec4(0.0, 0.0, 0.0, 0.0))
+        imgui.push_style_var(
+            imgui.StyleVar_.frame_padding.value, ImVec2(8, (SLIDER_HEIGHT - imgui.get_font_size()) / 2)
+        )
+        imgui.set_next_item_width(width)
+        changed, value = imgui.slider_float(
+            f"{feature}##threshold", s.thresholds[feature], LEAST, high, f"%.4f{s.unit(feature)}",
+            imgui.SliderFlags_.logarithmic.value,
+        )  # fmt: skip
+        imgui.pop_style_var()
+        imgui.pop_style_color(3)
+        imgui.push_item_width(width)
+        self._ui.place(f"threshold.{feature}", slider=True)
+        imgui.pop_item_width()
+        self._ui.explain(COLUMNS[feature].tooltip)
+        if changed:
+            s.feature = feature
+            s.set_threshold(feature, value)
+
+
+def _histogram(counts: np.ndarray | None, feature: str, limit: float, high: float, place: tuple[float, ...]) -> None:
+    """Bars of a logarithmic number of pixels: those above the threshold in the color of the feature's mask."""
+    if counts is None or not counts.any():
+        return
+    x, y, width = place
+    many = columns(counts, high, int(width) // 3)
+    heights = np.log1p(many) / np.log1p(many.max())
+    cut = math.log(max(limit, LEAST) / LEAST) / math.log(high / LEAST) * len(many)
+    over = imgui.get_color_u32(ImVec4(*(c / 255.0 for c in color_of(FEATURE_BIT[feature])), 0.85))
+    under, lines = imgui.get_color_u32(ImVec4(0.42, 0.44, 0.48, 0.7)), imgui.get_window_draw_list()
+    smooth = lines.flags
+    lines.flags = 0  # upright edges between pixels: smoothing them would take five times the triangles
+    for i, height in enumerate(heights.tolist()):
+        if height > 0.0:
+            low, high_end = (
+                ImVec2(x + 3 * i, y + SLIDER_HEIGHT * (1.0 - height)),
+                ImVec2(x + 3 * i + 2.0, y + SLIDER_HEIGHT),
+            )
+            lines.add_rect_filled(low, high_end, over if i + 0.5 >= cut else under)
+    lines.flags = smooth
+
+
+TIMELINE_HEIGHT = 44.0
+"""Of the timeline, screen points."""
+HEADROOM = 1.15
+"""The largest share of a discard is this much below the upper edge."""
+RATE_COLOR = (1.0, 1.0, 1.0, 0.95)
+
+
+def draw_timeline(ui: Widgets, timeline: Timeline) -> None:
+    """Small images, curves of the masks that are shown and of the reuse rate (white), a line at the frame.
+
+    A click goes to a frame; the mouse over it names its rates.
+    """
+    s = ui.viewer.state
+    corner, width = imgui.get_cursor_screen_pos(), max(imgui.get_content_region_avail().x, 40.0)
+    imgui.image(imgui.ImTextureRef(timeline.texture.glo), ImVec2(width, TIMELINE_HEIGHT))
+    bar(corner.x, corner.y, width, TIMELINE_HEIGHT, (0.0, 0.0, 0.0, 0.55))
+    imgui.set_cursor_screen_pos(corner)
+    imgui.invisible_button("##timeline", ImVec2(width, TIMELINE_HEIGHT))
+    ui.place("timeline")
+    at = timeline.frame_at((imgui.get_mouse_pos().x - corner.x) / width)
+    if imgui.is_item_active():
+        s.playing = False
+        s.go_to(at)
+    elif imgui.is_item_hovered():
+        imgui.set_tooltip(_words(timeline, s, at))
+
+    def point(frame: int, share: float) -> ImVec2:
+        return ImVec2(corner.x + timeline.place(frame) * width, corner.y + TIMELINE_HEIGHT * (1.0 - share))
+
+    for color, shares in _curves(timeline, s):
+        drawn = imgui.get_color_u32(ImVec4(*color))
+        for frame, share in shares.items():
+            if frame + 1 in shares:
+                ends = point(frame, share), point(frame + 1, shares[frame + 1])
+                imgui.get_window_draw_list().add_line(*ends, drawn, 1.5)
+    bar(point(s.frame, 1.0).x - 1.0, corner.y, 2.0, TIMELINE_HEIGHT, (1.0, 0.85, 0.3))
+
+
+def _curves(timeline: Timeline, s: ViewerState) -> list[tuple[tuple[float, ...], dict[int, float]]]:
+    """Color and height (0 to 1) by frame of each curve; discards have the scale of the largest one."""
+    rates = dict(sorted(timeline.rates.items()))
+    names = [n for n in s.active_overlays() if n in OVERLAYS]
+    shares = {n: {f: r.percent[n] for f, r in rates.items() if r.percent.get(n) is not None} for n in names}
+    most = HEADROOM * max((p for by in shares.values() for p in by.values()), default=1.0) or 1.0
+    curves = [
+        ((*(c / 255.0 for c in color_of(OVERLAYS[n])), 1.0), {f: p / most for f, p in by.items()})
+        for n, by in shares.items()
+    ]
+    return [*curves, (RATE_COLOR, {f: r.reusable / 100.0 for f, r in rates.items() if r.reusable is not None})]
+
+
+def _words(timeline: Timeline, s: ViewerState, frame: int) -> str:
+    rates = timeline.rates.get(frame)
+    if rates is None:
+        return f"frame {frame}: not shown yet"
+    lines = [f"frame {frame}"]
+    lines += [] if rates.reusable is None else [f"reusable {rates.reusable:.1f} % of surface pixels"]
+    percent = {n: rates.percent.get(n) for n in s.active_overlays() if n in OVERLAYS}
+    lines += [f"{n.replace('_', ' ')} {p:.2f} % of all pixels" for n, p in percent.items() if p is not None]
+    return "\n".join([*lines, *(["light is coarse"] if rates.coarse else [])])
+
+
+INDENT = 12.0
+"""Of a level of the tree, screen points."""
+_NODE = imgui.TreeNodeFlags_.no_tree_push_on_open.value | imgui.TreeNodeFlags_.open_on_arrow.value
+
+
+class ScenePanel:
+    """Draws the section.  Only the rows in view are built: a scene can have thousands of nodes."""
+
+    def __init__(self, ui: Widgets):
+        self._ui = ui
+        self._tree: SceneTree | None = None
+        self._open: set[int] = set()  # nodes whose children are listed
+        self._search = ""
+        self._rows: list[tuple[int, int]] | None = None  # node and depth of each row; None: to be made again
+        self._followed: int | None = None  # the selection that the rows were scrolled to
+
+    def draw(self) -> None:
+        viewer = self._ui.viewer
+        s, tree = viewer.state, viewer.engine.feed.tree
+        if tree is None:
+            self._ui.faint("path-traced files have no nodes")
+            return
+        if tree is not self._tree:
+            self._tree, self._open, self._search, self._rows, self._followed = tree, set(), "", None, None
+        if s.selection != self._followed:
+            self._followed = s.selection
+            if s.selection is not None:
+                self._open |= tree.ancestors(s.selection)
+                self._search, self._rows = "", None
+                self._ui.reveal = f"node.{tree.labels[s.selection]}"
+        # Another name after a selection: a text field that is being edited keeps its own text.
+        changed, self._search = imgui.input_text_with_hint(f"##search {self._followed}", "search", self._search)
+        self._ui.place("search", slider=True)
+        if changed or self._rows is None:
+            self._rows = self._listed()
+        clipper = imgui.ListClipper()
+        clipper.begin(len(self._rows), imgui.get_text_line_height_with_spacing())
+        if (self._ui.reveal or "").startswith("node."):  # a row that is to be scrolled to must be built
+            shown = (i for i, (node, _) in enumerate(self._rows) if self._ui.reveal == f"node.{tree.labels[node]}")
+            for row in shown:
+                clipper.include_item_by_index(row)
+        while clipper.step():
+            for node, depth in self._rows[clipper.display_start : clipper.display_end]:
+                self._row(node, depth)
+
+    def _listed(self) -> list[tuple[int, int]]:
+        """Nodes whose name contains the search text, or without one the open part of the tree."""
+        tree, text, rows = self._tree, self._search.lower(), []
+        stack = [(node, 0) for node in reversed(tree.roots)]
+        while stack:
+            node, depth = stack.pop()
+            if text in tree.labels[node].lower():
+                rows.append((node, 0 if text else depth))
+            if text or node in self._open:
+                stack += [(child, depth + 1) for child in reversed(tree.children[node])]
+        return rows
+
+    def _row(self, node: int, depth: int) -> None:
+        s, tree = self._ui.viewer.state, self._tree
+        label = tree.labels[node]
+        leaf = bool(self._search) or not tree.children[node]
+        flags = _NODE | imgui.TreeNodeFlags_.leaf.value * leaf
+        imgui.dummy(ImVec2(INDENT * depth, 0.0))
+        imgui.same_line(0.0, 0.0)
+        imgui.set_next_item_open(node in self._open)
+        color = ImVec4(*OUTLINE_COLOR) if s.selection == node else imgui.get_style_color_vec4(imgui.Col_.text.value)
+        imgui.push_style_color(imgui.Col_.text.value, color)
+        imgui.tree_node_ex(str(node), flags, label)
+        imgui.pop_style_color()
+        self._ui.place(f"node.{label}")
+        if imgui.is_item_toggled_open():
+            self._open ^= {node}
+            self._rows = None
+        elif imgui.is_item_clicked():
+            s.selection = self._followed = None if s.selection == node else node
+        hidden = not self._ui.viewer.engine.visible(node)
+        words = [tree.kinds[node], *["animated"] * bool(tree.animated[node]), *["hidden"] * hidden]
+        imgui.same_line()
+        self._ui.faint(", ".join(filter(None, words)))

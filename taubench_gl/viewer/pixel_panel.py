@@ -7,8 +7,8 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from taubench_gl.evaluation.explain import Explanation, FeatureValues
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.report.palette import color_of
+from taubench_gl.viewer.display import TILES
 from taubench_gl.viewer.image_marks import HISTORY_COLOR, PIXEL_COLOR
-from taubench_gl.viewer.magnifier import TILES
 from taubench_gl.viewer.widgets import Widgets, bar
 
 MARK = {"previous": HISTORY_COLOR, "reprojected": PIXEL_COLOR, "current": PIXEL_COLOR}

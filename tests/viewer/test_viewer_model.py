@@ -226,7 +226,7 @@ def test_a_new_window_enlarges_small_images(size, times, window):
 def test_columns_of_a_threshold_histogram_keep_every_pixel():
     pytest.importorskip("imgui_bundle")
     from taubench_gl.metrics.counts import bin_of
-    from taubench_gl.viewer.thresholds_panel import LEAST, columns
+    from taubench_gl.viewer.panels import LEAST, columns
 
     distances = np.array([0.0, 1e-5, 0.011, 0.011, 0.5, 50.0])
     counts = np.bincount(bin_of(distances), minlength=HISTOGRAM_BINS)
