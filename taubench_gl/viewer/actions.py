@@ -38,7 +38,7 @@ def _by_group() -> dict[str, list[Action]]:
 
 
 GROUPS = _by_group()
-"""Heading of the help -> its actions."""
+"""Heading of the help -> the actions below it."""
 ACTIONS: dict[str, Action] = {action.name: action for actions in GROUPS.values() for action in actions}
 KEYS: dict[str, str] = {chord: action.name for action in ACTIONS.values() for chord in action.keys.split()}
 """Chord -> action.  Modifiers come first, in the order CTRL+ALT+SHIFT+; keys are named as GLFW names them."""
@@ -85,7 +85,7 @@ def chords_of(name: str) -> str:
 
 
 def help_lines() -> dict[str, list[tuple[str, str]]]:
-    """Heading -> (keys, doc) of its actions."""
+    """Heading of the help -> keys and description of each action below it."""
     return {group: [(chords_of(action.name), action.doc) for action in actions] for group, actions in GROUPS.items()}
 
 

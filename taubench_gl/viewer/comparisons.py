@@ -32,7 +32,7 @@ from taubench_gl.viewer.state import METHOD_IMAGES, ViewerState
 
 Array = np.ndarray
 WARM_UP = 8
-"""Frames that a reuse method runs before one that does not follow the last."""
+"""Number of frames that a reuse method runs first, where the frame asked for does not follow the last one."""
 
 
 def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Comparison]:
@@ -54,9 +54,8 @@ def run_comparison(gpu: Gpu, request: OpenRequest, feed: Feed) -> Comparison:
     """The scene of another run with that run's settings, at the size of ``feed``.  Raises TaubenchError."""
     run = load_run(request.run)
     width, height = feed.size
-    size = feed.settings.replace(width=width, height=height, frames=(None, None))
-    asked = OpenRequest(request.run, size, given=frozenset({"size", "frames"}))
-    text, settings = scene_of(run, asked)
+    settings = feed.settings.replace(width=width, height=height, frames=(None, None))
+    text, settings = scene_of(run, OpenRequest(request.run, settings, given=frozenset({"size", "frames"})))
     if is_sequence(text):
         return PathTracedComparison(PathTracedFeed(gpu, text, settings, request.options), feed)
     return RunComparison(scene_feed(gpu, text, settings, PassTimer(gpu, enabled=False)))
@@ -78,8 +77,8 @@ class RunComparison(Owner):
         """
         if frame not in self._feed.frames or channel not in CHANNELS or channel == "motion":
             return None
-        needs = {effect for name, effect in LIGHT.items() if VISUALIZATIONS[name].channel == channel}
-        off = frozenset() if needs else frozenset(LIGHT.values())
+        of_light = any(VISUALIZATIONS[name].channel == channel for name in LIGHT)
+        off = frozenset() if of_light else frozenset(LIGHT.values())
         self._feed.plan(frozenset({channel}) - {"position", "normal"} - set(LIGHT), off, self._feed.live)
         if channel not in self._feed.source.channels:
             return None
@@ -263,4 +262,4 @@ class PathTracedComparison(Owner):
 
 
 Comparison = RunComparison | MethodComparison | PathTracedComparison
-"""Images of the frames of a feed; ``texture`` has the same arguments in each."""
+"""Anything with images of the frames of a feed; ``texture`` takes the same arguments in each class."""

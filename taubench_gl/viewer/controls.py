@@ -15,7 +15,7 @@ from typing import Any
 from taubench_gl.errors import SettingsError
 
 Change = Callable[[Any], None]
-"""Changes a ``ViewerState``."""
+"""A function that changes a ``ViewerState``."""
 NOTHING, IMAGE, MASKS, SOURCE = "", "image", "masks", "source"
 """What a change restarts: nothing; the image is drawn again; the pair is compared again; passes are planned again."""
 
@@ -56,11 +56,11 @@ class Control:
     live: bool = False
 
     def get(self, state: Any) -> Any:
-        """The value in ``state``."""
+        """The value of this control in ``state``."""
         return getattr(state.live if self.live else state, self.name)
 
     def set(self, state: Any, value: Any) -> None:
-        """Store a valid value."""
+        """Store ``value`` in ``state``; it must be valid."""
         if self.live:
             state.live = dataclasses.replace(state.live, **{self.name: value})
         else:
@@ -79,13 +79,16 @@ class Control:
         raise NotImplementedError
 
     def all_actions(self) -> tuple[Action, ...]:
-        """What keys and buttons can do with the control."""
+        """Every action on this control, that of a flag first."""
         return self.actions
 
 
 @dataclass(frozen=True)
 class Flag(Control):
-    """On or off, with a checkbox.  ``keys`` and ``doc``: of the action that switches it, ``action``: its name."""
+    """On or off, with a checkbox.
+
+    ``keys``, ``doc`` and ``action``: keys, description and name of the action that switches the flag.
+    """
 
     keys: str = ""
     doc: str = ""
@@ -106,8 +109,8 @@ class Flag(Control):
         def flip(state: Any) -> None:
             self.set(state, not self.get(state))
 
-        own = (Action(self.switch, self.keys, self.doc, flip),) if self.keys else ()
-        return (*own, *self.actions)
+        switch = (Action(self.switch, self.keys, self.doc, flip),) if self.keys else ()
+        return (*switch, *self.actions)
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ class Choice(Control):
     numeric: bool = False
 
     def choices(self, state: Any) -> Sequence[str]:
-        """What can be chosen now."""
+        """The values that can be chosen in ``state``."""
         return self.values(state) if callable(self.values) else self.values
 
     def spelled(self, state: Any) -> str:
@@ -167,7 +170,7 @@ class Members(Control):
 
 @dataclass(frozen=True)
 class Special(Control):
-    """A value with rules of its own.  ``reader`` and ``writer``: as ``read`` and ``write``."""
+    """A value with rules of its own: the functions ``reader`` and ``writer`` do what ``read`` and ``write`` promise."""
 
     reader: Callable[[Any], dict[str, Any]]
     writer: Callable[[Any, str, str], None]

@@ -121,12 +121,12 @@ class ViewerEngine:
         return self._drawn_feed.source
 
     def names_at(self, x: int, row: int) -> PixelNames | None:
-        """As ``Feed.names_at``, of the pair shown."""
+        """Names of what pixel (x, row from the top) of the image shows; None where they are not known."""
         return self._drawn_feed.names_at(x, row)
 
     @property
     def evaluator(self) -> PairEvaluator:
-        """Holds mask and motion of the pair shown."""
+        """The evaluator that compared the pair shown: it holds mask and motion."""
         return self._active
 
     def reset_camera(self, state: ViewerState) -> None:
@@ -192,7 +192,7 @@ class ViewerEngine:
         return bool(self.source.renderer.frame.state.visible[node])
 
     def _find_exact(self, state: ViewerState) -> None:
-        """Exact reasons of the pair shown, where they are asked for."""
+        """Find the exact reasons of the pair shown, if the state asks for them and they are not there yet."""
         if not state.exact or self._exact_key == self._mask_key:
             return
         try:
@@ -234,7 +234,7 @@ class ViewerEngine:
                 state.channel = state.channels[0]
 
     def _without_exact(self) -> SettingsError | None:
-        """Why there are no exact reasons; None where there are."""
+        """Why the source has no exact reasons; None if it has them."""
         if not self.feed.free:
             return SettingsError("path-traced files have no surfaces to trace rays against")
         try:
@@ -286,13 +286,14 @@ class ViewerEngine:
             last = self.feed.other_eye(current)
         return self._freeze("previous", state.freeze_previous, last), current
 
-    def _freeze(self, which: str, on: bool, shot: Shot) -> Shot:
-        if not on:
-            self._frozen[which] = None
+    def _freeze(self, camera: str, frozen: bool, shot: Shot) -> Shot:
+        """``shot``, or the one that ``camera`` (current or previous) had when it was frozen."""
+        if not frozen:
+            self._frozen[camera] = None
             return shot
-        if self._frozen[which] is None:
-            self._frozen[which] = shot
-        return self._frozen[which]
+        if self._frozen[camera] is None:
+            self._frozen[camera] = shot
+        return self._frozen[camera]
 
     def _first(self, state: ViewerState, previous: Shot, current: Shot) -> bool:
         """Whether there is no history: the first frame with the file camera."""
@@ -301,7 +302,10 @@ class ViewerEngine:
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
     def _submit(self, state: ViewerState, declared: int) -> None:
-        """Compare the pair: mask and motion, and the counts that ``_count`` reads."""
+        """Start the comparison of the pair, which gives mask and motion; ``_count`` reads its counts later.
+
+        ``declared``: bits of ``Reason`` that every pixel has, such as FIRST.
+        """
         previous, current = self.shots
         self.pair = reprojection(current.view, previous.view, *self.feed.size)
         coarse = self.lights.active is not None
@@ -323,7 +327,7 @@ class ViewerEngine:
         self.drawn.masks += 1
 
     def _add_light(self, counts: Counts) -> None:
-        """Counts of light from fewer pixels, scaled to those of the image."""
+        """Add counts of coarse light, which come from fewer pixels, scaled to the number of pixels of the image."""
         coarse = counts_of(counts.mask_histogram)
         share = self.counts["pixels"] / coarse["pixels"]
         names = (*(bit.name.lower() for bit in LIGHT_BITS), "reusable_shading")
@@ -381,14 +385,14 @@ class ViewerEngine:
         return min(ARROW_STEP_PX / far, 1000.0) if far > 0.0 else 1.0
 
     def _observe(self, state: ViewerState, shown: Shot) -> tuple[Any, FrozenCamera]:
-        """Source and frozen camera of a view from outside."""
+        """The source that draws the view from outside, and the frozen camera as the image needs it."""
         current = self.shots[1].view
         clip = current.clip_from_relative(*self.feed.size)
         frozen = self.source.current["position"]
         return self._render_observer(state, shown), FrozenCamera(frozen, clip, shown.view.position - current.position)
 
     def _content_of(self, state: ViewerState, source: Any, frozen: FrozenCamera | None) -> Content:
-        """The image without comparison."""
+        """What the image shows of one channel, without comparison.  ``frozen``: for a view from outside."""
         visual = VISUALIZATIONS[state.channel]
         lit = self.lights.source if frozen is None else None
         channels = (lit or source).current
@@ -458,11 +462,11 @@ class ViewerEngine:
 
     @property
     def textures(self) -> tuple[moderngl.Texture, ...]:
-        """The image and what is beside it, RGBA8."""
+        """The image and the images beside it, RGBA8."""
         return tuple(display.texture for display in (self._display, *self._beside))
 
     def titles(self, state: ViewerState) -> tuple[str, ...]:
-        """Titles of ``textures``; none for an image alone."""
+        """A title for each of ``textures``; empty for the image itself."""
         if not self._beside:
             return ("",)
         bound = "bound of " if state.method_image == "bound" else ""
@@ -481,7 +485,7 @@ class ViewerEngine:
         return None if method is None else method.reservoir(x, row)
 
     def _method(self, state: ViewerState) -> MethodComparison | None:
-        """The method that the frame shown is compared with."""
+        """The reuse method that the frame shown is compared with; None if it is compared with something else."""
         method = self.comparisons.get(state.against)
         compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
         return method if compared else None
@@ -528,7 +532,7 @@ class ViewerEngine:
 
     @property
     def magnified(self) -> moderngl.Texture | None:
-        """What ``magnify`` drew last."""
+        """The magnified images that ``magnify`` drew last; None before."""
         return self._magnifier.texture
 
     def magnify(self, state: ViewerState, explained: Explanation) -> moderngl.Texture:
@@ -537,7 +541,7 @@ class ViewerEngine:
         if key != self._magnified:
             height = self.feed.size[1]
             channel = VISUALIZATIONS[state.channel].channel
-            at = None  # rounded as the masks do, y up
+            at = None  # the history pixel, rounded as the masks do; OpenGL counts rows from the bottom
             if explained.at is not None:
                 at = math.floor(explained.at[0] + 0.5), math.floor(height - 1 - explained.at[1] + 0.5)
             pixel = (explained.pixel[0], height - 1 - explained.pixel[1])
@@ -570,7 +574,7 @@ class ViewerEngine:
             self._display.lines(points, np.tile(color, (len(points), 1)), view, source.current["position"])
 
     def _set_range(self, state: ViewerState, source: Any, shown: Shot) -> None:
-        """Set the automatic display range: that of the visualization, else smallest to largest value."""
+        """Set the automatic display range: the fixed one of the visualization, or smallest to largest value."""
         visual = VISUALIZATIONS[state.channel]
         if not state.auto_range:
             return
@@ -582,7 +586,7 @@ class ViewerEngine:
         state.display_range = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
 
     def explain(self, state: ViewerState) -> Explanation:
-        """The probed pixel; with coarse light, that of the coarse pixel over it."""
+        """Why the probed pixel is kept or discarded; its light is that of the coarse pixel over it, if there is one."""
         explained = self._active.explain(*state.probe, thresholds=state.thresholds)
         if self.lights.active is None:
             return explained
@@ -613,7 +617,7 @@ class ViewerEngine:
         return low, high if high > low else low + 1.0
 
     def motion(self) -> Array:
-        """Previous - current, pixels, (h, w, 2), +y down, row 0 at the top."""
+        """Motion vectors, previous - current position in pixels, (h, w, 2), +y down, row 0 at the top."""
         return self._active.motion()
 
     def mask(self) -> Array:
@@ -666,5 +670,5 @@ class ViewerEngine:
 
 
 def _map_beside(state: ViewerState) -> str:
-    """Mode of the last of the three images."""
+    """How the last of three images side by side combines the other two: ``ghost`` or ``error``."""
     return "ghost" if state.comparison == "ghost" else "error"

@@ -40,7 +40,7 @@ from taubench_gl.viewer.state import Live
 
 @dataclass(frozen=True)
 class Shot:
-    """One frame seen by one view."""
+    """A frame number and the view that it is drawn from."""
 
     frame: int
     view: View
@@ -51,7 +51,7 @@ class Shot:
 
 
 class KeptPoses(Poser):
-    """Keeps the latest poses: sources of one pair ask for the same times."""
+    """A Poser that keeps the latest four poses, because several sources of one pair ask for the same times."""
 
     def __init__(self, scene: Scene):
         super().__init__(scene)
@@ -99,7 +99,7 @@ class SceneFeed(GpuOwner):
         self.center, self.radius = bounding_sphere(self.poser, self.animated.times)
         self._all = decide(scene, self.settings)
         self.source: RasterSource | None = None
-        self._given = self.settings  # without ``live``
+        self._base_settings = self.settings  # before the changes of ``live``
         self.live = live_of(self.settings)
         self._extra: frozenset[str] = frozenset()
         self._off: frozenset[str] | None = None
@@ -141,7 +141,7 @@ class SceneFeed(GpuOwner):
         return self._shots[frame]
 
     def other_eye(self, shot: Shot) -> Shot:
-        """With history ``eye``: the other eye of a shot of any camera, or the camera of the file that it is."""
+        """With history ``eye``: the frame from the other eye, or from the camera of the file that stands for it."""
         eye = self.source.eye
         if isinstance(eye, EyeCamera):
             return Shot(shot.frame, eye.beside(shot.view))
@@ -158,7 +158,8 @@ class SceneFeed(GpuOwner):
             self._extra, same = self._extra - {VISIBILITY}, False  # its rays cost time in every pair
         if self.source is not None and same and extra <= {*have, *self._extra}:
             return False
-        settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)
+        base = self._base_settings
+        settings = base if live == self.live == live_of(base) else live_settings(base, live)
         every = decide(self.scene, settings)
         wanted = tuple(n for n in CHANNELS if n in self._extra | extra)
         self.source = self.open_source(
@@ -209,13 +210,13 @@ class PathTracedFeed(Owner):
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
         super().__init__()
-        given = open_input(spec, settings, options)
-        self.sequence, self.settings, self.frames = given.sequence, given.settings, given.frames
+        opened = open_input(spec, settings, options)
+        self.sequence, self.settings, self.frames = opened.sequence, opened.settings, opened.frames
         self.size, self.name = self.sequence.size, self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = self.own(PathTracedSource(gpu, self.sequence, given.camera, self.settings))
-        self._gpu, self._camera, self._given = gpu, given.camera, self.settings
+        self.source = self.own(PathTracedSource(gpu, self.sequence, opened.camera, self.settings))
+        self._gpu, self._camera, self._base_settings = gpu, opened.camera, self.settings
         self.live = live_of(self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
@@ -237,7 +238,7 @@ class PathTracedFeed(Owner):
             live = replace(live, reprojection=self.live.reprojection)
         if live == self.live:
             return False
-        settings = live_settings(self._given, live)
+        settings = live_settings(self._base_settings, live)
         source = PathTracedSource(self._gpu, self.sequence, self._camera, settings)
         self.source, self.settings, self.live = self.own(source, instead_of=self.source), settings, live
         self._held, self._shown = (None, None), None
@@ -268,15 +269,15 @@ LIVE_SPP = 4
 
 
 def live_of(settings: Settings) -> Live:
-    """The live settings that leave ``settings`` as they are."""
+    """The values of the live settings that ``settings`` have already."""
     metrics = settings.metrics
     history = "eye" if metrics.stereo else "frame"  # a picture shows one history: with ``both`` the frame
     return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history=history)
 
 
-def live_settings(given: Settings, live: Live) -> Settings:
-    """``given`` with ``live`` applied."""
-    sequence, lighting = given.sequence, given.lighting
+def live_settings(settings: Settings, live: Live) -> Settings:
+    """The settings of a source after the changes that the user makes while looking."""
+    sequence, lighting = settings.sequence, settings.lighting
     changed: dict[str, Any] = {
         "reprojection": live.reprojection,
         "sampling": live.sampling,
@@ -288,7 +289,7 @@ def live_settings(given: Settings, live: Live) -> Settings:
     if live.light != lighting.light:
         changed |= {"light": live.light, "spp": LIVE_SPP}
         changed |= {"indirect": AUTO} if live.light == "path-traced" else {}
-    return given.replace(**changed)
+    return settings.replace(**changed)
 
 
 _OF_EVALUATION = ("samples_per_pixel", "pairs", "exact", "light_within", "light_time")
@@ -376,7 +377,7 @@ def scene_path(out: Path | None, path: str) -> str:
 
 
 def worst_frame(run: Run) -> int | None:
-    """The worst frame of a run, the one of its mask.png; None without pairs."""
+    """Number of the frame with the most discards, which mask.png of the run shows; None without pairs."""
     rows = [row for row in run.frames if row.get("frame") is not None]
     return int(max(rows, key=total_discards)["frame"]) if rows else None
 

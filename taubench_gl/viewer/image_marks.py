@@ -12,10 +12,11 @@ from taubench_gl.viewer.model import ViewerModel
 
 PIXEL_COLOR, HISTORY_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 LEAST_SIDE = 7.0
+"""Smallest side of a frame around a pixel, screen points."""
 
 
 def draw_marks(viewer: ViewerModel, layout: Layout) -> None:
-    """Marks of the pinned pixel, and the legend of the arrows."""
+    """Draw everything over the images: frames around the pinned pixel, titles, and the legend of the arrows."""
     _pinned(viewer, layout)
     _titles(viewer, layout)
     if viewer.state.arrows and not viewer.state.freeze_current:

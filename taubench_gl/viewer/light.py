@@ -29,12 +29,12 @@ Array = np.ndarray
 REFINED = ("color", "direct", "indirect")
 """Channels that path tracing refines."""
 STILL_SECONDS = 0.3
-"""Without motion, before path tracing starts."""
+"""Seconds that the image stands still before path tracing starts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coarse:
-    """Light of fewer pixels."""
+    """A quality of light that is computed for fewer pixels than the image has."""
 
     step: int  # pixels of the image along a side of each
     shadows: bool = True
@@ -42,12 +42,12 @@ class Coarse:
 
     @property
     def text(self) -> str:
-        """What differs from light at every pixel."""
+        """The differences from light at every pixel, in words."""
         kept = f"indirect light of every {self.hold}th frame" if self.hold else "no indirect light"
         return f"light at 1/{self.step} resolution, {'' if self.shadows else 'no shadows, '}{kept}"
 
     def settings(self, full: Settings) -> Settings:
-        """``full`` with this light."""
+        """Settings of a smaller image with this light.  ``full``: those of the image."""
         width, height = (-(-n // self.step) for n in (full.sequence.width, full.sequence.height))
         changed: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // (2 * self.step), 16)}
         changed |= {} if self.shadows else {"shadow_lights": 0}
@@ -61,7 +61,7 @@ COARSE: Mapping[str, Coarse | None] = {
     "quarter": Coarse(4),
     "unshadowed": Coarse(4, shadows=False, hold=0),
 }
-"""Light while the image moves, by name."""
+"""Setting *while moving* -> light while the image moves; None: light at every pixel."""
 UNLIT = frozenset(LIGHT_FEATURES)
 """Effects without which only geometry is drawn."""
 
@@ -84,7 +84,7 @@ class CoarseLight(GpuOwner):
         return self._evaluator.mask_texture
 
     def draw(self, shots: tuple[Shot, Shot], off: frozenset[str]) -> None:
-        """Draw a pair."""
+        """Draw the previous and the current shot.  ``off``: effects that are switched off."""
         if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
             self._evaluator = self.open_evaluator(
                 self.source, self._feed.settings, images=True, instead_of=self._evaluator
@@ -106,7 +106,7 @@ class CoarseLight(GpuOwner):
         return {"indirect": kept, **self.source.unmeasured}
 
     def explain(self, x: int, row: int, thresholds: Mapping[str, float]) -> Explanation:
-        """The coarse pixel over pixel (x, row) of the image."""
+        """Why the coarse pixel over pixel (x, row from the top) of the image is kept or discarded."""
         return self._evaluator.explain(x // self.coarse.step, row // self.coarse.step, thresholds=thresholds)
 
     def read(self) -> Counts:
@@ -117,7 +117,7 @@ class CoarseLight(GpuOwner):
 class Refiner(GpuOwner):
     """Path-traced light of one frame, the mean of as many samples as were traced so far.
 
-    ``better``: its noise is smaller than the error of the light method, both root mean squares of displayed values:
+    ``converged``: its noise is smaller than the error of the light method, both root mean squares of displayed values:
     sRGB of radiance times exposure, clipped.  Twice as many samples move the mean by as much as its noise, because the
     second half is as noisy as the first and independent; the squared distance to the light method is the sum of both
     squared errors.  Compared at 2, 4, 8, ... samples until it is.
@@ -135,7 +135,7 @@ class Refiner(GpuOwner):
         self._targets = [self.own(gpu.ctx.framebuffer(textures)) for textures in self._means]
         self._shot: Shot | None = None
         self._half: Array | None = None  # the image at the last comparison, of half as many samples
-        self.samples, self.better = 0, False
+        self.samples, self.converged = 0, False
 
     @property
     def source(self) -> RasterSource:
@@ -149,7 +149,7 @@ class Refiner(GpuOwner):
         source, key = self.source, shot.key
         if self._shot is None or self._shot.key != key:
             source.draw_pair(shot.frame, shot.frame, shot.view, shot.view, light=False)
-            self._shot, self.samples, self.better = shot, 0, False
+            self._shot, self.samples, self.converged = shot, 0, False
         source.trace(shot.frame, self.samples, 1)
         self.samples += 1
         light = [source.current[name] for name in ("direct", "indirect")]
@@ -162,7 +162,7 @@ class Refiner(GpuOwner):
             self._average(self._means[0], self._means[0], target, 0.0)
             self.gpu.unbind_framebuffer()
         source.recolor()
-        if self.samples.bit_count() == 1 and not self.better:
+        if self.samples.bit_count() == 1 and not self.converged:
             self._compare(preview)
 
     def _compare(self, preview: RasterSource) -> None:
@@ -175,7 +175,7 @@ class Refiner(GpuOwner):
         mean = image(self.source)
         if self.samples > 1:
             noise, distance = (float(np.square(mean - other).mean()) for other in (self._half, image(preview)))
-            self.better = noise < distance - noise
+            self.converged = noise < distance - noise
         self._half = mean
 
     def _average(self, samples: list, means: list, target: moderngl.Framebuffer, weight: float) -> None:
@@ -232,7 +232,7 @@ class Lights(GpuOwner):
         return coarse
 
     def geometry(self, state: ViewerState, extra: frozenset[str]) -> SceneFeed:
-        """The feed without light, with channels ``extra``."""
+        """A feed of the same scene without light, with channels ``extra``."""
         if self._geometry is None:
             self._geometry = self.own(self._feed.beside(self._feed.settings))
         if self._geometry.plan(extra - UNLIT, state.switched_off | UNLIT, self._geometry.live):
@@ -242,7 +242,7 @@ class Lights(GpuOwner):
 
     @property
     def evaluator(self) -> PairEvaluator:
-        """Compares pairs of ``geometry``."""
+        """The evaluator that compares pairs of ``geometry``."""
         return self._evaluator
 
     def draw(self, state: ViewerState, shots: tuple[Shot, Shot]) -> None:
@@ -283,7 +283,7 @@ class Lights(GpuOwner):
     @property
     def samples(self) -> int:
         """Path-traced samples per pixel of the image; 0 while its light is that of the light method."""
-        return self.traced if self.traced and self._refiner.better else 0
+        return self.traced if self.traced and self._refiner.converged else 0
 
     @property
     def source(self) -> RasterSource | None:

@@ -53,7 +53,7 @@ class LiveTimer:
         self._measured: set[str] = set()  # since the last update began
 
     def update(self) -> None:
-        """The next update of the image begins."""
+        """Tell the timer that the next update of the image begins."""
         if self._measured:
             self.latest = frozenset(self._measured)
             self._measured.clear()
@@ -104,10 +104,10 @@ class ViewerModel(Owner):
 
     def _open(self, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
         with Owner().opening() as owner:
-            return self._shown(owner, request)
+            return self._open_owned(owner, request)
 
-    def _shown(self, owner: Owner, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
-        """``owner``: of what is opened until all of it is."""
+    def _open_owned(self, owner: Owner, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
+        """State and engine for ``request``.  ``owner`` frees what was opened if a later step fails."""
         opened = open_feed(self.gpu, request, self.timer)
         feed = owner.own(opened.feed)
         comparisons = open_comparisons(self.gpu, request, feed)
@@ -124,8 +124,8 @@ class ViewerModel(Owner):
             state.methods = (request.method, *(name for name in state.methods if name != request.method))
             state.method, state.beside = request.method, "method" in comparisons
         state.others = (*HISTORY, *comparisons)
-        wanted = ["method"] if request.method is not None else []
-        state.against = next((n for n in (*wanted, "reference", "run") if n in comparisons), "reprojected")
+        preferred = ("method", "reference", "run") if request.method is not None else ("reference", "run")
+        state.against = next((name for name in preferred if name in comparisons), "reprojected")
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)
@@ -142,9 +142,9 @@ class ViewerModel(Owner):
         if request.restored is not None:
             request.restored.apply(state, engine.user)
             engine.update(state)  # now the image has the stored size, and channels depend on the effects
-            left = request.restored.apply(state, engine.user)
+            misfits = request.restored.apply(state, engine.user)
             engine.update(state)
-            state.message = f"restored without {', '.join(left)}" if left else "restored"
+            state.message = f"restored without {', '.join(misfits)}" if misfits else "restored"
         return state, engine
 
     def reopen(self, request: OpenRequest) -> bool:

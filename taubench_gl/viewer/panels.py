@@ -35,7 +35,7 @@ SCORES = {
     "bound_linear_mse": "bound, linear MSE",
     "headroom_db": "headroom, dB",
 }
-"""Columns of ``reuse evaluate`` -> how the section compare names them."""
+"""Column of ``reuse evaluate`` -> its label in the section compare."""
 
 
 class Panels:
@@ -51,13 +51,13 @@ class Panels:
             "masks": self._reusable, "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw,
             "effects": self._effects, "time": self._time, "lesson": self._lesson, "scene": ScenePanel(self._ui).draw,
         }  # fmt: skip
-        """Section -> what it shows before the widgets of its controls."""
+        """Section -> function that draws what comes before the widgets of its controls."""
         self._after: dict[str, Callable[[], None]] = {
             "freeze_current": imgui.same_line, "auto_range": self._range, "arrows": self._arrow_scale,
             "method_image": self._scores, "flicker_hz": self._flickering, "overlays": self._opacity,
             "exact": self._legend, "samples": self._size,
         }  # fmt: skip
-        """Control -> what follows its widget."""
+        """Control -> function that draws what follows its widget."""
 
     @property
     def widgets(self) -> dict[str, Rect]:
@@ -114,7 +114,7 @@ class Panels:
                     self._after[control.name]()
 
     def _move_button(self, name: str, right: float) -> None:
-        """Moves a section to the other side panel."""
+        """Draw the button that moves a section to the other side panel."""
         docks = self._viewer.state.docks
         imgui.same_line(right - 18.0)
         if imgui.small_button(("<" if docks[name] == "right" else ">") + f"##{name}"):
@@ -171,7 +171,7 @@ class Panels:
             self._ui.place(f"camera.{mode}")
 
     def _camera_label(self, mode: str) -> str:
-        """A file without a camera is seen from an orbit that frames it."""
+        """Text beside the radio button of a camera; a file without a camera is seen from an orbit that frames it."""
         framing = isinstance(getattr(self._viewer.engine.feed, "camera", None), OrbitCamera)
         return "framing orbit" if mode == "file" and framing else mode
 
@@ -255,7 +255,7 @@ class Panels:
         self._ui.faint(f"{mode}: {words}", wrap=True)
 
     def _size(self) -> None:
-        """What the settings result in."""
+        """Size and exposure of the image, which follow from the settings."""
         feed = self._viewer.engine.feed
         width, height = feed.size
         self._ui.faint(f"{width} x {height} pixels, exposure {feed.settings.lighting.exposure_factor:.4g}", wrap=True)
@@ -332,7 +332,7 @@ class Panels:
 LEAST = 1e-4
 """Lower end of a threshold slider."""
 MOST = {feature.name: feature.most for feature in TABLE if feature.most}
-"""Upper end of the slider, 10 for the other features."""
+"""Feature -> upper end of its threshold slider; it is 10 for the other features."""
 SLIDER_HEIGHT = 30.0
 _EDGES = np.append(0.0, edges())
 
@@ -358,7 +358,7 @@ def _places(high: float, width: int) -> np.ndarray:
 
 
 class ThresholdsPanel:
-    """Draws the section."""
+    """Draws the section of thresholds: a slider for each feature, with the histogram of its distances inside."""
 
     def __init__(self, ui: Widgets):
         self._ui = ui
@@ -420,7 +420,7 @@ def _histogram(counts: np.ndarray | None, feature: str, limit: float, high: floa
 
 
 TIMELINE_HEIGHT = 44.0
-"""Of the timeline, screen points."""
+"""Height of the timeline, screen points."""
 HEADROOM = 1.15
 """The largest share of a discard is this much below the upper edge."""
 RATE_COLOR = (1.0, 1.0, 1.0, 0.95)
@@ -482,12 +482,15 @@ def _words(timeline: Timeline, s: ViewerState, frame: int) -> str:
 
 
 INDENT = 12.0
-"""Of a level of the tree, screen points."""
+"""Indentation of one level of the scene tree, screen points."""
 _NODE = imgui.TreeNodeFlags_.no_tree_push_on_open.value | imgui.TreeNodeFlags_.open_on_arrow.value
 
 
 class ScenePanel:
-    """Draws the section.  Only the rows in view are built: a scene can have thousands of nodes."""
+    """Draws the section of the scene: its nodes as a tree, in which one can be selected.
+
+    Only the rows in view are built: a scene can have thousands of nodes.
+    """
 
     def __init__(self, ui: Widgets):
         self._ui = ui

@@ -18,7 +18,7 @@ REACH = 2.0
 
 
 class PixelPanel:
-    """Draws the section."""
+    """Draws the section of the probe."""
 
     def __init__(self, ui: Widgets):
         self._ui = ui
@@ -46,7 +46,7 @@ class PixelPanel:
             self._feature(name, values)
 
     def _strip(self, explained: Explanation) -> None:
-        """TILES side by side, with the pixel marked in each."""
+        """The three magnified images side by side, with the pixel marked in each."""
         viewer, s = self._ui.viewer, self._ui.viewer.state
         texture = viewer.engine.magnify(s, explained)
         side = int((imgui.get_content_region_avail().x - GAP * (len(TILES) - 1)) / len(TILES))

@@ -238,8 +238,8 @@ class ScriptRunner:
                   "light.traced": viewer.engine.lights.traced}  # fmt: skip
         known |= {f"method.{n}": v for n, v in viewer.engine.method_scores(viewer.state).items()}
         if name not in known:
-            more = ["overlay.NAME", "count.NAME"]
-            raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")
+            choices = [*known, "overlay.NAME", "count.NAME"]
+            raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join(choices)}")
         return known[name]
 
     def _probed(self) -> dict[str, Any]:

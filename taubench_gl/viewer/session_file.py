@@ -159,7 +159,7 @@ def _stored(text: str, folder: Path) -> str:
 
 
 def _found(text: str, folder: Path) -> str:
-    """The inverse of ``_stored``."""
+    """A path that ``_stored`` has made relative to ``folder``, as a path from the current folder."""
     prefix = PREFIX if text.startswith(PREFIX) else ""
     path = folder / text.removeprefix(PREFIX)
     return prefix + str(path) if path.exists() else text

@@ -77,10 +77,10 @@ METHOD_IMAGES = ("result", "bound")
 """Images of a reuse method: what it computes, and the blend of its history and input nearest to the exact frame."""
 MOVING_LIGHTS = ("full", "half", "quarter", "unshadowed")
 SCALES = ("0.25", "0.5", "1", "2")
-"""Factors on the size of the image."""
+"""Factors on width and height of the image, as text."""
 MOST_SAMPLES = 65536
 STOPS = 20.0
-"""Range of the exposure in stops, either way."""
+"""Largest change of the exposure, up or down, in stops."""
 
 
 # Changes that actions make
@@ -482,6 +482,7 @@ class ViewerState:
         self.frame = min(max(int(frame), self.first), self.last)
 
     def step(self, frames: int) -> None:
+        """Stop playback and go ``frames`` forward, or back if it is negative."""
         self.playing = False
         self.go_to(self.frame + frames)
 
@@ -506,6 +507,7 @@ class ViewerState:
         return self.frame + 1 if low <= self.frame < high else low
 
     def _flicker(self, seconds: float) -> None:
+        """Advance the clock that exchanges the image with the other one, while they flicker."""
         if self.comparison != "flicker":
             self.flicker_clock, self.flicker_other = 0.0, False
             return
@@ -527,6 +529,7 @@ class ViewerState:
         self.loop = None if (a, b) == (self.first, self.last) else (a, b)
 
     def set_threshold(self, feature: str, value: float) -> None:
+        """Set the threshold of a feature, clamped to 0 .. MAX_THRESHOLD, in scene units for positions."""
         self.thresholds[feature] = min(max(float(value), 0.0), MAX_THRESHOLD)
 
     def unit(self, feature: str) -> str:
@@ -546,9 +549,11 @@ class ViewerState:
             self.display_range = float(low), max(float(high), float(low) + 1e-6 * max(1.0, abs(low)))
 
     def toggle_effect(self, effect: str) -> None:
+        """Disable an enabled effect, or enable it again."""
         self.switched_off = self.switched_off ^ {effect}
 
     def active_overlays(self) -> tuple[str, ...]:
+        """Keys of the masks, or of the exact reasons, that are drawn over the image."""
         if not self.overlays:
             return ()
         return tuple(EXACT_OVERLAYS) if self.exact else tuple(n for n, on in self.shown.items() if on)

@@ -19,7 +19,7 @@ FIXED = (
     | imgui.WindowFlags_.no_nav.value
 )  # fmt: skip
 PANEL_FLAGS = FIXED | imgui.WindowFlags_.no_background.value
-"""Of panels, whose background the window has already: blending it costs milliseconds without a GPU."""
+"""Flags of panels without a background: the window is cleared to it, blending would cost milliseconds on a CPU."""
 _FAINT = ImVec4(*FAINT, 1.0)
 
 
