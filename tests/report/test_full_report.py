@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_tools import mask_pixels, opened, shown_frame
+from page_tools import data_of, mask_pixels, opened, shown_frame
 from PIL import Image
 
 from taubench_gl.api import evaluate
@@ -454,8 +454,7 @@ def test_distances_of_another_run_are_not_used(made, copied):
     rows = [dict(row) for row in made.run.frames]
     rows[0]["position"] += 1
     text = write_html_report([ReportRun(made.run.summary, rows, copied)], copied / "report.html").read_text()
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
-    images = data["runs"][0]["images"]
+    images = data_of(text)["runs"][0]["images"]
     assert images["planes"] is None and images["no_planes"]
 
 
