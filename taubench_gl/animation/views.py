@@ -25,8 +25,17 @@ ORBIT_YFOV = math.radians(45.0)
 ORBIT_ELEVATION = math.radians(20.0)
 """Radians above the horizon: shows the tops of objects; a look-at along +Y would be undefined."""
 
-ORBIT_FILL = 0.8
-"""Share of the image height that the subject covers, or of the width where that is the tighter limit."""
+ORBIT_FILL = 0.95
+"""Share of the image height within which the subject stays, or of the width where that is the tighter limit."""
+
+FOLLOW_SECONDS = 1.0
+"""The position of a subject that travels is averaged over this time, so that its steps do not shake the camera."""
+
+CLOSED = 0.75
+"""Share of the directions from the middle of the scene in which front faces lie, net of back faces, that is a room."""
+
+ROOM_RADIUS = 0.8
+"""Distance of the camera in a room from its axis, as a share of that of the nearest wall; the height likewise."""
 
 ORBIT_STEP = 0.02
 """Distance that the camera moves per frame at ORBIT_FPS, as a share of the subject's size."""
@@ -79,11 +88,15 @@ class OrbitCamera:
     """Orbits the subject, everything that is drawn, about +Y, from the +Z side towards +X.
 
     Framing: over the animation, the projection of the subject fills ORBIT_FILL of the image height, or of the width
-    where the subject is wider than the image, and is centered.  Exact for the posed vertices at ``times``.
+    where the subject is wider than the image, and is centered.  Exact for the posed vertices at ``times``.  A subject
+    whose center travels by more than its own size is followed: the orbit is about that center, averaged over
+    FOLLOW_SECONDS.  Around the middle of a closed room, whose surfaces face it on all sides, the camera moves inside
+    the bounds and looks across.
 
-    Motion: the camera moves ``step`` = ORBIT_STEP of ``subject_size`` per frame at ORBIT_FPS, both in scene units.
-    ``subject_size`` is the diagonal of the box that contains the subject over the animation.  The rotation per frame
-    follows from the radius of the orbit, so it depends on the shape of the subject and of the image.
+    Motion: the camera moves ``step`` = ORBIT_STEP of ``subject_size`` per frame at ORBIT_FPS around the subject, both
+    in scene units.  ``subject_size`` is the diagonal of the box that contains the subject over the animation, about
+    the followed center, or in a room the diameter of the orbit.  The rotation per frame follows from the radius of the
+    orbit, so it depends on the shape of the subject and of the image.
 
     ``size``: width and height of the image, pixels.  ``duration``: seconds; at least STILL_SECONDS if the scene is
     still.  The view is a pure function of the time.
@@ -99,15 +112,30 @@ class OrbitCamera:
         self.duration = max(scene.duration, STILL_SECONDS) if still else scene.duration
         self.times = np.linspace(0.0, self.duration, int(np.clip(12.0 * self.duration, 24, 96)) + 1)
         clouds = [subject.at(0.0)] * len(self.times) if still else [subject.at(t) for t in self.times]
-        points = np.concatenate(clouds)
-        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
-        self.center = 0.5 * low + 0.5 * high
-        self.subject_size = float(np.linalg.norm(high - low))
+        self._targets = _targets(self.times, clouds)  # world, one for each time
+        relative = [cloud - target for cloud, target in zip(clouds, self._targets, strict=True)]
+        points = np.concatenate(relative)
+        self.center, half = self._targets[0], 0.5 * np.ptp(points, axis=0) if len(points) else np.zeros(3)
+        self.subject_size = 2.0 * float(np.linalg.norm(half))
         if self.subject_size == 0.0:  # nothing, or a single point
-            unit = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
-            self.subject_size, clouds = float(np.linalg.norm(unit[1] - unit[0])), [self.center + unit] * len(self.times)
-        self.step = ORBIT_STEP * self.subject_size
-        self._frame([cloud - self.center for cloud in clouds], size[0] / size[1])
+            relative = [np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])] * len(self.times)
+            self.subject_size = float(np.linalg.norm(np.ptp(relative[0], axis=0)))
+        if subject.facing(self.center) > CLOSED:
+            self._stand_in_room(half)
+        else:
+            self.step = ORBIT_STEP * self.subject_size
+            self._frame(relative, size[0] / size[1])
+
+    def _stand_in_room(self, half: Array) -> None:
+        """Orbit inside a box of half sides ``half`` (3,) about the center."""
+        radius = ROOM_RADIUS * min(half[0], half[2])
+        self.subject_size, self.step = 2.0 * radius, 2.0 * ORBIT_STEP * radius
+        self.rate = ORBIT_FPS * 2.0 * math.asin(ORBIT_STEP)
+        height = min(radius * math.tan(ORBIT_ELEVATION), ROOM_RADIUS * half[1])
+        up, back = math.sin(ORBIT_ELEVATION), math.cos(ORBIT_ELEVATION)
+        self._offset = np.array([0.0, height * back - radius * up, height * up + radius * back])
+        far = 2.0 * float(np.linalg.norm(half))
+        self.camera = Camera(name=self.name, yfov=ORBIT_YFOV, znear=1e-3 * far, zfar=far)
 
     def _frame(self, clouds: list[Array], aspect: float) -> None:
         """Find the rotation per second, the offset of the camera and the clipping planes."""
@@ -155,7 +183,23 @@ class OrbitCamera:
 
     def view_at(self, state: FrameState) -> View:
         axes = _orbit_axes(self.rate * math.fmod(state.time, self.period))
-        return View(self.center + axes @ self._offset, axes, self.camera)
+        target = np.array([np.interp(state.time, self.times, along) for along in self._targets.T])
+        return View(target + axes @ self._offset, axes, self.camera)
+
+
+def _targets(times: Array, clouds: list[Array]) -> Array:
+    """What the orbit is about at each of ``times``: the middle of the subject, (n, 3), world; see ``OrbitCamera``."""
+    boxes = np.array([(c.min(axis=0), c.max(axis=0)) if len(c) else np.full((2, 3), np.nan) for c in clouds])
+    there = np.isfinite(boxes[:, 0, 0])
+    if not there.any():
+        return np.zeros((len(times), 3))
+    centers, sizes = boxes[there].mean(axis=1), np.linalg.norm(np.ptp(boxes[there], axis=1), axis=1)
+    if np.linalg.norm(np.ptp(centers, axis=0)) <= np.median(sizes):
+        return np.tile(0.5 * (boxes[there, 0].min(axis=0) + boxes[there, 1].max(axis=0)), (len(times), 1))
+    from scipy.ndimage import uniform_filter1d  # imported late
+
+    path = np.stack([np.interp(times, times[there], along) for along in centers.T], axis=1)
+    return uniform_filter1d(path, max(round(FOLLOW_SECONDS / times[1]), 1), axis=0, mode="nearest")
 
 
 def _orbit_axes(angle: float) -> Array:
@@ -333,6 +377,26 @@ class _Subject:
                     clouds += [math3d.transform_points(state.world[node] @ instance, local) for instance in instances]
         points = np.concatenate(clouds)
         return _hull(points[np.all(np.isfinite(points), axis=-1)])
+
+    def facing(self, point: Array) -> float:
+        """Share of the directions from ``point`` (3,) in which front faces of still surfaces lie, net of back faces.
+
+        At time 0: the sum of the signed solid angles of the triangles (Van Oosterom and Strackee 1983) over 4 pi.
+        """
+        scene, state, total = self._poser.scene, self._poser.sample(0.0), 0.0
+        for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
+            for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+                if primitive.targets or is_skinned(scene, node, primitive) or node in scene.nodes.instances:
+                    continue
+                world_from_node = state.world[node]
+                corners = math3d.transform_points(world_from_node, primitive.positions.astype(np.float64)) - point
+                a, b, c = (corners[primitive.triangles[:, k]] for k in range(3))
+                la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+                dots = [np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a))]
+                below = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
+                angles = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
+                total -= math.copysign(1.0, np.linalg.det(world_from_node[:3, :3])) * float(np.nansum(angles))
+        return total / (4.0 * math.pi)
 
     def _used_by(self, triangles: Array) -> Array:
         if id(triangles) not in self._used:

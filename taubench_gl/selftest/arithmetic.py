@@ -11,6 +11,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import OrbitCamera, Poser, View
 from taubench_gl.animation.pairs import reprojection
+from taubench_gl.animation.views import ORBIT_FILL
 from taubench_gl.conventions import HISTOGRAM_BINS, Reason
 from taubench_gl.effects.census import census
 from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
@@ -541,7 +542,8 @@ def orbit(bench: Bench) -> Outcome:
     moved = camera.view_at(poser.sample(0.7)).position - home.view_at(poser.sample(0.7)).position
     filled, centered = high.max(), (low + high)[np.argmax(high)]  # the axis that the box fills
     errors = [
-        filled / 0.8 - 1.0, centered, worst(moved - (5.0, 0.0, -7.0)), camera.subject_size / math.sqrt(56.0) - 1.0,
+        filled / ORBIT_FILL - 1.0, centered, worst(moved - (5.0, 0.0, -7.0)),
+        camera.subject_size / math.sqrt(56.0) - 1.0,
         *(np.linalg.norm(np.diff(steps, axis=0), axis=-1) / (0.02 * math.sqrt(56.0)) - 1.0),
         min(float(np.abs(v.world_from_view[1, 2] - math.sin(math.radians(20.0)))) for v in views),
     ]  # fmt: skip
