@@ -32,10 +32,15 @@ FOLLOW_SECONDS = 1.0
 """The position of a subject that travels is averaged over this time, so that its steps do not shake the camera."""
 
 CLOSED = 0.75
-"""Share of the directions from the middle of the scene in which front faces lie, net of back faces, that is a room."""
+"""Share of the directions from the middle of the scene in which a front face is the nearest surface, from which on it
+is a room."""
 
 ROOM_RADIUS = 0.8
-"""Distance of the camera in a room from its axis, as a share of that of the nearest wall; the height likewise."""
+"""Distance of the camera in a room from its middle, as a share of that of the nearest walls; the height likewise."""
+
+ROOM_DIRECTIONS, ROOM_TRIANGLES, NEAR_WALLS = 256, 20_000, 10.0
+"""Rays that look for walls; triangles that they meet, the largest as seen from the middle; percentile of the distances
+of the walls that counts as the nearest: a pillar does not bring the camera to the middle."""
 
 ORBIT_STEP = 0.02
 """Distance that the camera moves per frame at ORBIT_FPS, as a share of the subject's size."""
@@ -120,21 +125,21 @@ class OrbitCamera:
         if self.subject_size == 0.0:  # nothing, or a single point
             relative = [np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])] * len(self.times)
             self.subject_size = float(np.linalg.norm(np.ptp(relative[0], axis=0)))
-        if subject.facing(self.center) > CLOSED:
-            self._stand_in_room(half)
+        room = subject.room_around(self.center)
+        if room is not None:
+            self._stand_in_room(*room, 2.0 * float(np.linalg.norm(half)))
         else:
             self.step = ORBIT_STEP * self.subject_size
             self._frame(relative, size[0] / size[1])
 
-    def _stand_in_room(self, half: Array) -> None:
-        """Orbit inside a box of half sides ``half`` (3,) about the center."""
-        radius = ROOM_RADIUS * min(half[0], half[2])
+    def _stand_in_room(self, walls: float, ceiling: float, far: float) -> None:
+        """Orbit inside ``walls`` and ``ceiling``, distances from the center; ``far``: the longest that can be seen."""
+        radius = ROOM_RADIUS * walls
         self.subject_size, self.step = 2.0 * radius, 2.0 * ORBIT_STEP * radius
         self.rate = ORBIT_FPS * 2.0 * math.asin(ORBIT_STEP)
-        height = min(radius * math.tan(ORBIT_ELEVATION), ROOM_RADIUS * half[1])
+        height = min(radius * math.tan(ORBIT_ELEVATION), ROOM_RADIUS * ceiling)
         up, back = math.sin(ORBIT_ELEVATION), math.cos(ORBIT_ELEVATION)
         self._offset = np.array([0.0, height * back - radius * up, height * up + radius * back])
-        far = 2.0 * float(np.linalg.norm(half))
         self.camera = Camera(name=self.name, yfov=ORBIT_YFOV, znear=1e-3 * far, zfar=far)
 
     def _frame(self, clouds: list[Array], aspect: float) -> None:
@@ -378,25 +383,50 @@ class _Subject:
         points = np.concatenate(clouds)
         return _hull(points[np.all(np.isfinite(points), axis=-1)])
 
-    def facing(self, point: Array) -> float:
-        """Share of the directions from ``point`` (3,) in which front faces of still surfaces lie, net of back faces.
+    def room_around(self, point: Array) -> tuple[float, float] | None:
+        """Distances of the walls and of the ceiling around ``point`` (3,); None where it is not in a closed room.
 
-        At time 0: the sum of the signed solid angles of the triangles (Van Oosterom and Strackee 1983) over 4 pi.
+        Of still surfaces at time 0, by rays in all directions (Moeller and Trumbore 1997) to the largest triangles.
         """
-        scene, state, total = self._poser.scene, self._poser.sample(0.0), 0.0
+        a, b, c = np.moveaxis(self._still_triangles() - point, 1, 0)
+        normal = np.cross(b - a, c - a)
+        away = np.einsum("ij,ij->i", a, normal)  # > 0: a back face
+        distance = np.linalg.norm((a + b + c) / 3.0, axis=1)
+        size = np.abs(away) / np.maximum(distance, 1e-30) ** 3
+        kept = np.argsort(size)[-ROOM_TRIANGLES:]
+        a, b, c, normal, away = (each[kept] for each in (a, b, c, normal, away))
+        found = []
+        for ray in _directions(ROOM_DIRECTIONS):
+            slope = normal @ ray
+            with np.errstate(divide="ignore", invalid="ignore"):
+                reach = away / slope
+                hit = reach[:, None] * ray
+                sides = [np.einsum("ij,ij->i", np.cross(q - p, hit - p), normal) for p, q in ((a, b), (b, c), (c, a))]
+                inside = (reach > 0.0) & np.isfinite(reach) & (np.minimum.reduce(sides) >= 0.0)
+            nearest = np.argmin(np.where(inside, reach, np.inf)) if inside.any() else None
+            found.append((*ray, reach[nearest], slope[nearest] < 0.0) if nearest is not None else (*ray, np.inf, False))
+        rays = np.array(found)
+        front = rays[:, 4] == 1.0
+        level, upward = front & (np.abs(rays[:, 1]) < 0.5), front & (rays[:, 1] > 0.9)
+        if front.mean() < CLOSED or not level.any():
+            return None
+        walls = float(np.percentile(rays[level, 3] * np.hypot(rays[level, 0], rays[level, 2]), NEAR_WALLS))
+        return walls, float(rays[upward, 3].min()) if upward.any() else walls
+
+    def _still_triangles(self) -> Array:
+        """Corners of the triangles of what no skin and no morph deforms, at time 0, front faces counter-clockwise.
+
+        (T, 3, 3) float64, world; instances are left out.
+        """
+        scene, state, corners = self._poser.scene, self._poser.sample(0.0), [np.zeros((0, 3, 3))]
         for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
+            world_from_node = state.world[node]
+            order = [0, 1, 2] if np.linalg.det(world_from_node[:3, :3]) > 0.0 else [0, 2, 1]
             for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
-                if primitive.targets or is_skinned(scene, node, primitive) or node in scene.nodes.instances:
-                    continue
-                world_from_node = state.world[node]
-                corners = math3d.transform_points(world_from_node, primitive.positions.astype(np.float64)) - point
-                a, b, c = (corners[primitive.triangles[:, k]] for k in range(3))
-                la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
-                dots = [np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a))]
-                below = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
-                angles = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
-                total -= math.copysign(1.0, np.linalg.det(world_from_node[:3, :3])) * float(np.nansum(angles))
-        return total / (4.0 * math.pi)
+                if not (primitive.targets or is_skinned(scene, node, primitive) or node in scene.nodes.instances):
+                    points = math3d.transform_points(world_from_node, primitive.positions.astype(np.float64))
+                    corners.append(points[primitive.triangles[:, order]])
+        return np.concatenate(corners)
 
     def _used_by(self, triangles: Array) -> Array:
         if id(triangles) not in self._used:
@@ -408,6 +438,13 @@ class _Subject:
             used = primitive.positions[np.unique(primitive.triangles)].astype(np.float64)
             self._hulls[id(primitive)] = _hull(used)
         return self._hulls[id(primitive)]
+
+
+def _directions(count: int) -> Array:
+    """Unit directions spread evenly over the sphere, (count, 3): a Fibonacci lattice."""
+    y = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angle = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+    return np.stack([np.sqrt(1.0 - y * y) * np.cos(angle), y, np.sqrt(1.0 - y * y) * np.sin(angle)], axis=1)
 
 
 def _hull(points: Array) -> Array:
