@@ -14,13 +14,13 @@ import numpy as np
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, choice_hint
-from taubench_gl.evaluation import Observers, Pair, Session, Wants, evaluate_scene, open_scene
+from taubench_gl.evaluation import Observers, Pair, Readback, Session, evaluate_scene, plan_scene
 from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.fields import declared
 from taubench_gl.option_groups import PathTracedOptions, TrainingOptions
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
-from taubench_gl.pathtraced.evaluation import choose_input, evaluate_path_traced
+from taubench_gl.pathtraced.evaluation import choose_plan, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
@@ -144,8 +144,8 @@ def pairs(
         drawn = tuple(dict.fromkeys((*drawn, "emission")))
     if not is_sequence(scene):
         scene, settings = _readable(scene), settings.replace(pairs="all") if settings.metrics.all_pairs else settings
-    chosen = choose_input(scene, settings, path_traced)
-    return _pairs(partial(Session, chosen, Wants(images=True, channels=drawn)), light)
+    chosen = choose_plan(scene, settings, path_traced)
+    return _pairs(partial(Session, chosen, Readback(images=True, channels=drawn)), light)
 
 
 def _readable(scene: Scene | str | Path) -> Scene | str | Path:
@@ -166,9 +166,9 @@ def _light_of(session: Session, light: TrainingOptions) -> Callable[[Pair], Pair
     from taubench_gl.reuse.frame import read_result
     from taubench_gl.reuse.light_pairs import LightPairs
 
-    animated = session.given.animated
+    animated = session.plan.animated
     # Images need their exposure whatever the columns.
-    opened = open_scene(animated.scene, session.settings.replace(columns=COLUMNS), animated.camera)
+    opened = plan_scene(animated.scene, session.settings.replace(columns=COLUMNS), animated.camera)
     with session.gpu:
         lit = session.own(LightPairs(session.gpu, animated, opened.settings, light))
         whole = {"direct", "indirect"} <= set(session.source.radiance)

@@ -7,14 +7,16 @@ the Run and of the pairs that ``on_pair`` receives; ``taubench_gl.api.evaluate``
 Path-traced files: ``pathtraced.evaluation``.
 """
 
-from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
+from taubench_gl.evaluation.brightness import Brightness, checked_frames
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.lighting import (
+    LightPlan,
     ResolvedLighting,
     environment_image,
     file_hashes,
     files_identity,
+    light_plan,
     resolve_lighting,
 )
 from taubench_gl.evaluation.lobes import (
@@ -22,8 +24,6 @@ from taubench_gl.evaluation.lobes import (
     missing_of_scene,
     require_lobes,
     scene_channels,
-    scene_lobes,
-    summarize_lobes,
 )
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
@@ -32,9 +32,8 @@ from taubench_gl.evaluation.pairs import (
     Pair,
     PairEvaluator,
 )
-from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight, decides_light, preview_notes
-from taubench_gl.evaluation.scale import describe_scale
-from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, open_session, require_triangles
+from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.scene import ScenePlan, evaluate_scene, open_session, plan_scene, require_triangles
 from taubench_gl.evaluation.schedule import (
     frame_range,
     frame_schedule,
@@ -42,8 +41,9 @@ from taubench_gl.evaluation.schedule import (
     pair_schedule,
     sampled_pairs,
 )
-from taubench_gl.evaluation.session import Session, Wants, camera_row, frame_columns
-from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
+from taubench_gl.evaluation.session import Readback, Session, frame_columns
+from taubench_gl.evaluation.summary import finish_run, mark_cuts, static_summary
+from taubench_gl.evaluation.tally import Tally
 
 __all__ = [
     "Brightness",
@@ -51,22 +51,18 @@ __all__ = [
     "EvaluatedPair",
     "ExactColumns",
     "Explanation",
+    "LightPlan",
     "LightVisits",
     "LobeColumns",
     "Observers",
     "Pair",
     "PairEvaluator",
+    "Readback",
     "ResolvedLighting",
-    "SampledLight",
-    "SceneInput",
+    "ScenePlan",
     "Session",
-    "Wants",
-    "assemble_summary",
-    "camera_row",
+    "Tally",
     "checked_frames",
-    "decides_light",
-    "describe_brightness",
-    "describe_scale",
     "environment_image",
     "evaluate_scene",
     "exact_channels",
@@ -77,18 +73,16 @@ __all__ = [
     "frame_range",
     "frame_schedule",
     "frame_total",
+    "light_plan",
     "mark_cuts",
     "missing_of_scene",
-    "open_scene",
     "open_session",
     "pair_schedule",
-    "preview_notes",
+    "plan_scene",
     "require_lobes",
     "require_triangles",
     "resolve_lighting",
     "sampled_pairs",
     "scene_channels",
-    "scene_facts",
-    "scene_lobes",
-    "summarize_lobes",
+    "static_summary",
 ]

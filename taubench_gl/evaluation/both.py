@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taubench_gl.evaluation.decided_light import DecidedLight, counts_of_images
+from taubench_gl.evaluation.lighting import LightPlan
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.metrics.histories import takes_eye
 from taubench_gl.metrics.masks import PixelDistances
 
 if TYPE_CHECKING:
-    from taubench_gl.evaluation.session import Input, Session
+    from taubench_gl.evaluation.session import Plan, Session
 
 Array = np.ndarray
 
@@ -22,23 +23,21 @@ class BothHistories:
 
     columns, distances = (), True
 
-    def __init__(self, session: Session, of_eye: Input, decides: bool):
-        """``of_eye``: the session's scene with history ``eye``; ``decides``: whether every pixel's light is decided."""
-        self._source = of_eye.open_source(session, session.timer, session.wants)
-        how = {"timed": False, "images": True, "distances": True}
-        self._evaluator = session.open_evaluator(self._source, of_eye.settings, **how)
-        self._decided = DecidedLight(session, self._source, of_eye.settings) if decides else None
+    def __init__(self, session: Session, of_eye: Plan):
+        """``of_eye``: the plan of the session with history ``eye``."""
+        self._source = of_eye.open_source(session, session.timer, session.readback)
+        self._evaluator = session.open_evaluator(
+            self._source, of_eye.settings, timed=False, images=True, distances=True
+        )
+        decided = of_eye.light is LightPlan.DECIDED
+        self._decided = DecidedLight(session.variant, self._source, of_eye.settings) if decided else None
 
-    def blocks(self, session: Session) -> dict[str, Any]:
-        """None: the mask histogram has it all."""
-        return {}
-
-    def complete(self, pair: Pair) -> None:
+    def fill_row(self, pair: Pair) -> None:
         """Compare the frame of ``pair`` with the other eye."""
         [evaluated] = self._evaluator.step(pair.frame)[1]
         other = Pair(evaluated, {}, self._evaluator)
         if self._decided is not None:
-            self._decided.complete(other)
+            self._decided.fill_row(other)
             pair.row |= {name: pair.row[name] + other.row[name] for name in other.row}
         eye = takes_eye(pair.mask, other.mask)
         distances = _chosen_distances(eye, pair.distances, other.distances)

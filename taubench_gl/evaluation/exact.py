@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +15,11 @@ from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.features import FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
+from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column
 from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.settings import Settings
-
-if TYPE_CHECKING:
-    from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
 
@@ -123,11 +119,7 @@ class ExactColumns:
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 
-    def blocks(self, session: Session) -> dict[str, Any]:
-        """The block ``exact`` of summary.json."""
-        return {"exact": exact_summary(session.rows, session.source.unmeasured, self._reprojection)}
-
-    def complete(self, pair: Pair) -> None:
+    def fill_row(self, pair: Pair) -> None:
         """Add EXACT_COLUMNS to the row of ``pair``."""
         reasons = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
         pair.row.update(self.row(pair.mask, reasons))

@@ -1,10 +1,11 @@
-"""Light unit, exposure and environment of a run, resolved once, before the run is split into parts.
+"""Light unit, exposure, environment, samples and pairs of a run, resolved once, before the run is split into parts.
 
-Every entry point calls ``resolve_lighting``; everything below it sees only concrete values.
+Every entry point calls ``scene.plan_scene``; everything below it sees only concrete values.
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -35,6 +36,26 @@ LEAST_PAIRS = 4
 
 MAX_LIGHT = 1e30
 """Most radiance or intensity times exposure: sums over lights and the inverse square of a distance stay in float32."""
+
+
+class LightPlan(enum.Enum):
+    """How the light columns of a run are measured."""
+
+    PREVIEW = "images of the preview, whose light is approximate"
+    FIXED = "images of the raster method, of a fixed number of samples per pixel, or of files"
+    SAMPLED = "path-traced at random pixels, with intervals; images show the preview"
+    DECIDED = "path-traced at every pixel, with as many samples as each needs; images show the preview"
+
+
+def light_plan(settings: Settings, sampled: bool) -> LightPlan:
+    """How light columns are measured; ``sampled``: at single pixels where ``settings`` allow it, else by images."""
+    lighting = settings.lighting
+    if sampled and settings.metrics.decidable:
+        if lighting.light == AUTO:
+            return LightPlan.SAMPLED
+        if lighting.decides:
+            return LightPlan.DECIDED
+    return LightPlan.PREVIEW if lighting.light in PREVIEWED else LightPlan.FIXED
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ def test_masks_and_counts_equal_numpy(more):
         list(session.pairs())
         with session.gpu:
             now, before = ({n: session.source.read(n, previous=old) for n in names} for old in (False, True))
-        row = session.rows[0]
+        row = session.tally.rows[0]
     camera, state = choose_camera(scene), Poser(scene).sample(1.0 / given.sequence.fps)
     views = camera.view_at(state), other_eye(scene, camera, given).view_at(state)
     step = reprojection(*views, 96, 54)
