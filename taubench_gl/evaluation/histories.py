@@ -1,13 +1,21 @@
-"""Pixels with two histories under path-traced light: the decisions of the better one."""
+"""Two histories of every pixel, the last frame and the other eye: a pixel has the mask of the better one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taubench_gl.evaluation.decided_light import DecidedLight, counts_of_images
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
-from taubench_gl.metrics.histories import takes_eye
+from taubench_gl.evaluation.lighting import LightPlan
+from taubench_gl.evaluation.pairs import Pair
+from taubench_gl.metrics.histories import uses_other_eye
+from taubench_gl.metrics.masks import PixelDistances
+
+if TYPE_CHECKING:
+    from taubench_gl.evaluation.session import Plan, Session
 
 Array = np.ndarray
 
@@ -18,13 +26,13 @@ def chosen_words(pairs: Sequence[PreviewPair]) -> tuple[Array, Mapping[str, Arra
     A pixel is traced if the light of either history can change its word.
     """
     first, last = pairs[0], pairs[-1]
-    eye = takes_eye(first.words, last.words)
+    eye = uses_other_eye(first.words, last.words)
     words = np.where(eye, last.words, first.words)
     distances = {name: np.where(eye, last.distances[name], of) for name, of in first.distances.items()}
     return words, distances, first.traced | last.traced
 
 
-def better(
+def merge_histories(
     pairs: Sequence[PreviewPair], found: Sequence[Decisions], traced: Sequence[Array], rows: tuple[Array, Array]
 ) -> Decisions:
     """The better of two histories of n pixels at ``rows``: what decisions say of those with each history.
@@ -35,7 +43,7 @@ def better(
     """
     every = [_of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
     (frame, sure_frame), (eye, sure_eye) = every
-    taken, first_taken = takes_eye(frame.words, eye.words), takes_eye(frame.first, eye.first)
+    taken, first_taken = uses_other_eye(frame.words, eye.words), uses_other_eye(frame.first, eye.first)
     audited = np.minimum(np.where(sure_frame, 1.0, frame.audited), np.where(sure_eye, 1.0, eye.audited))
     audited[sure_frame & sure_eye] = 0.0
     return Decisions(
@@ -73,3 +81,39 @@ def _of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, A
         filled(found.first, words), filled(found.audited, none),
     )  # fmt: skip
     return whole, ~traced | undecided
+
+
+class BothHistories:
+    """Compares every pair with the other eye too, and replaces mask, counts and distances by those of the better."""
+
+    columns, distances = (), True
+
+    def __init__(self, session: Session, of_eye: Plan):
+        """``of_eye``: the plan of the session with history ``eye``."""
+        self._source = of_eye.open_source(session, session.timer, session.readback)
+        self._evaluator = session.open_evaluator(
+            self._source, of_eye.settings, timed=False, images=True, distances=True
+        )
+        decided = of_eye.light is LightPlan.DECIDED
+        self._decided = DecidedLight(session.variant, self._source, of_eye.settings) if decided else None
+
+    def fill_row(self, pair: Pair) -> None:
+        """Compare the frame of ``pair`` with the other eye."""
+        [evaluated] = self._evaluator.step(pair.frame)[1]
+        other = Pair(evaluated, {}, self._evaluator)
+        if self._decided is not None:
+            self._decided.fill_row(other)
+            pair.row |= {name: pair.row[name] + other.row[name] for name in other.row}
+        eye = uses_other_eye(pair.mask, other.mask)
+        distances = _chosen_distances(eye, pair.distances, other.distances)
+        words = np.where(eye, other.mask, pair.mask)
+        pair.replace(words, distances, counts_of_images(words, distances.features))
+        pair.add_eye(other, eye)
+
+
+def _chosen_distances(eye: Array, frame: PixelDistances, other: PixelDistances) -> PixelDistances:
+    def both(a: Array, b: Array) -> Array:
+        return np.where(eye, b, a)
+
+    features = {name: both(values, other.features[name]) for name, values in frame.features.items()}
+    return PixelDistances(features, both(frame.depth, other.depth), both(frame.luminance, other.luminance))

@@ -180,9 +180,18 @@ class PairEvaluator:
         """Wait for a run, the latest or the one before it, and read its counts."""
         return self._masks.read(run)
 
-    def compare(self, pair: Reprojection, **how: Any) -> Counts:
-        """``submit`` and ``read``."""
-        return self.read(self.submit(pair, **how))
+    def compare(
+        self,
+        pair: Reprojection,
+        *,
+        declared: int = 0,
+        current: Textures | None = None,
+        previous: Textures | None = None,
+        thresholds: Mapping[str, float] | None = None,
+    ) -> Counts:
+        """Submit one pair and wait for its counts.  Arguments of ``submit``."""
+        run = self.submit(pair, declared=declared, current=current, previous=previous, thresholds=thresholds)
+        return self.read(run)
 
     @property
     def mask_texture(self) -> Any:
@@ -249,7 +258,7 @@ class Pair:
     ``radiance`` (h, w, 3): of the images that masks compare; ``noisy`` (h, w, 4): of the input, as reuse methods get
     it (its last component is 0 where a pixel was not shaded); ``reference`` (h, w, 3): what they are compared with.
 
-    ``takes_eye`` (h, w) bool: with ``history`` ``both`` the pixels whose mask is that of the other eye, else None;
+    ``uses_other_eye`` (h, w) bool: with ``history`` ``both`` the pixels whose mask is that of the other eye, else None;
     images are those of the last frame.
     """
 
@@ -261,7 +270,7 @@ class Pair:
         self.radiance: np.ndarray | None = None
         self.noisy: np.ndarray | None = None
         self.reference: np.ndarray | None = None
-        self.takes_eye: np.ndarray | None = None
+        self.uses_other_eye: np.ndarray | None = None
         self._eye: Pair | None = None
 
     def __repr__(self) -> str:
@@ -301,13 +310,13 @@ class Pair:
         Raises TaubenchError for a pixel outside the image, and after the next pair is drawn.
         """
         column, row = _pixel_in(self.source.size, x, y)
-        if self.takes_eye is not None and self.takes_eye[row, column]:
+        if self.uses_other_eye is not None and self.uses_other_eye[row, column]:
             return self._eye.explain(column, row)
         return self._read(lambda evaluator: evaluator.explain(column, row))
 
-    def add_eye(self, other: Pair, takes_eye: np.ndarray) -> None:
-        """``other``: of the same frame and the other eye, whose masks the pixels ``takes_eye`` (h, w) have."""
-        self._eye, self.takes_eye = other, takes_eye
+    def add_eye(self, other: Pair, uses_other_eye: np.ndarray) -> None:
+        """``other``: of the same frame and the other eye, whose masks the pixels ``uses_other_eye`` (h, w) have."""
+        self._eye, self.uses_other_eye = other, uses_other_eye
 
     def replace(self, words: np.ndarray, distances: PixelDistances, counts: Counts) -> None:
         """Of a pair whose pixels were compared in another way: mask words (h, w) uint32, distances and counts."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, PreviewPair, read_preview
-from taubench_gl.evaluation.histories import better, chosen_words
+from taubench_gl.evaluation.histories import chosen_words, merge_histories
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.features import FEATURE_BIT
@@ -135,7 +135,7 @@ class LightVisits:
             return self._histories[0].decide(at, audit)
         traced = [np.flatnonzero(pair.traced.ravel()[flat]) for pair in pairs]
         found = [history.decide(at[k], audit[k]) for history, k in zip(self._histories, traced, strict=True)]
-        return better(pairs, found, traced, (at[:, 1], at[:, 0]))
+        return merge_histories(pairs, found, traced, (at[:, 1], at[:, 0]))
 
 
 class SampledLight:

@@ -12,9 +12,9 @@ from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.animation.eyes import other_eye
 from taubench_gl.effects.decide import as_summary
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation.both import BothHistories
 from taubench_gl.evaluation.decided_light import DecidedLight
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels
+from taubench_gl.evaluation.histories import BothHistories
 from taubench_gl.evaluation.lighting import (
     LightPlan,
     ResolvedLighting,

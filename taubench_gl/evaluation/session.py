@@ -143,12 +143,23 @@ class Session(GpuOwner):
         self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
 
-    def variant(self, settings: Settings, **how: Any) -> RasterSource:
-        """Another source of the session's scene with its camera, poses and programs.  ``how``: as of ``RasterSource``.
+    def variant(
+        self,
+        settings: Settings,
+        *,
+        extra: Collection[str] = (),
+        without: Collection[str] = (),
+        pixel_list: bool = False,
+        given_directions: bool = False,
+    ) -> RasterSource:
+        """Another source of the session's scene with its camera, poses and programs.  Keywords of ``open_source``.
 
         ``settings``: those of the session with what differs, so that their lighting is resolved.
         """
-        return self.open_source(self.plan.animated, settings, **how)
+        return self.open_source(
+            self.plan.animated, settings, extra=extra, without=without, pixel_list=pixel_list,
+            given_directions=given_directions,
+        )  # fmt: skip
 
     def _begin(self) -> None:
         self.drawn: list[View] = []
