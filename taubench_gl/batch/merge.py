@@ -19,7 +19,11 @@ from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.units import counts_of_record, head_hash, lobes_of_record
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import Tally, frame_columns, light_plan, mark_cuts, missing_of_scene, sampled_pairs
+from taubench_gl.evaluation import light_plan, sampled_pairs
+from taubench_gl.evaluation.lobes import missing_of_scene
+from taubench_gl.evaluation.session import frame_columns
+from taubench_gl.evaluation.summary import mark_cuts
+from taubench_gl.evaluation.tally import Tally
 from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.provenance import combined
 from taubench_gl.report import run_tables

@@ -34,7 +34,7 @@ from taubench_gl.batch.merge import (
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
 from taubench_gl.batch.units import head_key, head_unit, light_key, light_unit, pairs_key, pairs_unit, resolved_job
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import Tally
+from taubench_gl.evaluation.tally import Tally
 from taubench_gl.folder_lock import lock_holder
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import SUMMARY_FILE, load_run

@@ -23,22 +23,22 @@ from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation import (
-    LightVisits,
     Readback,
-    ResolvedLighting,
     ScenePlan,
     Session,
-    checked_frames,
     environment_image,
     file_hashes,
     files_identity,
     frame_range,
     frame_schedule,
     light_plan,
-    pair_schedule,
     plan_scene,
-    static_summary,
 )
+from taubench_gl.evaluation.brightness import checked_frames
+from taubench_gl.evaluation.lighting import ResolvedLighting
+from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.schedule import pair_schedule
+from taubench_gl.evaluation.summary import static_summary
 from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.counts import Counts

@@ -13,7 +13,8 @@ from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.study import BatchStudy, batch_store
 from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Brightness, Readback, evaluate_scene, open_session, sampled_light
+from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
+from taubench_gl.evaluation.brightness import Brightness
 from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
 from taubench_gl.evaluation.sampled_light import Plan, round_of
 from taubench_gl.features import FEATURE_BIT
