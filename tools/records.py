@@ -24,7 +24,8 @@ import recorders as by  # noqa: E402
 from rejection_tables import gates, rejection  # noqa: E402
 
 SOURCES = (
-    "taubench_gl/scene", "taubench_gl/animation", "taubench_gl/settings.py", "taubench_gl/conventions.py",
+    "taubench_gl/scene", "taubench_gl/animation", "taubench_gl/settings.py",
+    "taubench_gl/setting_values.py", "taubench_gl/conventions.py",
     "taubench_gl/features.py",
 )  # fmt: skip
 FRAME = (

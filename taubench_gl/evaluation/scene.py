@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
 from taubench_gl.animation.eyes import other_eye
 from taubench_gl.effects.decide import as_summary
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation.decided_light import DecidedLight
+from taubench_gl.evaluation.decided_light import DecidedLight, counts_of_images
 from taubench_gl.evaluation.exact import ExactColumns, exact_channels
-from taubench_gl.evaluation.histories import BothHistories
 from taubench_gl.evaluation.lighting import (
     LightPlan,
     ResolvedLighting,
@@ -25,7 +26,7 @@ from taubench_gl.evaluation.lighting import (
 )
 from taubench_gl.evaluation.lobes import LobeColumns, measured_lobes, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
-from taubench_gl.evaluation.pairs import Observers
+from taubench_gl.evaluation.pairs import Observers, Pair
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.evaluation.session import COUNTS_ONLY, TIMED_EVERY, ColumnGroup, Readback, Session, run_session
@@ -33,10 +34,14 @@ from taubench_gl.evaluation.summary import static_summary
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.histories import uses_other_eye
+from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
+
+Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +97,42 @@ class ScenePlan:
 
     def add_to_summary(self, summary: dict[str, Any], session: Session) -> None:
         """Add nothing: a tally has all that scenes have."""
+
+
+class BothHistories:
+    """Compares every pair with the other eye too, and replaces mask, counts and distances by those of the better."""
+
+    columns, distances = (), True
+
+    def __init__(self, session: Session, of_eye: ScenePlan):
+        """``of_eye``: the plan of the session with history ``eye``."""
+        self._source = of_eye.open_source(session, session.timer, session.readback)
+        self._evaluator = session.open_evaluator(
+            self._source, of_eye.settings, timed=False, images=True, distances=True
+        )
+        decided = of_eye.light is LightPlan.DECIDED
+        self._decided = DecidedLight(session.variant, self._source, of_eye.settings) if decided else None
+
+    def fill_row(self, pair: Pair) -> None:
+        """Compare the frame of ``pair`` with the other eye."""
+        [evaluated] = self._evaluator.step(pair.frame)[1]
+        other = Pair(evaluated, {}, self._evaluator)
+        if self._decided is not None:
+            self._decided.fill_row(other)
+            pair.row |= {name: pair.row[name] + other.row[name] for name in other.row}
+        eye = uses_other_eye(pair.mask, other.mask)
+        distances = _chosen_distances(eye, pair.distances, other.distances)
+        words = np.where(eye, other.mask, pair.mask)
+        pair.replace(words, distances, counts_of_images(words, distances.features))
+        pair.add_eye(other, eye)
+
+
+def _chosen_distances(eye: Array, frame: PixelDistances, other: PixelDistances) -> PixelDistances:
+    def both(a: Array, b: Array) -> Array:
+        return np.where(eye, b, a)
+
+    features = {name: both(values, other.features[name]) for name, values in frame.features.items()}
+    return PixelDistances(features, both(frame.depth, other.depth), both(frame.luminance, other.luminance))
 
 
 def plan_scene(
