@@ -438,7 +438,7 @@ and the tooltips of the report and of the viewer show the same sentences. Equati
 
 
 def page() -> str:
-    """docs/glossary.md."""
+    """The Markdown text of docs/glossary.md."""
     bits = {reason: str(int(reason)) for reason in REASONS}
     return "\n".join(
         (

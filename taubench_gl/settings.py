@@ -102,7 +102,7 @@ _SIDE = at_least(1, f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE
 
 
 def _values(*names: str) -> str:
-    """``camera: the glossary's definition.  motion: ...`` for the values of a field."""
+    """A help text that defines each of the values ``names`` as the glossary does: ``camera: ...  motion: ...``."""
     return "  ".join(f"{name}: {OPTIONS[name].sentence}" for name in names).removesuffix(".")
 
 
@@ -514,7 +514,7 @@ class Settings:
         return Settings(**{name: getattr(self, name) for name in GROUPS} | self._changed(values))
 
     def _changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The groups that ``values`` changes, by name."""
+        """The groups of settings that ``values`` changes, by the name of the group."""
         groups: dict[str, Any] = {}
         changed: dict[str, dict[str, Any]] = {}
         for name, value in _with_sides(values).items():
@@ -615,7 +615,7 @@ def _group_of(name: str) -> str:
 
 
 def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` with ``size`` as width and height."""
+    """``values`` with ``width`` and ``height`` in place of ``size``."""
     values = dict(values)
     if "size" in values:
         values["width"], values["height"] = parse_size(values.pop("size"))
@@ -623,7 +623,7 @@ def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """JSON values: tuples as lists, mappings as dicts."""
+    """``value`` as a JSON value: tuples become lists, mappings dicts."""
     if isinstance(value, Mapping):
         return dict(value)
     return [_plain(element) for element in value] if isinstance(value, tuple) else value

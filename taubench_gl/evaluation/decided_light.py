@@ -97,11 +97,12 @@ def counts_of_images(words: Array, distances: Mapping[str, Array], histograms: A
 
 
 def _histogram(words: Array) -> Array:
+    """Pixels per mask word of ``words`` (h, w).  (MASK_WORDS,) int64."""
     return np.bincount(words.ravel(), minlength=MASK_WORDS)
 
 
 def decided_counts(found: Sequence[Decisions]) -> dict[str, int]:
-    """DECIDED_COLUMNS of a pair."""
+    """The values of DECIDED_COLUMNS for a pair whose lists of pixels have the decisions ``found``."""
     audited = [d.audited > 0.0 for d in found]
     wrong = [a & (d.first != d.words) for a, d in zip(audited, found, strict=True)]
     samples = 2 * sum(int(d.samples.sum()) for d in found)

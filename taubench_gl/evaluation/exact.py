@@ -31,7 +31,10 @@ def exact_channels() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Reasons:
-    """Of one pair.  ``bits`` (h, w) uint32 of ``Visibility``, with CHANGED_LIGHT; ``light``: None without light."""
+    """Why history is right or wrong in every pixel of one pair.
+
+    ``bits`` (h, w) uint32 of ``Visibility``, with CHANGED_LIGHT; ``light``: None where light is not compared.
+    """
 
     bits: Array
     light: PointLight | None
@@ -63,7 +66,10 @@ class ExactReasons:
         return self._shading is not None
 
     def of(self, source: RasterSource, frame: int, *, noise: bool = False) -> Reasons:
-        """``source`` holds the pair whose current frame has the number ``frame``, with ``exact_channels``."""
+        """The reasons of the pair that ``source`` holds with ``exact_channels``; ``frame``: of its current frame.
+
+        ``noise``: also take other samples of path-traced light, to tell its noise.
+        """
         bits = source.read(CHANNEL)[..., 0]
         if self._shading is None:
             return Reasons(bits, None)
@@ -90,7 +96,7 @@ def misregistered(mask: Array, reasons: Reasons, column: str, settings: Settings
 
 
 def missed(mask: Array, bits: Array) -> Array:
-    """Pixels whose point was occluded, and that no geometric column discards.  (h, w)."""
+    """Pixels whose point was occluded, and that no geometric column discards.  (h, w) bool."""
     return ((bits & Visibility.OCCLUDED) != 0) & ((mask & RATE_BITS["surface"]) == 0)
 
 
@@ -114,7 +120,7 @@ class ExactColumns:
 
     @classmethod
     def of_source(cls, variant: Variant, settings: Settings, source: RasterSource, frames: range) -> ExactColumns:
-        """For the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
+        """The column group for the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
         reasons = ExactReasons(variant, settings, source.radiance)
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
@@ -125,7 +131,7 @@ class ExactColumns:
         pair.row.update(self.row(pair.mask, reasons))
 
     def row(self, mask: Array, reasons: Reasons) -> dict[str, int | None]:
-        """EXACT_COLUMNS of one pair; None: not measured."""
+        """The values of EXACT_COLUMNS for a pair with the ``mask`` (h, w); None for what was not measured."""
         bits, row = reasons.bits, dict.fromkeys(EXACT_COLUMNS)
         counts: dict[str, Array] = {class_column(name): bits & bit for name, bit in CLASSES.items()}
         for column in self._measured:

@@ -60,7 +60,7 @@ def light_plan(settings: Settings, sampled: bool) -> LightPlan:
 
 @dataclass(frozen=True, slots=True)
 class ResolvedLighting:
-    """``settings``: with concrete light unit, exposure and environment; ``reasons``: why, by setting, phrases."""
+    """Settings with concrete light unit, exposure and environment, and why: a phrase for each of the three."""
 
     settings: Settings
     reasons: dict[str, str] = field(default_factory=dict)
@@ -146,7 +146,7 @@ def file_hashes(scene: Scene, settings: Settings) -> dict[str, str | None]:
 
 
 def files_identity(hashes: Mapping[str, Any]) -> str | None:
-    """One identity of ``file_hashes``; that of the scene alone where there is no environment image."""
+    """One text for all of ``file_hashes``; None where there are none: the scene was made in memory."""
     return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
@@ -168,6 +168,7 @@ def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
     most = MOST_FRAMES
     lighting, sequence = settings.lighting, settings.sequence
     if _auto_traces(scene, settings):
+        # What the user names (size, samples, seeds) is never changed: the budget limits how many frames are drawn.
         samples = sequence.width * sequence.height * lighting.path_samples * settings.metrics.samples_per_pixel
         most = min(max(SAMPLE_BUDGET // samples, 2 * LEAST_PAIRS), MOST_FRAMES)
     if len(frames) <= most:

@@ -64,7 +64,7 @@ def assemble_summary(
     stats: SequenceStats,
     sampled: Collection[str] = (),
 ) -> dict[str, Any]:
-    """summary.json without effects, timing and provenance, which the caller adds.
+    """The parts of summary.json that follow from the sums over all pairs; the caller adds the others.
 
     ``static``: of ``static_summary``; ``views``: of all frames; ``stats``: of all pairs, added in order; ``sampled``:
     columns whose intervals the caller adds too.
