@@ -153,7 +153,7 @@ class OrbitCamera:
             for t, cloud in zip(self.times, clouds, strict=True):
                 if not len(cloud):
                     continue
-                turned = cloud @ _fast_orbit_axes(rate * t)
+                turned = cloud @ _orbit_axes(rate * t)
                 upper = np.maximum(upper, (turned[:, 2:] + turned[:, :2] / slopes).max(axis=0))
                 lower = np.maximum(lower, (turned[:, 2:] - turned[:, :2] / slopes).max(axis=0))
                 depth = np.array([min(depth[0], turned[:, 2].min()), max(depth[1], turned[:, 2].max())])
@@ -211,29 +211,9 @@ def _orbit_axes(angle: float) -> Array:
     """world_from_view of the orbit at ``angle``, radians from +Z towards +X.  (3, 3) float64."""
     # pyrr multiplies row vectors, so the upper left of its view matrix is world_from_view.  The eye is a unit
     # direction from the origin: pyrr's subtraction loses precision far from the origin.
-    eye = np.array(_towards_camera(angle))
-    return matrix44.create_look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)[:3, :3]
-
-
-def _towards_camera(angle: float) -> tuple[float, float, float]:
     level = math.cos(ORBIT_ELEVATION)
-    return level * math.sin(angle), math.sin(ORBIT_ELEVATION), level * math.cos(angle)
-
-
-def _fast_orbit_axes(angle: float) -> Array:
-    """``_orbit_axes`` with its bits, in a tenth of the time: the search for a rotation asks for a thousand."""
-    towards_camera = _towards_camera(angle)
-    forward = _unit(*(0.0 - x for x in towards_camera))
-    side = _unit(*math3d.cross(forward, (0.0, 1.0, 0.0)).tolist())
-    up = _unit(*math3d.cross(side, forward).tolist())
-    look_at = np.eye(4)
-    look_at[:3, :3] = np.stack([side, up, [-x for x in forward]], axis=-1)
-    return look_at[:3, :3]
-
-
-def _unit(x: float, y: float, z: float) -> tuple[float, float, float]:
-    length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
+    eye = np.array([level * math.sin(angle), math.sin(ORBIT_ELEVATION), level * math.cos(angle)])
+    return matrix44.create_look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)[:3, :3]
 
 
 def is_still(scene: Scene, cameras: Iterable[int] = ()) -> bool:

@@ -23,21 +23,22 @@ from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation import (
-    LightVisits,
-    ResolvedLighting,
-    SceneInput,
+    Readback,
+    ScenePlan,
     Session,
-    Wants,
-    checked_frames,
     environment_image,
     file_hashes,
     files_identity,
     frame_range,
     frame_schedule,
-    open_scene,
-    pair_schedule,
-    scene_facts,
+    light_plan,
+    plan_scene,
 )
+from taubench_gl.evaluation.brightness import checked_frames
+from taubench_gl.evaluation.lighting import ResolvedLighting
+from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.schedule import pair_schedule
+from taubench_gl.evaluation.summary import static_summary
 from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.counts import Counts
@@ -93,7 +94,7 @@ class PairsUnit(Unit):
     def _count(self, loaded: _Loaded, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         session, settings = loaded.opened(self.of), self.of.settings
         session.timer.reset()
-        frames = session.given.frames
+        frames = session.plan.frames
         schedule = pair_schedule(frames, self.positions) if self.positions else frame_schedule(frames, settings)
         evaluated = []
         checked = checked_frames(frame_schedule(frames, settings))
@@ -102,7 +103,7 @@ class PairsUnit(Unit):
             worker.done()
         pairs = [
             pair_record(position, pair.counts, pair.lobes, {name: row[name] for name in session.added_columns})
-            for position, pair, row in zip(self.positions, evaluated, session.rows, strict=True)
+            for position, pair, row in zip(self.positions, evaluated, session.tally.rows, strict=True)
         ]
         return pairs, _report(session)
 
@@ -172,8 +173,9 @@ class _Loaded:
         """The session of a job whose lighting is resolved."""
         if self.session is None:
             frames = frame_range(self.animated.scene, self.animated.camera, job.settings)
-            scene_input = SceneInput(self.animated, frames, ResolvedLighting(job.settings))
-            self.session = Session(scene_input, Wants(lobes=job.lobes, sampled=True))
+            light = light_plan(job.settings, sampled=True)
+            plan = ScenePlan(self.animated, frames, ResolvedLighting(job.settings), light)
+            self.session = Session(plan, Readback(lobes=job.lobes))
         return self.session
 
     def visits(self, job: Job) -> LightVisits:
@@ -213,15 +215,15 @@ def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -
     ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
     """
     scene = loaded.animated.scene
-    given = open_scene(scene, settings, loaded.animated.camera, sampled=True)
-    frames, animated, resolved = given.frames, given.animated, given.lighting
+    plan = plan_scene(scene, settings, loaded.animated.camera, sampled=True)
+    frames, animated, resolved = plan.frames, plan.animated, plan.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
     one_file = scene.files == 1 and environment_image(resolved.settings) is None
     return {
         "stamp": stamp if one_file else None,
         "frames": [frames.start, frames.stop],
-        "facts": scene_facts(animated, frames, resolved),
+        "facts": static_summary(animated, frames, resolved),
         "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},
         "positions": [view.position for view in views],
         "rotations": [view.world_from_view for view in views],
@@ -240,8 +242,8 @@ def _report(session: Session) -> dict[str, Any]:
         session.gpu.check("a chunk of a batch")
         return {
             "source": session.source.describe(),
-            "brightness": session.brightness.as_dict(),
-            "depths": session.depths,
+            "brightness": session.tally.brightness.as_dict(),
+            "depths": session.tally.depths,
             "unmeasured": dict(session.source.unmeasured),
             "added": session.added_columns,
             "reprojection": session.source.reprojection,

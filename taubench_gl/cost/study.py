@@ -35,7 +35,7 @@ from taubench_gl.cost.configurations import (
 )
 from taubench_gl.cost.unit import EvaluationUnit, evaluation_unit
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import SceneInput, file_hashes, files_identity, open_scene, sampled_pairs
+from taubench_gl.evaluation import ScenePlan, file_hashes, files_identity, plan_scene, sampled_pairs
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.fields import declared, from_values
 from taubench_gl.option_groups import CostOptions
@@ -80,7 +80,7 @@ def cost(
     if is_sequence(scene):
         raise SettingsError("path-traced files cannot be evaluated in other ways", where=str(scene))
     study = CostStudy(
-        str(scene), asked, request, open_scene(scene, asked, sampled=True), Store(out, "cost", STUDY_SCHEMA)
+        str(scene), asked, request, plan_scene(scene, asked, sampled=True), Store(out, "cost", STUDY_SCHEMA)
     )
     return run_study(study, study.about, tuple(study.about), listener=listener)
 
@@ -101,7 +101,7 @@ def _require_free(asked: Settings) -> None:
 class CostStudy(Study):
     """A job per series of configurations, and one for the truth.  A unit is the evaluation of one of them."""
 
-    def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: SceneInput, store: Store):
+    def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: ScenePlan, store: Store):
         """``opened``: the scene with ``asked``, whose lighting and pairs are those of all configurations."""
         super().__init__(store)
         self._scene, self._asked, self._request, self._frames = scene, asked, request, opened.frames

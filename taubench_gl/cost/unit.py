@@ -9,9 +9,9 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack, camera_of_run
 from taubench_gl.errors import SceneError
-from taubench_gl.evaluation import Observers, Session, Wants, file_hashes, files_identity, open_scene
+from taubench_gl.evaluation import Observers, Session, file_hashes, files_identity, plan_scene
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.evaluation.session import evaluate
+from taubench_gl.evaluation.session import run_session
 from taubench_gl.features import COLUMNS
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -121,7 +121,7 @@ def _timed(loaded: _Loaded, settings: Settings) -> tuple[Run, float, float]:
     """The run, its seconds, and those of all cores of the processor; without reading the file."""
     wall, processor = time.perf_counter(), time.process_time()
     with loaded.owner.gpu:
-        opened = open_scene(loaded.scene, settings, loaded.camera, owner=loaded.owner, sampled=True)
-        with Session(opened, Wants(sampled=True), shaders=loaded.owner.context.shaders) as session:
-            run = evaluate(session, Observers())
+        plan = plan_scene(loaded.scene, settings, loaded.camera, owner=loaded.owner, sampled=True)
+        with Session(plan, shaders=loaded.owner.context.shaders) as session:
+            run = run_session(session, Observers())
     return run, time.perf_counter() - wall, time.process_time() - processor

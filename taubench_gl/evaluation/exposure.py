@@ -163,7 +163,10 @@ def surface_light(source: RasterSource, frame: int, most: int) -> tuple[np.ndarr
 
 
 def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path | None:
-    """Named by a hash of all that the exposure depends on; None for a scene made in memory and a caller's camera."""
+    """The cache's file of an exposure, named by a hash of all that it depends on.
+
+    None for a scene made in memory and for a camera that only the caller knows.
+    """
     if scene.sha256 is None or not isinstance(camera, FileCamera | OrbitCamera):
         return None
     environment = environment_of(metering)

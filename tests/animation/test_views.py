@@ -275,13 +275,6 @@ def test_a_still_scene_gets_an_orbit_unless_a_camera_is_requested(name):
     assert camera_of_run(scene, SequenceSettings(camera=0)).node == 1
 
 
-def test_the_axes_of_the_search_have_the_bits_of_those_of_the_camera():
-    angles = np.concatenate([np.random.default_rng(0).uniform(-7.0, 7.0, 1000), np.pi * np.array([0, 0.5, 1, 2])])
-    for angle in angles.tolist():
-        found, expected = views._fast_orbit_axes(angle), views._orbit_axes(angle)
-        assert found.tobytes() == expected.tobytes() and found.strides == expected.strides
-
-
 def test_pyrr_look_at_against_explicit_cross_products():
     eye = np.array([0.3, 0.4, -0.7])
     z = eye / np.linalg.norm(eye)

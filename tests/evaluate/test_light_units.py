@@ -14,7 +14,8 @@ from repeated import few
 
 from taubench_gl.batch.spec import read_spec
 from taubench_gl.batch.study import run_batch
-from taubench_gl.evaluation import Brightness, checked_frames, evaluate_scene, resolve_lighting
+from taubench_gl.evaluation import evaluate_scene, resolve_lighting
+from taubench_gl.evaluation.brightness import Brightness, checked_frames
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.paths import PACKAGE
