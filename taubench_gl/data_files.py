@@ -20,7 +20,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import msgspec
 
@@ -50,6 +50,7 @@ _ARRAY_FAULTS = (
 _READ_FAULTS = (ValueError, RecursionError, OverflowError, csv.Error)
 
 Fault = type[TaubenchError]
+T = TypeVar("T")
 
 
 def opened(
@@ -172,27 +173,32 @@ def read_json(
 ) -> Any:
     """The value of a JSON file, which matches the type ``kind`` (``checked``).  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
-    with _one_line(path, fault, "is not valid JSON", hint):
+    with one_line(path, fault, "is not valid JSON", hint):
         return checked(parse_json(text), kind)
 
 
 def read_toml(
     path: str | Path,
-    kind: Any = dict[str, Any],
+    kind: type[T] = dict[str, Any],
     fault: Fault = OutputError,
     *,
     hint: str | None = None,
     max_bytes: int = MAX_TOML_BYTES,
-) -> dict[str, Any]:
-    """The tables of a TOML file, which match the type ``kind`` (``checked``).  Raises ``fault``."""
+) -> T:
+    """The content of a TOML file as ``kind``, a msgspec.Struct or a dict of its tables.  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
-    with _one_line(path, fault, "is not TOML", hint):
-        return checked(parse_toml(text), kind)
+    with one_line(path, fault, "is not TOML", hint):
+        return msgspec.convert(parse_toml(text), kind)
 
 
 @contextmanager
-def _one_line(path: str | Path, fault: Fault, problem: str, hint: str | None) -> Iterator[None]:
-    """Turns exceptions of parsers and schemas into ``fault``; ``problem``: how the message begins."""
+def one_line(
+    path: str | Path, fault: Fault = OutputError, problem: str = "is damaged", hint: str | None = None
+) -> Iterator[None]:
+    """Turns an exception of a parser or of msgspec inside the block into a ``fault`` of the file ``path``.
+
+    ``problem`` begins the message about text that cannot be parsed; a value of another type is named by its key.
+    """
     try:
         yield
     except msgspec.ValidationError as error:

@@ -141,8 +141,7 @@ def compare(
     form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS[:-1]), flag="--format"),
 ) -> None:
     """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused."""
-    from taubench_gl.benchmark.compare import compared
-    from taubench_gl.benchmark.output import load_benchmark
+    from taubench_gl.benchmark.output import compared, load_benchmark
     from taubench_gl.report.benchmark import comparison_tables
 
     result_a, result_b = load_benchmark(a), load_benchmark(b)
