@@ -112,7 +112,7 @@ def plan(
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.study.engines import available_cores
-    from taubench_gl.study.estimate import announce
+    from taubench_gl.study.progress import announce
 
     selected = read_suite(suite).part(cases)
     entries = entries_of(methods)

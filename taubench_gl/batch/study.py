@@ -39,8 +39,8 @@ from taubench_gl.folder_lock import lock_holder
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import SUMMARY_FILE, load_run
 from taubench_gl.settings import Settings
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import STUDY_FILE, Store
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine, Unit

@@ -19,7 +19,7 @@ from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.references import PREFIX, reference_samples
 from taubench_gl.scene import load_scene
-from taubench_gl.study.estimate import Estimate
+from taubench_gl.study.progress import Estimate
 
 WIDTH = 160
 """Frames are measured at about this width; their time is taken to be proportional to the number of pixels."""

@@ -24,9 +24,9 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import method_text
 from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.loading import builtin_methods, frame_methods
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine

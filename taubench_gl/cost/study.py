@@ -45,8 +45,8 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.preset import save_preset
 from taubench_gl.report.cost import answer, write_cost
 from taubench_gl.settings import FIELDS, Settings
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store, content_hash
 from taubench_gl.study.study import Study
 

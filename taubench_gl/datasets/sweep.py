@@ -27,8 +27,8 @@ from taubench_gl.report.run_plots import plot_sweep
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.settings import SequenceSettings, Settings
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store, content_hash, json_bytes
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Unit, Worker
