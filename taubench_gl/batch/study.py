@@ -54,6 +54,8 @@ MIN_CHUNK_PAIRS = 4
 
 
 class _Job(msgspec.Struct):
+    """A job in study.json."""
+
     id: Annotated[str, msgspec.Meta(pattern=r"^[^/\0]+$", max_length=255)]
     scene: str
     settings: dict[str, Any]
@@ -62,13 +64,15 @@ class _Job(msgspec.Struct):
 
 
 class _About(msgspec.Struct):
+    """The keys of study.json that a batch adds."""
+
     name: str
     jobs: list[_Job]
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """``failed``: job id -> reason."""
+    """What a batch ends with: its summary.json, and the jobs that ``failed``: job id -> reason."""
 
     summary: dict[str, Any]
     failed: dict[str, str]
@@ -88,7 +92,7 @@ class BatchStudy(Study):
         self.spec, self._chunk = spec, chunk
         self._jobs = {job.id: job for job in spec.jobs}
         self._light: dict[str, SampledLight | None] = {}
-        self._heads: dict[str, dict[str, Any] | None] = {}  # asked for; None: not yet there
+        self._heads: dict[str, dict[str, Any] | None] = {}  # of jobs that were asked for; None: not yet there
 
     def jobs(self) -> Mapping[str, str]:
         return {job.id: job.label for job in self.spec.jobs}
@@ -155,7 +159,7 @@ def stored_pairs(
 ) -> tuple[list[dict[str, Any]], dict[int, dict[str, Any]]]:
     """Reports of the workers in the order of the pairs, and the counted pairs by position.
 
-    ``remove``: damaged records, whose pairs are counted again.
+    ``remove``: whether damaged records are removed, whose pairs are then counted again.
     """
     reports: list[dict[str, Any]] = []
     pairs: dict[int, dict[str, Any]] = {}
@@ -187,24 +191,18 @@ def batch_store(out: str | Path) -> Store:
 
 
 def about_batch(spec: BatchSpec) -> dict[str, Any]:
-    """The jobs as ``study.json`` has them."""
-    jobs = [
-        {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep),
-         "lobes": list(job.lobes)}
-        for job in spec.jobs
-    ]  # fmt: skip
-    return {"name": spec.name, "jobs": jobs}
+    """The jobs of a batch as study.json has them."""
+    jobs = [_Job(j.id, j.scene, j.settings.to_dict(), dict(j.sweep), list(j.lobes)) for j in spec.jobs]
+    return msgspec.to_builtins(_About(spec.name, jobs))
 
 
 def stored_spec(store: Store) -> BatchSpec:
-    """The jobs of an earlier run.  Raises OutputError if there are none."""
+    """The jobs that study.json holds.  Raises OutputError if there is none, or a damaged one."""
     values = store.about()
     try:
-        jobs = [
-            Job(job.id, job.scene, Settings.from_dict(job.settings), job.sweep, {}, tuple(job.lobes))
-            for job in msgspec.convert(values, _About).jobs
-        ]
-        return BatchSpec(values["name"], with_differences(jobs))
+        about = msgspec.convert(values, _About)
+        jobs = [Job(j.id, j.scene, Settings.from_dict(j.settings), j.sweep, {}, tuple(j.lobes)) for j in about.jobs]
+        return BatchSpec(about.name, with_differences(jobs))
     except (msgspec.ValidationError, SettingsError) as error:
         raise OutputError(f"is damaged: {error}", where=str(store.out / STUDY_FILE)) from None
 
@@ -218,7 +216,7 @@ def run_batch(
     chunk: int | None = None,
     listener: Listener | None = None,
 ) -> Outcome:
-    """Run the missing part of ``spec`` in the folder ``out``; None: of the spec stored there.
+    """Run what is missing of ``spec`` in the folder ``out``; None: of the spec that is stored there.
 
     ``engine``, ``workers``: as of ``run_study``; results do not depend on them, or on ``chunk``.  Scenes that fail are
     listed in the outcome.  Raises TaubenchError.
@@ -231,7 +229,7 @@ def run_batch(
 
 @dataclass(frozen=True, slots=True)
 class JobStatus:
-    """State of one job: waiting, part, done or failed.  ``total`` None: number of pairs not known yet."""
+    """The state of one job (waiting, part, done or failed) and its pairs; ``total`` None: not known yet."""
 
     id: str
     label: str

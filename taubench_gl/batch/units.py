@@ -203,11 +203,11 @@ class _JobScene(LoadedScene):
 def _head_record(loaded: _JobScene, settings: Settings, stamp: list[int] | None) -> dict[str, Any]:
     """All of the summary that needs no pair, and the camera poses of all frames in full precision.
 
-    ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
+    ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job; ``stamp``: of the scene's file.
     """
     scene = loaded.animated.scene
-    given = open_scene(scene, settings, loaded.animated.camera, sampled=True)
-    frames, animated, resolved = given.frames, given.animated, given.lighting
+    opened = open_scene(scene, settings, loaded.animated.camera, sampled=True)
+    frames, animated, resolved = opened.frames, opened.animated, opened.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
     one_file = scene.files == 1 and environment_image(resolved.settings) is None
@@ -228,7 +228,7 @@ def resolved_job(job: Job, head: Mapping[str, Any]) -> Job:
 
 
 def _report(session: Session) -> dict[str, Any]:
-    """What a session measured besides the counts."""
+    """What a session measured besides the counts: facts of its source, brightness, depths, times."""
     with session.gpu:
         session.gpu.check("a chunk of a batch")
         return {
@@ -245,7 +245,7 @@ def _report(session: Session) -> dict[str, Any]:
 
 # --------------------------------------------------------------------------------------------------------------- counts
 def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added: Mapping[str, Any]) -> dict[str, Any]:
-    """A counted pair as its record has it.  ``added``: the columns of column adders."""
+    """A counted pair as its record has it.  ``added``: values of the columns that column adders add."""
     return {
         "position": position,
         "words": _sparse(counts.mask_histogram),
@@ -256,23 +256,25 @@ def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added
 
 
 def counts_of_record(pair: Mapping[str, Any]) -> Counts:
-    """The inverse of ``pair_record``.  Raises IndexError or ValueError for counts in places that there are not."""
+    """The counts that ``pair_record`` stored.  Raises IndexError or ValueError for places that do not exist."""
     bins = _dense(pair["bins"], len(FEATURES) * HISTOGRAM_BINS)
     return Counts(_dense(pair["words"], MASK_WORDS), bins.reshape(len(FEATURES), HISTOGRAM_BINS))
 
 
 def lobes_of_record(pair: Mapping[str, Any]) -> dict[str, Array]:
-    """Lobe -> mask histogram."""
+    """The mask histogram of each lobe that ``pair_record`` stored, (MASK_WORDS,) int64."""
     return {lobe: _dense(words, MASK_WORDS) for lobe, words in pair["lobes"].items()}
 
 
 def _sparse(counts: Array) -> tuple[Array, Array]:
+    """Places of the counts that are not zero, and these counts."""
     flat = np.asarray(counts, dtype=np.int64).ravel()
     used = np.flatnonzero(flat)
     return used, flat[used]
 
 
 def _dense(sparse: Sparse, size: int) -> Array:
+    """The inverse of ``_sparse``: (size,) int64."""
     counts = np.zeros(size, dtype=np.int64)
     counts[sparse[0]] = sparse[1]
     return counts

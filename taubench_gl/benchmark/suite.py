@@ -37,7 +37,7 @@ BUILTIN = ("quick", "full")
 
 CUT = "cut"
 SERIES = (*STRESS, CUT)
-"""What a series changes from case to case: camera, lights or objects (``scenes.STRESS``), or frames between cuts."""
+"""Axes of a series, what changes from case to case: camera, lights or objects (``scenes.STRESS``), or cuts."""
 
 HINT = "see docs/benchmark.md"
 
@@ -82,9 +82,10 @@ class _Table(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One evaluation.  ``series`` and ``value``: the axis and step of a series, None for a single case.
+    """One evaluation of the suite.
 
-    ``first``: number of the first frame; ``settings``: of the frames; ``request``: what methods are evaluated on.
+    ``series`` and ``value``: the axis and step of a series, None for a single case; ``first``: number of the first
+    frame; ``settings``: of the frames; ``request``: what methods are evaluated on.
     """
 
     id: str
@@ -99,10 +100,12 @@ class Case:
 
     @property
     def kind(self) -> InputKind:
+        """What the frames that methods get are."""
         return self.request.kind(self.settings.lighting.seed)
 
     @property
     def size(self) -> tuple[int, int]:
+        """Width and height of the result in pixels."""
         return self.settings.sequence.width, self.settings.sequence.height
 
     def identity(self, scene_sha256: str) -> str:
@@ -117,7 +120,7 @@ class Case:
 
 
 def _values(settings: Settings, request: EvaluationRequest) -> dict[str, Any]:
-    """What a suite can set, by name."""
+    """The values of all keys that a suite can set, by name."""
     values = {name: settings.get(name) for name in _SETTINGS if name != "size"}
     values["size"] = settings.sequence.width, settings.sequence.height
     return values | {name: getattr(request, name) for name in _OPTIONS}
@@ -125,7 +128,7 @@ def _values(settings: Settings, request: EvaluationRequest) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """``sha256``: of its file."""
+    """A named list of cases; ``sha256``: of its file."""
 
     name: str
     sha256: str
@@ -152,7 +155,7 @@ class Suite:
 
 
 def read_suite(text: str | Path) -> Suite:
-    """A built-in suite by name, or a file.  Raises SettingsError."""
+    """Read a built-in suite by name, or a file.  Raises SettingsError."""
     path = SUITES / f"{text}.toml" if str(text) in BUILTIN else Path(text)
     if not path.is_file():
         hint = f"choose from {', '.join(BUILTIN)}, or give a .toml file"
@@ -191,7 +194,10 @@ def _cases(values: Mapping[str, Any], path: Path) -> list[Case]:
 
 
 def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str | None, value: float | None) -> Case:
-    """``evaluated``: settings and options by name; ``axis`` and ``value`` of a series.  Raises SettingsError."""
+    """One case of a table.  Raises SettingsError.
+
+    ``evaluated``: settings and options by name; ``axis`` and ``value``: of a series, None for a single case.
+    """
     options = {name: option for name, option in evaluated.items() if name in _OPTIONS}
     if axis == CUT and value:  # 0: no cut
         options["cuts"] = tuple(range(table.first + int(value), table.first + table.frames, int(value)))
@@ -240,6 +246,6 @@ def _recipe(table: _Table, fps: float, folder: Path, axis: str | None, value: fl
 
 
 def _input_name(request: EvaluationRequest) -> str:
-    """The input and, of noisy light, the number of lights that are sampled, if it is not one."""
+    """The input as part of a case's name: noisy light with the number of sampled lights, if it is not one."""
     several = request.kind().noisy and request.light_samples > 1
     return f"{request.input}@{request.light_samples}" if several else request.input

@@ -96,10 +96,10 @@ def _require_free(asked: Settings) -> None:
 
 
 class CostStudy(Study):
-    """A job per series of configurations, and one for the truth.  A unit is the evaluation of one of them."""
+    """A job per series of configurations; a unit is the evaluation of one configuration."""
 
     def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: SceneInput, store: Store):
-        """``opened``: the scene with ``asked``, whose lighting and pairs are those of all configurations."""
+        """``asked``: of the user; ``opened``: the scene with these settings, whose light and pairs all evaluations share."""
         super().__init__(store)
         self._scene, self._asked, self._request, self._frames = scene, asked, request, opened.frames
         if not sampled_pairs(opened.frames, opened.settings).positions:
@@ -168,7 +168,7 @@ class CostStudy(Study):
         return record["seconds" if self._request.clock == "wall" else "cpu_seconds"]
 
     def _expected(self, configuration: Configuration) -> float:
-        """Seconds that a configuration is expected to take, at most, by those of its series that are measured."""
+        """Most seconds that a configuration is expected to take, by measured ones of its series; 0 without any."""
         before = [(c, r) for c in self.plan.series[configuration.series] if (r := self._record(c)) is not None]
         if not before:
             return 0.0
@@ -202,6 +202,7 @@ class CostStudy(Study):
         return values
 
     def _values(self, truth: Mapping[str, Any], records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        """The values of cost.json.  ``truth``: columns; ``records``: the evaluations that made them."""
         points, rows = self._points(truth)
         enough, wins, sequence = preview_enough(points), deciding_wins(points), self._asked.sequence
         return {
@@ -228,7 +229,7 @@ class CostStudy(Study):
         }  # fmt: skip
 
     def _points(self, truth: Mapping[str, Any]) -> tuple[list[Point], list[dict[str, Any]]]:
-        """The points, and for each what cost.json has of it, in the order of the plan."""
+        """The measured configurations as points, and as cost.json has them, in the order of the plan."""
         points, rows = [], []
         for c in self.plan.compared:
             record = self._record(c)
@@ -263,4 +264,5 @@ class CostStudy(Study):
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values`` with tuples as lists, as JSON reads them back."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
