@@ -22,7 +22,7 @@ KEY = "stored"
 
 
 class _Stored(msgspec.Struct):
-    """The block ``stored``."""
+    """The block ``stored`` of a result file."""
 
     sha256: str
     rows_sha256: str | None = None
@@ -36,7 +36,7 @@ def values_sha256(values: Any) -> str:
 
 
 def with_checksums(values: Mapping[str, Any], rows: Path | None = None, files: Iterable[Path] = ()) -> dict[str, Any]:
-    """``values``, as JSON reads them back, with the block ``stored``.
+    """Add the block ``stored`` to ``values``, which are as JSON reads them back.
 
     ``rows``: frames.csv, None for a result without rows; ``files``: further files in its folder.  Raises OutputError
     for a file that is missing.
@@ -66,9 +66,9 @@ def without_checksums(values: dict[str, Any], path: Path, rows: Path | None = No
     about = out.pop(KEY)
     with one_line(path, hint="is the file damaged?"):
         stored = msgspec.convert(about, _Stored)
-    rest = {key: value for key, value in about.items() if key != "sha256"}
+    unsealed = {key: value for key, value in about.items() if key != "sha256"}
     remove = f"remove the block {KEY!r} of {path.name}"
-    if values_sha256(out | {KEY: rest}) != stored.sha256:
+    if values_sha256(out | {KEY: unsealed}) != stored.sha256:
         hint = f"write it again; to read a file that you changed yourself, {remove}"
         raise OutputError("a value was changed after the file was written", where=str(path), hint=hint)
     if rows is not None and hashed(rows).hexdigest() != stored.rows_sha256:

@@ -105,8 +105,8 @@ def read_bytes(
         try:
             data = file.read(os.fstat(file.fileno()).st_size)
             # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
-            while len(data) <= max_bytes and (more := file.read(_BLOCK)):
-                data += more
+            while len(data) <= max_bytes and (block := file.read(_BLOCK)):
+                data += block
         except OSError as error:
             raise fault(f"cannot be read: {error.strerror}", where=where or str(path)) from None
     if len(data) > max_bytes:
@@ -129,7 +129,7 @@ def stored_arrays(path: str | Path, fault: Fault = OutputError, hint: str | None
 
 
 def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> Any:
-    """``digest``, by default a new SHA-256, with the bytes of a file added.  Raises ``fault``."""
+    """Add the bytes of a file to ``digest``, by default a new SHA-256, which is returned.  Raises ``fault``."""
     digest = hashlib.sha256() if digest is None else digest
     with opened(path, fault) as file:
         try:
@@ -155,7 +155,7 @@ def code_hash(modules: Iterable[str], shaders: Iterable[str] = ("",)) -> str:
 
 
 def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES, links: bool = True) -> str:
-    """``read_bytes`` as UTF-8 text, without a byte order mark.  Raises ``fault``."""
+    """The content of a file as UTF-8 text, without a byte order mark.  Raises ``fault``, as ``read_bytes``."""
     data = read_bytes(path, fault, max_bytes=max_bytes, links=links)
     try:
         return data.decode("utf-8-sig")
@@ -242,7 +242,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def checked(value: Any, kind: Any) -> Any:
-    """``value`` itself, if it matches the type ``kind`` as msgspec reads types.  Raises msgspec.ValidationError."""
+    """The value itself, if it matches the type ``kind`` as msgspec reads types.  Raises msgspec.ValidationError."""
     if kind is not Any:
         msgspec.convert(value, kind)
     return value
@@ -258,6 +258,7 @@ def schema_fault(error: msgspec.ValidationError) -> str:
 
 
 def _in_words(kinds: str) -> str:
+    """Names of types in msgspec's messages, as people who write TOML and JSON know them."""
     return " or ".join(_WORDS.get(kind, kind) for kind in kinds.split(" | "))
 
 
@@ -290,7 +291,7 @@ def _no_constant(text: str) -> float:
 
 
 def _bounded(value: Any) -> Any:
-    """``value``, if it is not nested too deep and its integers fit.  Raises ValueError."""
+    """The value itself, if it is not nested too deep and its integers fit 64 bits.  Raises ValueError."""
     level = [value]
     for _ in range(MAX_DEPTH):
         below: list[Any] = []
@@ -308,6 +309,7 @@ def _bounded(value: Any) -> Any:
 
 
 def _short(error: Exception) -> str:
+    """The message of a parser, at most 200 characters of it."""
     if isinstance(error, RecursionError):
         return f"more than {MAX_DEPTH} levels of nesting"
     return f"{error!s:.200}"

@@ -92,7 +92,7 @@ class Run:
         return frames_plot(self.summary, self.frames).figure
 
     def to_pandas(self) -> Any:
-        """``frames`` as a pandas DataFrame: one row per pair, FRAME_COLUMNS as columns, NaN where not measured.
+        """The pairs as a pandas DataFrame: one row per pair, FRAME_COLUMNS as columns, NaN where not measured.
 
         Raises OutputError without pandas, which is optional.
         """

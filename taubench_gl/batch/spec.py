@@ -110,7 +110,7 @@ def read_spec(path: str | Path, resolve: Resolver = lambda text: (text, {})) -> 
 
 
 def with_differences(jobs: Iterable[Job]) -> tuple[Job, ...]:
-    """``jobs`` with ``differences`` set: the settings, other than the swept ones, that differ within a scene."""
+    """Set ``differences`` of all jobs: the settings, other than the swept ones, that differ within a scene."""
     out = list(jobs)
     of_scene: dict[str, list[int]] = {}
     for i, job in enumerate(out):

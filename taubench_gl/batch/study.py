@@ -82,7 +82,7 @@ class BatchStudy(Study):
     """The jobs of a batch in a folder."""
 
     def __init__(self, spec: BatchSpec, store: Store, chunk: int | None = None):
-        """``chunk``: pairs per unit; None: chosen by the number of workers.  It does not change results."""
+        """A batch in ``store``; ``chunk``: pairs per unit, which change no result, None: by the number of workers."""
         if chunk is not None and chunk < 1:
             raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
         if any(job.settings.lighting.light_time is not None for job in spec.jobs):
@@ -186,7 +186,7 @@ def file_stamp(scene: str) -> list[int] | None:
 
 
 def batch_store(out: str | Path) -> Store:
-    """The folder of a batch."""
+    """The study folder ``out`` as the store of a batch."""
     return Store(out, "batch", SCHEMA)
 
 

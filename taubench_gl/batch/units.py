@@ -222,7 +222,7 @@ def _head_record(loaded: _JobScene, settings: Settings, stamp: list[int] | None)
 
 
 def resolved_job(job: Job, head: Mapping[str, Any]) -> Job:
-    """``job`` with the lighting that its head resolved."""
+    """The job with the settings of LIGHTING that its head resolved."""
     lighting = {name: tuple(v) if isinstance(v, list) else v for name, v in head["lighting"].items()}
     return replace(job, settings=job.settings.replace(**lighting))
 

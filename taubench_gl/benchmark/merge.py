@@ -137,7 +137,7 @@ def _scorecard(
 
 
 def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
-    """One method in one case."""
+    """One method in one case of benchmark.json; all values of the frames are left out."""
     if method["state"] != "done":
         return {"state": method["state"], "reason": method["reason"]}
     classes = {name: entry.get("flip") for name, entry in method["classes"].items()}

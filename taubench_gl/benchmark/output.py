@@ -108,9 +108,9 @@ def require_comparable(a: Summary, b: Summary) -> None:
 
 
 def compared(a: Summary, b: Summary) -> dict[str, Any]:
-    """``rows``: track, method, measure, both means, difference b - a; ``notes``: what limits the comparison.
+    """Two benchmarks side by side: ``rows`` of method and track with both means and b - a, and ``notes``.
 
-    Other drivers and other methods are marked.  Raises OutputError, as ``require_comparable``.
+    Notes say what limits the comparison, such as another driver.  Raises OutputError, as ``require_comparable``.
     """
     require_comparable(a, b)
     notes = []

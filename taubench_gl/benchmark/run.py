@@ -64,7 +64,7 @@ class BenchmarkStudy(Study):
     """The cases of a suite in a folder."""
 
     def __init__(self, suite: Suite, entries: Sequence[Entry], out: str | Path, limit: float | None = None):
-        """``limit``: seconds that a frame of all methods may take in a worker process."""
+        """A benchmark in the folder ``out``; ``limit``: seconds that a frame of all methods may take in a worker."""
         super().__init__(Store(out, "benchmark", SCHEMA))
         self.suite, self.entries, self._limit = suite, tuple(entries), limit
         self._deadly: set[str] = set()  # methods in which a worker has died: they run alone

@@ -33,7 +33,7 @@ MADE = (*STAND_INS, *LIGHT_SCENES)
 
 @dataclass(frozen=True, slots=True)
 class SceneRecipe:
-    """How to make a scene.
+    """A scene of a suite, and how it is made.
 
     ``source``: ``demo``, one of MADE or an absolute path; ``axis``: one of STRESS, None for the source as it is;
     ``value``: speed along the axis, per frame at ``fps``; ``frames``: length of the camera path; ``still``: without the
@@ -49,7 +49,7 @@ class SceneRecipe:
 
 
 def known_source(text: str, folder: Path) -> str:
-    """``demo``, a name of MADE, or the absolute path of a file beside the suite.  Raises SettingsError."""
+    """The source that ``text`` names: ``demo``, one of MADE, or a file beside the suite.  Raises SettingsError."""
     if text == DEMO or text in MADE:
         return text
     path = folder / text

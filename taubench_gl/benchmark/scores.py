@@ -72,7 +72,7 @@ def by_seed(method: Result, measure: str) -> Array | None:
 
 
 def ends_over_seeds(values: Array | None) -> dict[str, float] | None:
-    """``low`` and ``high``: 95 % interval over the seeds, Student's t; None for fewer than five."""
+    """The 95 % interval over the seeds, Student's t, as ``low`` and ``high``; None for fewer than five."""
     interval = None if values is None else interval_over_seeds(values)
     return None if interval is None else {"low": interval.low, "high": interval.high}
 
@@ -195,7 +195,7 @@ def _curve(measure: str, label: str, cases: Sequence[Case], of_case: Mapping[str
 
 
 def crossing_of(steps: Sequence[Mapping[str, float | None]]) -> dict[str, Any]:
-    """Where the gain over no reuse first becomes zero.
+    """Find where the gain over no reuse first becomes zero.
 
     ``speed``: None unless it does within the range.  ``low`` and ``high``: where the ends of the interval do; ``low``
     is the first step if that end is never above zero, ``high`` None if the other end is above zero in the whole range;

@@ -60,10 +60,10 @@ class Entry:
         if LINK in text:
             links = [cls.of(part) for part in text.split(LINK)]
             return cls(spec.label, LINK.join(e.text for e in links), content_hash([e.sha256 for e in links]))
-        name, at, rest = text.partition("@")
+        name, at, settings = text.partition("@")
         if is_sequence(name):
             folder = Path(os.path.realpath(name.removeprefix(PREFIX)))
-            return cls(spec.label, f"{PREFIX}{folder}{at}{rest}", _files_sha256(folder))
+            return cls(spec.label, f"{PREFIX}{folder}{at}{settings}", _files_sha256(folder))
         if name in builtin_methods():
             return cls(spec.label, text, _files_sha256(BUILTIN / name))
         file, colon, of_class = name.rpartition(":")
@@ -72,7 +72,7 @@ class Entry:
             return cls(spec.label, text, None)
         class_name = f":{of_class}" if path != Path(name) else ""
         content = path.parent if path.name == "method.toml" else path
-        return cls(spec.label, f"{path.resolve()}{class_name}{at}{rest}", _files_sha256(content))
+        return cls(spec.label, f"{path.resolve()}{class_name}{at}{settings}", _files_sha256(content))
 
 
 def _files_sha256(path: Path) -> str:

@@ -69,7 +69,7 @@ class Point:
 
 
 def errors_of(columns: Columns, truth: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """``error``, ``least``, ``observed`` and ``lacking`` of a Point, over the columns that the truth measures."""
+    """What a Point says of its errors over the columns that the truth measures, by the names of its fields."""
     wanted = [name for name in truth if truth[name]["percent"] is not None]
     lacking = tuple(name for name in wanted if columns.get(name, {"percent": None})["percent"] is None)
     if lacking:
@@ -114,7 +114,7 @@ def within_error(points: Iterable[Point], limit: float) -> Point | None:
 
 
 def _simplest(points: Sequence[Point], key: Callable[[Point], float]) -> Point | None:
-    """Of the points within SAME of the least ``key``, the one with the fewest options, then with the least key."""
+    """The point with the fewest options, then with the least key, among those within SAME of the least key."""
     if not points:
         return None
     best = min(map(key, points))

@@ -17,10 +17,10 @@ from taubench_gl.settings import FIELDS, INDIRECT, SIZE, Settings
 PREVIEW, DECIDED, FIXED, TRUTH = "preview", "decided", "fixed", "truth"
 
 WITHIN = (4.0, 2.0, 1.0, 0.5)
-"""``light_within`` of decided samples, percentage points."""
+"""Values of ``light_within`` of decided samples, percentage points."""
 
 SAMPLES = (1, 4, 16, 64)
-"""``spp`` of fixed samples."""
+"""Numbers of fixed samples per pixel."""
 
 PREVIEWS: tuple[Mapping[str, Any], ...] = (
     {},
@@ -69,7 +69,7 @@ class Configuration:
         return " ".join(option for name, value in self.changes.items() for option in _option(name, value)) or "default"
 
     def settings(self, baseline: Settings) -> Settings:
-        """``baseline`` with the changes of the configuration, and the defaults of all other COMPARED settings."""
+        """The baseline with the changes of the configuration, and the defaults of all other COMPARED settings."""
         return baseline.replace(**{name: FIELDS[name].default for name in COMPARED} | dict(self.changes))
 
 

@@ -1,4 +1,4 @@
-"""``cost``: seconds and error of ways to get one table, against a truth with numbers of its own, and what to use.
+"""Seconds and errors of ways to get one table, against a truth of other random numbers, and what to use.
 
 DIR receives study.json and records (``study.store``), cost.json, the page cost.html, the picture cost.png and .svg,
 tables, and the presets of the recommendations.
@@ -99,7 +99,7 @@ class CostStudy(Study):
     """A job per series of configurations; a unit is the evaluation of one configuration."""
 
     def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: SceneInput, store: Store):
-        """``asked``: of the user; ``opened``: the scene with these settings, whose light and pairs all evaluations share."""
+        """Compare ways to evaluate ``asked``; ``opened``: the scene with these settings, whose light all share."""
         super().__init__(store)
         self._scene, self._asked, self._request, self._frames = scene, asked, request, opened.frames
         if not sampled_pairs(opened.frames, opened.settings).positions:
@@ -264,5 +264,5 @@ class CostStudy(Study):
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` with tuples as lists, as JSON reads them back."""
+    """Tuples of ``values`` as lists, as JSON reads them back."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}

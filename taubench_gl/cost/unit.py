@@ -22,7 +22,7 @@ CHEAP = 5.0
 """Seconds up to which an evaluation is repeated: the median counts."""
 
 NO_HURRY = 100.0
-"""``light_within`` of the first pair: one round of samples."""
+"""Value of ``light_within`` for the first pair, which one round of samples reaches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

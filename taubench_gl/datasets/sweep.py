@@ -41,7 +41,7 @@ SCHEMA = "taubench-gl/sweep/1"
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """``count`` speeds from ``low`` to ``high`` of one of ``AXES``, meters or degrees per frame."""
+    """Speeds of one of AXES, meters or degrees per frame: ``count`` of them from ``low`` to ``high``."""
 
     axis: str
     low: float
@@ -160,7 +160,7 @@ def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
 
     tracks = add_rig(generate(spec, space), node, 0, CAMERA_NAME, keep_still=True)
     kept = [c for c in scene.channels if not (c.target == "node" and c.index in rig)]
-    posed = [Channel("node", index, path, how, np.asarray(times), values) for index, path, times, values, how in tracks]
+    posed = [Channel("node", index, path, kind, np.asarray(times), v) for index, path, times, v, kind in tracks]
     return dataclasses.replace(scene, channels=(*kept, *posed))
 
 

@@ -58,7 +58,7 @@ class Rotated:
         return f"{self.track.describe()}, rotated by {DEGREES:g} degrees"
 
     def view_at(self, state: FrameState) -> View:
-        """The view at a frame."""
+        """The view at a frame, rotated unless it is the first."""
         view = self.track.view_at(self.start)
         if state.time <= self.start.time:
             return view
@@ -170,7 +170,7 @@ def panel_size(settings: Settings) -> tuple[int, int]:
 
 
 def _small(settings: Settings, columns: tuple[str, ...], frames: tuple[int, int], fps: float | None = None) -> Settings:
-    """``settings`` of a panel: its size, at most SPP samples, all pairs of ``frames``; ``fps`` None: the same rate."""
+    """The settings of a panel: its size, at most SPP samples, all pairs of ``frames``; ``fps`` None: the same rate."""
     spp = settings.lighting.spp
     width, height = panel_size(settings)
     changed = {"width": width, "height": height, "columns": columns, "pairs": "all", "frames": frames}

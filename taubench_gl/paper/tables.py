@@ -212,5 +212,5 @@ def _missing(label: str, count: int, why: str) -> Row:
 
 
 def _marked(row: Row, marks: Mapping[int, str]) -> Row:
-    """``row`` with footnotes by column."""
+    """A row with footnotes, by column."""
     return replace(row, reasons={**row.reasons, **marks})

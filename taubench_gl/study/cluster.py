@@ -25,7 +25,7 @@ class DaskCluster:
     """Runs units on the workers of a Dask scheduler, as an Engine (``study.unit``)."""
 
     def __init__(self, address: str | None, workers: int = 1):
-        """``address``: of a scheduler, tcp://host:port; None: ``workers`` local processes with one GL thread each."""
+        """Connect to the scheduler at ``address``, tcp://host:port; None: start ``workers`` local processes."""
         self._address, self._count = address, workers
         self._client: Any = None
         self._cluster: Any = None

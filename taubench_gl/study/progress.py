@@ -19,7 +19,7 @@ class Listener:
         """The weight of a job is known, and how much of it an earlier run has done."""
 
     def advanced(self, job: str, weight: int) -> None:
-        """``weight`` more of a job is done; negative if a unit is repeated."""
+        """More of a job is done; ``weight`` is negative if a unit is repeated."""
 
     def job_finished(self, job: str) -> None:
         """All units of a job are done, and its results are written."""
@@ -35,7 +35,7 @@ class Progress(Listener):
     """Counts what is done, and says one line for each job that ends.  Totals grow while jobs are planned."""
 
     def __init__(self, say: Callable[[str], None], counted: str = "pairs"):
-        """``say`` prints a line; ``counted``: what weights count, such as pairs."""
+        """Begin to count; ``say`` prints a line; ``counted``: what weights count, such as pairs."""
         self.say, self.counted = say, counted
         self.labels: dict[str, str] = {}
         self.done: dict[str, int] = {}
@@ -72,8 +72,8 @@ class Progress(Listener):
         if not self._here:
             return " of an earlier run"
         rate = self._here / max(time.monotonic() - self._started, 1e-9)
-        rest = sum(self.total.values()) - sum(self.done.values())
-        left = f"; about {duration_text(rest / rate)} left" if rest else ""
+        undone = sum(self.total.values()) - sum(self.done.values())
+        left = f"; about {duration_text(undone / rate)} left" if undone else ""
         return f", {rate:.2f} {self.counted}/s{left}"
 
 

@@ -88,7 +88,7 @@ class Worker:
     """Runs units one after another, and keeps what the next unit of the same job needs again."""
 
     def __init__(self, report: Callable[[Advanced], None] = lambda event: None, *, limited: bool = False):
-        """``report`` is called when a part of a unit is done; ``limited``: a unit beyond its limit ends the process."""
+        """Call ``report`` when a part of a unit is done; ``limited``: a unit beyond its limit ends the process."""
         self._report, self._limited = report, limited
         self._unit: Unit | None = None
         self._key: Hashable = None
@@ -179,7 +179,7 @@ class Engine(Protocol):
         """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
 
     def submit(self, slot: Slot, unit: Unit) -> None:
-        """Start a unit."""
+        """Start a unit on the worker of ``slot``."""
 
     def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
         """Block until there is an event.  Called only while units are in flight.
