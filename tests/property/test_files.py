@@ -9,7 +9,7 @@ import pygltflib as gl
 import pytest
 
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.selftest.scenes import box, sphere, turn
+from taubench_gl.scene.builder import box, sphere, turn
 from taubench_gl.settings import Settings
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn
 from taubench_gl.scene.model import Primitive, Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn
 
 relaxed = settings(deadline=None, derandomize=True, max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 """No deadline, because the first draw compiles shaders; the same examples in every run."""
