@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mutants import gltf_seed, write_gltf
-from text_mutants import AFF, MTL, OBJ, PART, damaged_text
+from hostile_seeds import AFF, MTL, OBJ, PART, damaged_text, gltf_seed, write_gltf
 
 from taubench_gl.paths import PACKAGE
 
@@ -218,10 +217,12 @@ def png(width: int, height: int) -> bytes:
 
 def scene_command(path: Path, out: Path, rng: random.Random) -> tuple[list[str], bool]:
     kind = rng.random()
-    if kind < 0.8:
+    if kind < 0.75:
         return ["@scene", str(path)], False
-    if kind < 0.9:
+    if kind < 0.85:
         return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))], True
+    if kind < 0.95:
+        return ["@evaluate", str(path)], True
     size = ["--size", "24x16", "--frames", "0:3", "--shadow-size", "32", "--indirect", "none"]
     light = rng.choice(([], ["--light", "preview"], ["--light", "preview"]))
     return ["evaluate", str(path), "--out", str(out), *size, *light], True
@@ -394,7 +395,10 @@ def stored_run(folder: Path, rng: random.Random, seeds: Path) -> Case:
     summary, rows, mask = run / "summary.json", run / "frames.csv", run / "masks" / "mask_00001.npz"
     kind = rng.random()
     if kind < 0.5:
-        summary.write_bytes(encoded(json_text(changed(json.loads(summary.read_text()), rng))))
+        document = json.loads(summary.read_text())
+        if kind < 0.4:
+            document.pop("stored", None)  # with its checksum no change would reach the readers
+        summary.write_bytes(encoded(json_text(changed(document, rng))))
     elif kind < 0.75:
         lines = [line.split(",") for line in rows.read_text().splitlines()]
         for _ in range(rng.choice((1, 2, 5))):
@@ -483,7 +487,7 @@ KINDS: list[tuple[int, Callable[[Path, random.Random, Path], Case]]] = [
     (3, toml("registry", "registry.toml", registry_document,
              lambda path, out: ["scenes", "list", "--registry", str(path)])),
     (8, method),
-    (12, stored_run),
+    (18, stored_run),
     (3, stored_batch),
 ]  # fmt: skip
 """Shares of the kinds of cases."""
