@@ -49,14 +49,13 @@ class Case:
     """``command``: arguments of taubench-gl, or ``@name`` of ``hostile_server.CALLS`` and a file.
 
     ``named``: the file that the command names; what it links to may be read.  Folders of results may hold links to
-    files elsewhere, which may be read too.  ``draws``: the command opens OpenGL.
+    files elsewhere, which may be read too.
     """
 
     number: int
     kind: str
     command: list[str]
     named: Path
-    draws: bool = False
 
 
 # ----------------------------------------------------------------------------------------------------------- documents
@@ -215,17 +214,17 @@ def png(width: int, height: int) -> bytes:
 # ---------------------------------------------------------------------------------------------------------------- kinds
 
 
-def scene_command(path: Path, out: Path, rng: random.Random) -> tuple[list[str], bool]:
+def scene_command(path: Path, out: Path, rng: random.Random) -> list[str]:
     kind = rng.random()
     if kind < 0.75:
-        return ["@scene", str(path)], False
+        return ["@scene", str(path)]
     if kind < 0.85:
-        return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))], True
+        return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))]
     if kind < 0.95:
-        return ["@evaluate", str(path)], True
+        return ["@evaluate", str(path)]
     size = ["--size", "24x16", "--frames", "0:3", "--shadow-size", "32", "--indirect", "none"]
     light = rng.choice(([], ["--light", "preview"], ["--light", "preview"]))
-    return ["evaluate", str(path), "--out", str(out), *size, *light], True
+    return ["evaluate", str(path), "--out", str(out), *size, *light]
 
 
 def amplify(document: dict, rng: random.Random) -> None:
@@ -283,8 +282,7 @@ def gltf(folder: Path, rng: random.Random, seeds: Path) -> Case:
     if rng.random() < 0.2:
         found = disguise(other, rng)
         path = found if other == path else path
-    command, draws = scene_command(path, folder / "out", rng)
-    return Case(0, "gltf", command, path, draws)
+    return Case(0, "gltf", scene_command(path, folder / "out", rng), path)
 
 
 LINES = {
@@ -310,8 +308,7 @@ def text_scene(folder: Path, rng: random.Random, seeds: Path) -> Case:
         chosen = rng.choice((path, other))
         found = disguise(chosen, rng)
         path = found if chosen == path else path
-    command, draws = scene_command(path, folder / "out", rng)
-    return Case(0, kind, command, path, draws)
+    return Case(0, kind, scene_command(path, folder / "out", rng), path)
 
 
 def frames(folder: Path, rng: random.Random, seeds: Path) -> Case:
@@ -347,7 +344,7 @@ def frames(folder: Path, rng: random.Random, seeds: Path) -> Case:
         command = ["reference", "check", spec]
     else:
         command = ["evaluate", spec, "--out", str(folder / "out")]
-    return Case(0, "exr", command, frames, kind >= 0.8)
+    return Case(0, "exr", command, frames)
 
 
 TOML_ENDS = (
@@ -384,9 +381,8 @@ def method(folder: Path, rng: random.Random, seeds: Path) -> Case:
     shaders = sorted(own.glob("*.glsl"))
     if rng.random() < 0.25:
         disguise(rng.choice([own / "method.toml", *shaders]), rng)
-    draws = rng.random() < 0.15
-    command = ["reuse", "check", str(own)] if draws else ["reuse", "show", str(own)]
-    return Case(0, "method", command, own, draws)
+    command = ["reuse", "check" if rng.random() < 0.15 else "show", str(own)]
+    return Case(0, "method", command, own)
 
 
 def stored_run(folder: Path, rng: random.Random, seeds: Path) -> Case:
@@ -500,7 +496,7 @@ def make_case(number: int, seed: int, folder: Path, seeds: Path) -> Case:
     # One kind after the other, so that a short series has all of them.
     turn = [kind for round_ in range(max(w for w, _ in KINDS)) for weight, kind in KINDS if round_ < weight]
     case = turn[number % len(turn)](folder, rng, seeds)
-    return Case(number, case.kind, case.command, case.named, case.draws)
+    return Case(number, case.kind, case.command, case.named)
 
 
 def make_seeds(folder: Path) -> None:
