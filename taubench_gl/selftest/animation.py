@@ -46,7 +46,7 @@ def opposite_hemispheres(bench: Bench) -> Outcome:
 def same_key(bench: Bench, name: str, sign: float, words: str) -> Outcome:
     """Two rotation keys that are {2}: difference of every value between them from the first key.
 
-    Sin(0) / sin(0) is NaN in all child matrices, or rounding noise moves a still camera.
+    The quotient sin(0) / sin(0) is NaN in all child matrices, or rounding noise moves a still camera.
     """
     q = turn((1.0, 2.0, 3.0), 77.0)
     channel = _channel("rotation", [0, 1], [q, sign * q])
@@ -78,7 +78,7 @@ def half_turn_keys(bench: Bench) -> Outcome:
 def cubic_still(bench: Bench) -> Outcome:
     """CUBICSPLINE between equal keys with zero tangents: deviation from the key.
 
-    H00 v0 + h01 v1 with h00 + h01 = 1 - 1e-16 moves a still camera.
+    The sum h00 v0 + h01 v1 with h00 + h01 = 1 - 1e-16 moves a still camera.
     """
     value, zero = [1 / 3, 0.1, 123456.7], [0.0] * 3
     times = np.linspace(0.0, 1.0, 101)

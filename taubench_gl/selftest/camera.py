@@ -26,7 +26,7 @@ def _activity(*quaternions: Array) -> act.Activity:
 
 @case("angle-wrap", tolerance=1e-12, source="float64: 32 ulps of an angle near 360 degrees")
 def angle_wrap(bench: Bench) -> Outcome:
-    """Yaw from 359 to 1 degree in one frame, and from 179 to 181.
+    """Yaw from 359 to 1 degree in one frame, and from 179 to 181: its change is 2 degrees.
 
     The difference of the angles is 358 degrees at the end of their range.
     """
@@ -37,8 +37,7 @@ def angle_wrap(bench: Bench) -> Outcome:
 
 @case("pitch-through-90", tolerance=1e-9, source="float64: atan2 of a cosine of 0.017 to 1e-16, ten times")
 def pitch_through_90(bench: Bench) -> Outcome:
-    """A camera that pitches from 85 to 95 degrees in steps of 1, and one with yaw and roll from 75 to 105 in steps of
-    5: total change of yaw and roll.
+    """A camera that pitches through 90 degrees, without and with yaw and roll: total change of yaw and roll.
 
     Yaw and roll each jump by 180 degrees at the pole.
     """
@@ -74,7 +73,7 @@ def tiny_rotation(bench: Bench) -> Outcome:
 
 @case("tiny-step-far-away", source="exact: dyadic numbers within 53 bits")
 def tiny_step(bench: Bench) -> Outcome:
-    """A camera 1e6 m from the origin that moves by 2^-20 m a frame (Eq. 1).
+    """A camera 1e6 m from the origin that moves by 2^-20 m a frame: its translation per frame (Eq. 1).
 
     Float32 positions have a step of 6 cm there: the camera is still, then jumps.
     """

@@ -48,7 +48,7 @@ def depth(bench: Bench, name: str, distance: float, zfar: float) -> Outcome:
 def far_plane(bench: Bench) -> Outcome:
     """Near 1e-4, far 1e6: a wall at 0.9999 far is visible, a wall at 1.0001 far is not.
 
-    Far / (far - near) rounds to 1, so nothing or everything is clipped.
+    The quotient far / (far - near) rounds to 1, so nothing or everything is clipped.
     """
     seen = []
     for factor in (0.9999, 1.0001):

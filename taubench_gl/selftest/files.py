@@ -82,7 +82,7 @@ def weights_not_one(bench: Bench) -> Outcome:
 def duration_from_float_keys(bench: Bench) -> Outcome:
     """Last keys at float32(n / fps) s, n = 50, 100, 2000 at 24 fps and 7, 23 at 10 fps: number of frames.
 
-    Float32(50 / 24) * 24 is 49.999998, float32(0.7) * 10 is 6.9999999: the last frame is lost.
+    The product float32(50 / 24) * 24 is 49.999998, and float32(0.7) * 10 is 6.9999999: the last frame is lost.
     """
     lasts = [(50, 24.0), (100, 24.0), (2000, 24.0), (7, 10.0), (23, 10.0)]
     durations = [float(np.float32(n / fps)) for n, fps in lasts]

@@ -229,7 +229,7 @@ def silhouette_camera(bench: Bench) -> Outcome:
 
 @case("silhouette-motion", source=RASTER)
 def silhouette_motion(bench: Bench) -> Outcome:
-    """The same with motion reprojection: only uncovered sky is discarded.
+    """A wall moves by 4 px in front of the sky, motion reprojection: only uncovered sky is discarded.
 
     Sky pixels use the motion of the wall.
     """

@@ -11,7 +11,7 @@ import numpy as np
 from taubench_gl.scene.builder import IDENTITY, SceneBuilder, box, quad, turn, turn_x, turn_y
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
+from taubench_gl.selftest.case import Naive, Outcome, case, field, scalar
 from taubench_gl.selftest.direct import lambert
 
 Array = np.ndarray
@@ -66,7 +66,7 @@ def _bounced(bench: Bench, lamps: int = 1, cone: float = 0.0, **settings) -> flo
     ),
 )
 def closed_box(bench: Bench, name: str, lights: str, bounces: int, options: dict[str, Any]) -> Outcome:
-    """The light of {1} in a closed box of albedo 0.5: mean indirect irradiance of its walls.
+    """Indirect light of {1} in a closed box of albedo 0.5: mean irradiance of its walls.
 
     A factor pi, a lost cosine, bounces counted twice, or lights without shadow maps that bounce nothing.
     """
@@ -146,46 +146,6 @@ def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
         measured = shot["indirect"][..., 0].mean() * np.pi / SCREEN_ALBEDO
         ratios.append(measured / light_of_the_wall(x, place, points))
     return field("1", np.array(ratios) - 1.0)
-
-
-@case("exposure-of-thresholds", source="exact: powers of two")
-def exposure_of_thresholds(bench: Bench) -> Outcome:
-    """Direct and indirect change by 1/16 at exposure 4, threshold 1/8: pixels discarded by each.
-
-    The exposure is applied to one of the radiances, or only to color.
-    """
-    width, height = bench.size
-    before = np.zeros((height, width, 3))
-    now = before + [0.0, 1 / 16, 0.0]
-    wrong = 0
-    for exposure, expected in ((4.0, width * height), (2.0, 0), (1.0, 0)):
-        limits = {"direct": 0.125, "indirect": 0.125}
-        changed, then = {"direct": now, "indirect": now}, {"direct": before, "indirect": before}
-        counts = bench.compare(changed, then, thresholds=limits, exposure=exposure).counts
-        wrong += sum(abs(counts[name] - expected) for name in limits)
-    return count(0, wrong, Naive("exposure ignored", 2 * width * height, 2 * width * height))
-
-
-@case("color-with-indirect", tolerance=1e-5, source="float32: 80 ulps of 1")
-def color_with_indirect(bench: Bench) -> Outcome:
-    """The box at exposure 2: color against sRGB of direct + indirect.
-
-    Indirect light is measured but not seen.
-    """
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
-    b.light(intensity=1.0)
-    b.camera(yfov=np.radians(90.0), znear=0.01)
-    own = {"indirect": "probes", "indirect_samples": 300, "probes": 100, "shadow_size": 32, "exposure": 2.0}
-    shot = bench.shots(b.build(), columns=("direct", "indirect", "color"), **own)[0]
-
-    def encoded(radiance: np.ndarray) -> np.ndarray:
-        x = np.clip(2.0 * radiance, 0.0, 1.0)
-        return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
-
-    expected = encoded(shot.direct + shot["indirect"][..., :3])
-    without = worst(encoded(shot.direct) - expected)
-    return field("sRGB of the sum", shot["color"][..., :3] - expected, Naive("direct alone", f"{without:.3g}", without))
 
 
 def _furnished_room(

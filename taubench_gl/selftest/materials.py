@@ -72,7 +72,7 @@ def srgb_texture(bench: Bench) -> Outcome:
 
 @case("linear-texture", tolerance=5e-4, source="the material channel holds half floats: half a step of 2^-10")
 def linear_texture(bench: Bench) -> Outcome:
-    """The same texture as metallic-roughness: metalness and roughness against code / 255.
+    """A metallic-roughness texture with all 256 codes, a texel per pixel: metalness and roughness against code / 255.
 
     Data textures decoded as color, or the channels of another convention.
     """

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from taubench_gl import math3d
-from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.lighting import albedo_table
-from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn, turn_x, turn_y
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import MorphTarget, Primitive, Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar
 from taubench_gl.selftest.direct import lambert
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import busy_room, sky_file
+from taubench_gl.selftest.scenes import busy_room
 
 Array = np.ndarray
 RANDOM = "relative; noise of this many samples"
@@ -400,57 +397,3 @@ def _below(b: SceneBuilder, bench: Bench, znear: float, **how) -> dict[str, Arra
     """Radiance of a point of a wall 10 m away; what is nearer than ``znear`` is not seen."""
     b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=znear, zfar=50.0)
     return bench.traced(b.build(), **how)
-
-
-@case(
-    "sky-image",
-    tolerance=0.012,
-    source="relative; 16,384 paths of a radiance between 0.5 and 3.5: 0.4 %, and an image of 64 x 32 texels",
-)
-def sky_image(bench: Bench) -> Outcome:
-    """A sky image of radiance 2 + 1.5 (a . d) in direction d: walls of albedo 0.5 that face three ways, raster and
-    path-traced, against 0.5 (2 + a . n).
-
-    The image is mirrored or turned, or its texels near the poles count as much as those of the horizon.
-    """
-    a = np.array([0.6, 0.48, 0.64])
-    theta, phi = (np.arange(32) + 0.5) * np.pi / 32, ((np.arange(64) + 0.5) / 64 - 0.5) * 2.0 * np.pi
-    x, z = np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi))
-    value = 2.0 + 1.5 * (a[0] * x + a[1] * np.cos(theta)[:, None] + a[2] * z)
-    errors = []
-    with sky_file(value[..., None] * (1.0, 0.5, 0.25)) as path:
-        for axis, degrees in (((1.0, 0.0, 0.0), -90.0), ((1.0, 1.0, 0.0), 70.0), ((0.0, 1.0, 0.2), -120.0)):
-            b, rotation = SceneBuilder(), turn(axis, degrees)
-            stand = b.node(rotation=rotation)
-            b.node(stand, mesh=b.mesh(quad(40.0, 40.0, material=lambert(b, 0.5))), translation=(0.0, 0.0, -5.0))
-            b.camera(stand)
-            scene, how = b.build(), {"width": 16, "height": 16, "environment": path}
-            normal = math3d.mat3_from_quat(np.array(rotation))[:, 2]
-            expected = 0.5 * (2.0 + a @ normal) * np.array([1.0, 0.5, 0.25])
-            traced = bench.traced(scene, spp=64, pattern="independent", **how)["direct"][..., :3].mean(axis=(0, 1))
-            errors += [*(traced / expected - 1.0), *(bench.shots(scene, **how)[0].direct / expected - 1.0).ravel()]
-    return field("0.5 (2 + a . n)", errors)
-
-
-@case("pixels-of-a-list", tolerance=1e-6, source="relative to the largest value; float32: sums in another order")
-def pixels_of_a_list(bench: Bench) -> Outcome:
-    """Path-traced light of 60 listed pixels of a room, samples in two parts: difference from the whole frame.
-
-    A listed pixel takes the numbers of its place in the list, or the light of another pixel.
-    """
-    own = {"columns": ("direct", "indirect"), "light": "path-traced", "indirect": "auto", "spp": 3, "bounces": 2}
-    settings = bench._settings(own | {"width": 20, "height": 30, "fps": 1.0, "pattern": "independent"})
-    animated, places = AnimatedScene(busy_room(lamps=1)), np.random.default_rng(4).permutation(600)[:60]
-    at = np.stack([places % 20, places // 20], axis=-1)
-    with GpuOwner(bench.gpu) as owner:
-        whole, listed = (owner.open_source(animated, settings, pixel_list=some) for some in (False, True))
-        whole.draw(0)
-        whole.trace(2, 5, 3)
-        image = np.stack([whole.read(n)[..., :3] for n in own["columns"]]).astype(float)
-        expected = image.reshape(2, 600, 3)[:, places].swapaxes(0, 1)
-        listed.draw(0)
-        samples = [
-            listed.listed_light(2, at, at, part, drawn=not k) for k, part in enumerate((range(5, 6), range(6, 8)))
-        ]
-        lobes = np.concatenate(samples, axis=1).astype(float).mean(axis=1)  # (n, lobes of direct and indirect, 3)
-    return field("the whole frame", (lobes.reshape(60, 2, 2, 3).sum(axis=2) - expected) / worst(expected))

@@ -128,7 +128,7 @@ def recorded() -> dict[str, Any]:
 def picture(bench: Bench, name: str) -> Outcome:
     """Frame 40 of the demo by {0}: means of 32 blocks against recorded ones, over the largest accepted difference.
 
-    A driver or a change of one of many formulas alters the picture a little, and nothing tells.
+    A driver or a change of one of many formulas alters the image a little, and no other case is sensitive to it.
     """
     errors = []
     for channel, image in PICTURES[name](bench).items():
@@ -148,7 +148,7 @@ def picture(bench: Bench, name: str) -> Outcome:
 def masks_as_recorded(bench: Bench, name: str, reprojection: str, sampling: str) -> Outcome:
     """Two pairs of the demo, {1} reprojection, {2} sampling: pixels of other words than recorded, over those accepted.
 
-    Pixels change their class, and no sum tells.
+    Pixels change their class while the sum over classes stays.
     """
     found, expected = masks(bench, reprojection, sampling), recorded()["masks"][name]
     moved = sum(abs(found.get(word, 0) - expected.get(word, 0)) for word in found.keys() | expected)

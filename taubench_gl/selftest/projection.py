@@ -60,7 +60,7 @@ def turn_180(bench: Bench) -> Outcome:
 
 @case("turn-180-sky", source=EXACT)
 def turn_180_sky(bench: Bench) -> Outcome:
-    """The same turn with only sky in view.
+    """A camera with only sky in view turns by 180 degrees: every pixel was behind the previous camera.
 
     Sky at a large finite distance passes the w test and projects to the opposite side.
     """
@@ -116,7 +116,7 @@ def near_plane_crossing(bench: Bench) -> Outcome:
     source="raster rule: corners are snapped to 1/256 px (error of half a step), magnified by the motion",
 )
 def near_crossing_motion(bench: Bench) -> Outcome:
-    """Motion on the same floor, one triangle with two corners behind the previous camera.
+    """Motion on a floor below a camera that moves backwards: one triangle with two corners behind the previous camera.
 
     A vertex shader divides by w, and the interpolation of the quotient is meaningless.
     """
@@ -230,7 +230,7 @@ def screen_edge(bench: Bench) -> Outcome:
 
 @case("screen-edge-motion", tolerance=1e-3, source="float32: 32 ulps of 60 px")
 def screen_edge_motion(bench: Bench) -> Outcome:
-    """Motion inside the same ship.
+    """Motion of the pixels that a camera inside a turning ship sees: 0.
 
     Rounding of world-space positions leaves motion of several 1e-3 px in a still image.
     """
@@ -255,7 +255,7 @@ def on_the_near_plane(bench: Bench) -> Outcome:
 
 @case("declared-first-frame", source=EXACT)
 def first_frame(bench: Bench) -> Outcome:
-    """The first frame, which has no history.
+    """The first frame, which has no history: every pixel has reason FIRST.
 
     History textures are uninitialized, so the first pair is undefined or all reusable.
     """

@@ -64,8 +64,7 @@ def _changes_of_light(pair: int) -> Array:
     source="float32: 64 ulps of a radiance of 2; a wrong mask or count is an error of 1",
 )
 def decided_direct(bench: Bench) -> Outcome:
-    """A lamp and a camera that move before a wall: distances of direct light of all decided pixels, masks, brighter
-    and darker pixels, and samples.
+    """A lamp and a camera that move before a wall: distances, masks and samples of all decided pixels.
 
     A noisy image is compared with another one, and its noise is counted as change.
     """
@@ -108,8 +107,7 @@ def _in_a_sphere(intensity: float) -> float:
     source="relative to the change; 0.4 % less area of the sphere's triangles, sampling noise; a wrong mask is 1",
 )
 def decided_indirect(bench: Bench) -> Outcome:
-    """A lamp in a closed sphere moves, and becomes stronger in the next frame: indirect light changes in no pixel and
-    then in all; mean distance.
+    """A lamp in a closed sphere moves, then becomes stronger: indirect light changes in no pixel, then in all.
 
     Noise at a moving lamp is counted as a change of indirect light.
     """
@@ -131,7 +129,7 @@ def decided_indirect(bench: Bench) -> Outcome:
 
 @case("sampled-direct", source="exact count: the truth is outside an interval, or an interval is wider than asked for")
 def sampled_direct(bench: Bench) -> Outcome:
-    """The same lamp, wall and camera, direct light estimated at random pixels: the interval against the closed form.
+    """A lamp and a camera that move before a wall: the interval of direct light from random pixels holds the truth.
 
     An estimate has no interval, or one from pixels that have been chosen by their result.
     """

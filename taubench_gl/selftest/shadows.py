@@ -95,7 +95,7 @@ def _six_views(lamps: int) -> Scene:
 @case(
     "six-faces-of-{0}",
     source=EXACT,
-    each=(("a-lamp", 1, "One lamp"), ("ten-lamps", 10, "Ten lamps at one place, more than are compiled one by one,")),
+    each=(("a-lamp", 1, "One lamp"), ("ten-lamps", 10, "Ten lamps at one place")),
 )
 def cube(bench: Bench, name: str, lamps: int, lights: str) -> Outcome:
     """{2} amid six plates in a closed room, seen in six directions: pixels wrongly lit or dark.
@@ -272,8 +272,7 @@ def shadow_of_a_masked_leaf(bench: Bench) -> Outcome:
 
 @case("shadow-cache", source="exact: the same texels")
 def shadow_cache(bench: Bench) -> Outcome:
-    """A plate that moves, then stands still, and one that vanishes and returns: direct light against that of maps
-    drawn from scratch, to the last bit.
+    """A plate that moves and one that vanishes and returns: direct light against that of maps drawn from scratch.
 
     A cached map keeps the shadow of where the object was, or of a part of it.
     """

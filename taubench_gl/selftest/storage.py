@@ -146,7 +146,7 @@ def _synthetic(view: View, size: tuple[int, int], rng: np.random.Generator) -> d
     each=tuple(itertools.product(("camera", "motion"), ("nearest", "bilinear"))),
 )
 def masks(bench: Bench, reprojected: str, sampling: str) -> Outcome:
-    """Random channels of all features, {0} reprojection, {1} history: pixels unlike the float64 reference, and motion.
+    """Random channels of all features, {0} reprojection, {1} history: masks and motion against the float64 reference.
 
     One term of one feature is wrong, which a scene with a known answer may not show.
     """
