@@ -21,7 +21,8 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import load_run
 from taubench_gl.scene import load_scene
-from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
+from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 AUTO = dict.fromkeys(FIXED_LIGHTING, "auto")

@@ -125,7 +125,7 @@ def test_added_motion_does_not_change_the_exposure(cache, tmp_path):
 @pytest.mark.parametrize("light", ["raster", "path-traced", "auto"])
 def test_an_environment_is_metered_path_traced_whatever_the_method(light, cache):
     """A white floor under the default environment: radiance 2, so 0.09."""
-    from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
+    from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 
     b = SceneBuilder()
     white = b.material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
