@@ -18,14 +18,14 @@ from taubench_gl.animation.eyes import EyeCamera
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, plan_sequence
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.run import SUMMARY_FILE, Run, load_run, total_discards
@@ -90,7 +90,7 @@ class SceneFeed(GpuOwner):
         self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
         one = {"history": "frame"} if settings.metrics.history == "both" else {}
-        opened = open_scene(
+        opened = plan_scene(
             scene, settings.replace(samples_per_pixel=1, **one), camera, poser=poser or KeptPoses(scene)
         )
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
@@ -210,13 +210,13 @@ class PathTracedFeed(Owner):
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
         super().__init__()
-        opened = open_input(spec, settings, options)
-        self.sequence, self.settings, self.frames = opened.sequence, opened.settings, opened.frames
+        plan = plan_sequence(spec, settings, options)
+        self.sequence, self.settings, self.frames = plan.sequence, plan.settings, plan.frames
         self.size, self.name = self.sequence.size, self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = self.own(PathTracedSource(gpu, self.sequence, opened.camera, self.settings))
-        self._gpu, self._camera, self._base_settings = gpu, opened.camera, self.settings
+        self.source = self.own(PathTracedSource(gpu, self.sequence, plan.camera, self.settings))
+        self._gpu, self._camera, self._base_settings = gpu, plan.camera, self.settings
         self.live = live_of(self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
