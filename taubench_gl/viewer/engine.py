@@ -134,6 +134,7 @@ class ViewerEngine:
         return self._active
 
     def reset_camera(self, state: ViewerState) -> None:
+        """Move the camera of the user to that of the file at the current frame."""
         self.user.reset(self.feed.file_shot(state.frame).view)
 
     def update(self, state: ViewerState) -> None:
