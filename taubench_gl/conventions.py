@@ -12,8 +12,27 @@ Time       frame i is at t = i / fps; a pair is (i-1, i); N frames give N-1 pair
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 SUMMARY_SCHEMA = "taubench-gl/summary/2"
+
+DEFINITIONS = 3
+"""Raised whenever a number can change for the same input and settings (docs/changes-of-numbers.md).
+
+Stored results without it are of definition 1.  Results of two values are never compared, merged, resumed or read from a
+cache without a word.
+"""
+
+MIXED = "evaluate again what an older version measured (docs/changes-of-numbers.md)"
+"""What to do where results of two ``DEFINITIONS`` meet."""
+
+
+def mixed_definitions(summaries: Iterable[Mapping[str, Any]]) -> str | None:
+    """What is wrong where results with these ``provenance`` blocks are of several ``DEFINITIONS``; None if of one."""
+    values = sorted({str((s.get("provenance") or {}).get("definitions", 1)) for s in summaries})
+    return f"numbers of definitions {' and '.join(values)} are not comparable" if len(values) > 1 else None
+
 
 DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""

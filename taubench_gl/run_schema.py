@@ -98,7 +98,7 @@ Timing = _block(
 )  # fmt: skip
 Provenance = _block("Provenance", **dict.fromkeys(
     ("version", "command", "backend", "renderer", "driver", "clock", "git"), str
-))  # fmt: skip
+), definitions=int)  # fmt: skip
 Summary = _block(
     "Summary", pairs=float, scene=SceneFacts, settings=RunSettings, lighting=dict[str, str | None],
     reusable=Reusable, discard=Columns, noise_floor=Columns, exact=Exact, census=Census, camera=CameraFacts,

@@ -350,6 +350,7 @@ def _identity(summary: Summary) -> tuple[Any, ...]:
         [input_block.get(key) for key in ("kind", "light_samples", "indirect_samples", "seed")],
         [reference.get(key) for key in ("kind", "samples", "path")],
         [summary.get(key) for key in ("seeds", "warmup", "clock")],
+        (summary.get("provenance") or {}).get("definitions", 1),
     )
 
 
