@@ -94,7 +94,9 @@ PAPER_SIZE = (1920, 1080)
 MAX_SIZE = 16384
 MAX_FRAMES = 1_000_000
 """Frames of one evaluation: more than eleven hours at 24 fps.  Per-frame data of this many frames fits in memory."""
-_FLOAT32_MAX = 3.4e38
+FLOAT32_MAX = 3.4e38
+"""Largest setting that becomes a float32."""
+
 LEAST_LENGTH = 2.0**-63
 """Least distance whose square float32 holds with all its digits."""
 
@@ -110,7 +112,7 @@ def _columns_fault(_name: str, value: Any) -> str | None:
 def _environment_fault(name: str, value: Any) -> str | None:
     if isinstance(value, str):
         return None if value in ENVIRONMENTS or value.lower().endswith(ENVIRONMENT_FILES) else value_text(name, value)
-    return None if len(value) == 3 and all(0 <= c <= _FLOAT32_MAX for c in value) else value_text(name, value)
+    return None if len(value) == 3 and all(0 <= c <= FLOAT32_MAX for c in value) else value_text(name, value)
 
 
 def _exposure_fault(name: str, value: Any) -> str | None:
@@ -409,9 +411,9 @@ class MetricsSettings(Checked):
         filled = {name: float(self.thresholds.get(name, FEATURE[name].threshold)) for name in FEATURES}
         object.__setattr__(self, "thresholds", filled)
         for name in FEATURES:
-            if self.threshold(name) > _FLOAT32_MAX or 0.0 < self.threshold(name) < LEAST_LENGTH:
+            if self.threshold(name) > FLOAT32_MAX or 0.0 < self.threshold(name) < LEAST_LENGTH:
                 what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
-                hint = f"masks square distances as float32, give 0, or {LEAST_LENGTH:.2g} to {_FLOAT32_MAX:g}"
+                hint = f"masks square distances as float32, give 0, or {LEAST_LENGTH:.2g} to {FLOAT32_MAX:g}"
                 raise SettingsError(what, hint=hint, setting="thresholds")
 
     def threshold(self, feature: str) -> float:
