@@ -63,8 +63,9 @@ def opened(
 ) -> BinaryIO:
     """A regular file of at most ``max_bytes``, open for reading.  Raises ``fault``, also when the file is read.
 
-    Pipes and devices are not opened.  ``links``: follow a link in the place of the file; False in output folders, where others may have put it.  Libraries
-    that open files by name get ``by_descriptor``.  ``where``: what refers to the file, by default the file itself.
+    Pipes and devices are not opened.  ``links``: follow a link in the place of the file; False in output folders, where
+    others may have put it.  Libraries that open files by name get ``by_descriptor``.  ``where``: what refers to the
+    file, by default the file itself.
     """
     where = where or str(path)
     follow = 0 if links else os.O_NOFOLLOW
