@@ -75,3 +75,11 @@ def without_checksums(values: dict[str, Any], path: Path, rows: Path | None = No
         )
     missing = [name for name in about.get("files", ()) if not (path.parent / name).is_file()]
     return out, missing
+
+
+def stored_files(values: Mapping[str, Any]) -> list[str]:
+    """Names of the further files of a run in the block ``stored``; none without a right block."""
+    try:
+        return msgspec.convert(values.get(KEY) or {}, _Stored).files
+    except msgspec.ValidationError:
+        return []

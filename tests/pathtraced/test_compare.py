@@ -103,10 +103,13 @@ def test_a_comparison_without_masks_has_reasons(renders, tmp_path):
     result = compare_runs(tmp_path / "a", tmp_path / "a")
     assert result["masks"] == result["worst"] == {"reason": NO_MASKS} and result["features"] == {"reason": NO_CHANNELS}
     assert all("seconds" not in entry and entry["reason"] for entry in result["time"]["runs"])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "worst.png").write_text("of an earlier comparison")
     assert {path.name for path in save_comparison(result, tmp_path / "out")} == {
         "comparison.txt", "comparison.json", "comparison.html"
     }  # fmt: skip
     assert NO_MASKS in (tmp_path / "out" / "comparison.txt").read_text()
+    assert not (tmp_path / "out" / "worst.png").exists()
 
 
 @pytest.mark.long
