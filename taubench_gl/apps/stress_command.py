@@ -64,7 +64,8 @@ Examples:
 \b
 A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, meters, +Y up, quaternion
 world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
-of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3 at 60 fps.""",
+of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3, taken as of
+60 fps: the paper does not state their rate.""",
 )
 @click.argument("scene", metavar="SCENE")
 def stress(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from taubench_gl.features import FEATURES
 from taubench_gl.glossary import label_of
-from taubench_gl.viewer.state import COMPARISONS, OVERLAYS, SECTIONS, SPEEDS, ViewerState, following
+from taubench_gl.viewer.state import OVERLAYS, SECTIONS, SPEEDS, ViewerState, following
 
 Change = Callable[[ViewerState], None]
 
@@ -60,7 +60,7 @@ def _range(low: float, high: float) -> Change:
 
 
 def _compare(s: ViewerState) -> None:
-    s.comparison = following(COMPARISONS, s.comparison)
+    s.comparison = following(s.comparisons, s.comparison)
     s.message = f"comparison: {s.comparison}"
 
 

@@ -23,11 +23,9 @@ from taubench_gl.viewer.pixel_panel import PixelPanel
 from taubench_gl.viewer.scene_panel import ScenePanel
 from taubench_gl.viewer.state import (
     CAMERAS,
-    COMPARISONS,
     DOCKED,
     EXACT_OVERLAYS,
     LIVE_CHOICES,
-    METHOD_IMAGES,
     METHOD_INPUTS,
     MOVING_LIGHTS,
     OVERLAYS,
@@ -194,12 +192,12 @@ class Panels:
     def _compare(self) -> None:
         s = self._viewer.state
         self._ui.pick("with", "against", s.others)
-        self._ui.pick("mode", "comparison", COMPARISONS)
+        self._ui.pick("mode", "comparison", s.comparisons)
         self._ui.check("beside the image, with the error map", s.beside, "beside", "beside")
         if s.against == "method":
             self._ui.pick("method", "method", s.methods)
             self._ui.pick("input", "method_input", METHOD_INPUTS)
-            self._ui.pick("image", "method_image", METHOD_IMAGES)
+            self._ui.pick("image", "method_image", s.method_images)
             self._ui.faint("results are colors: show the channel color", wrap=True)
             for name, label in SCORES.items():
                 if (value := self._viewer.engine.method_scores(s).get(name)) is not None:

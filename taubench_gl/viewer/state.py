@@ -235,6 +235,21 @@ class ViewerState:
             self.auto_range = False
             self.low, self.high = float(low), max(float(high), float(low) + 1e-6 * max(1.0, abs(low)))
 
+    @property
+    def has_exact_frames(self) -> bool:
+        """Whether the method's input has exact frames, with which ghosts and the bound are compared."""
+        return not self.method_input.startswith("path-traced")
+
+    @property
+    def comparisons(self) -> tuple[str, ...]:
+        """Those of COMPARISONS that the method's input allows."""
+        return COMPARISONS if self.has_exact_frames else tuple(name for name in COMPARISONS if name != "ghost")
+
+    @property
+    def method_images(self) -> tuple[str, ...]:
+        """Those of METHOD_IMAGES that the method's input allows."""
+        return METHOD_IMAGES if self.has_exact_frames else ("result",)
+
     def toggle_effect(self, effect: str) -> None:
         self.switched_off = self.switched_off ^ {effect}
 
@@ -260,11 +275,11 @@ _NUMBERS = {"speed": (0.01, 16.0), "opacity": (0.0, 1.0), "split": (0.0, 1.0), "
 _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "camera": lambda s: CAMERAS,
     "channel": lambda s: s.channels,
-    "comparison": lambda s: COMPARISONS,
+    "comparison": lambda s: s.comparisons,
     "against": lambda s: s.others,
     "method": lambda s: s.methods,
     "method_input": lambda s: METHOD_INPUTS,
-    "method_image": lambda s: METHOD_IMAGES,
+    "method_image": lambda s: s.method_images,
     "moving_light": lambda s: MOVING_LIGHTS,
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
