@@ -25,7 +25,8 @@ QUANTILES = {"median": 50.0, "p75": 75.0, "p95": 95.0, "p99": 99.0}
 class FeatureErrors:
     """Error distributions of every feature that both runs have.
 
-    Motion is none of them: a run computes it from its positions and cameras.  ``pathtraced.check`` judges motion files.
+    Motion is none of them: a run computes it from its positions and cameras.  ``pathtraced.check``
+    compares the motion of files.
 
     Position errors cover pixels where both runs have a surface.  All other errors cover only pixels whose surfaces lie
     within ``same_place_m`` meters of each other (the position threshold): elsewhere the runs show different surfaces,

@@ -18,7 +18,7 @@ import msgspec
 from taubench_gl.data_files import read_text, read_toml, schema_fault
 from taubench_gl.errors import MethodError, choice_hint
 from taubench_gl.paths import PACKAGE
-from taubench_gl.settings import FLOAT32_MAX
+from taubench_gl.setting_values import FLOAT32_MAX
 
 FILE, SHADER = "test.toml", "test.glsl"
 BUILTIN = PACKAGE / "reject" / "tests"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from taubench_gl.errors import MethodError
 from taubench_gl.gpu.layout import Struct
-from taubench_gl.settings import FLOAT32_MAX
+from taubench_gl.setting_values import FLOAT32_MAX
 
 Value = float | int | bool | str
 
