@@ -215,8 +215,8 @@ class PathTracedFeed(Owner):
         self.size, self.name = self.sequence.size, self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = self.own(PathTracedSource(gpu, self.sequence, opened.camera, self.settings))
-        self._gpu, self._camera, self._base_settings = gpu, opened.camera, self.settings
+        self.source = self.own(PathTracedSource(gpu, self.sequence, plan.camera, self.settings))
+        self._gpu, self._camera, self._base_settings = gpu, plan.camera, self.settings
         self.live = live_of(self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
