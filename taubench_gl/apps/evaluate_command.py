@@ -116,12 +116,18 @@ def with_preset(settings: Settings, file: Path | None) -> Settings:
 
 
 def _require_used(scenes: Sequence[str], path_traced: PathTracedOptions) -> None:
-    """Check that no option was given that path-traced files ignore: they have their own size and camera.
+    """Check that no option was given that all ``scenes`` ignore: path-traced files have their own size and camera.
 
-    With a rasterized scene among ``scenes`` such an option applies to that scene.  Raises SettingsError.
+    Options for path-traced files do not concern rasterized scenes beside them, nor the other way around.  Raises
+    SettingsError.
     """
     from taubench_gl.pathtraced.sequence import is_sequence
 
+    if not any(is_sequence(scene) for scene in scenes):
+        for name in ("camera_file", "scene_file", "mapping", "layer", "second_seed"):
+            if getattr(path_traced, name):
+                message = f"--{name.replace('_', '-')} is for path-traced files"
+                raise SettingsError(message, where=scenes[0], hint="give them as exr:DIR")
     if not all(is_sequence(scene) for scene in scenes):
         return
     by_user = given_options(("size", "camera"))
@@ -145,10 +151,6 @@ def _evaluate_one(scene: str, settings: Settings, path_traced: PathTracedOptions
         more["path_traced"] = path_traced
     else:
         more["lobes"] = path_traced.lobes
-        for name in ("camera_file", "scene_file", "mapping", "layer", "second_seed"):
-            if getattr(path_traced, name):
-                message = f"--{name.replace('_', '-')} is for path-traced files"
-                raise SettingsError(message, where=scene, hint="give them as exr:DIR")
     with ProgressBar(scene) as progress:
         run = evaluate_scene(scene, settings, progress=progress, **more)
     if not run.summary["pairs"]:

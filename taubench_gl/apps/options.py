@@ -84,7 +84,7 @@ class Option(click.Option):
 
     def __init__(self, field: Setting):
         self.field = field
-        self.switch = bool in (field.kind, *typing.get_args(field.kind))
+        self.switch = bool in field.kinds
         kind: dict[str, Any] = {"is_flag": True} if self.switch else {"type": _Text(field), "multiple": field.repeats}
         if field.default is REQUIRED:
             kind["required"] = True

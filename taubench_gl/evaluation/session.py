@@ -270,16 +270,17 @@ class Session(GpuOwner):
 def run_session(session: Session, observers: Observers, out: str | Path | None = None) -> Run:
     """Evaluate every pair of ``session``, opened with ``Readback.of(observers)``.
 
-    ``out`` receives frames.csv row by row and summary.json at the end.  After a KeyboardInterrupt the pairs already
-    submitted are still read, written and reported.
+    ``out`` receives frames.csv row by row and summary.json at the end, and nothing where there is no pair.  After a
+    KeyboardInterrupt the pairs already submitted are still read, written and reported.
     """
-    observers = replace(observers, scene=session.plan.name)
+    total = sum(evaluate for _, evaluate in frame_schedule(session.plan.frames, session.settings))
+    on_finish = observers.on_finish if total else None
+    observers = replace(observers, scene=session.plan.name, on_finish=on_finish)
     with contextlib.ExitStack() as stack:
-        if out is not None:
+        if out is not None and total:
             writer = stack.enter_context(RunWriter(out, session.columns))
             observers = replace(observers, writer=writer)
         with session.gpu:
-            total = sum(evaluate for _, evaluate in frame_schedule(session.plan.frames, session.settings))
             try:
                 for pair in session.pairs():
                     _report(pair, observers, len(session.tally.rows), total)

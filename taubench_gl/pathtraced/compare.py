@@ -18,7 +18,7 @@ from taubench_gl.data_files import read_bytes, stored_arrays
 from taubench_gl.errors import OutputError
 from taubench_gl.features import COLUMN_BITS, COLUMNS, LIGHT_FEATURES
 from taubench_gl.metrics.feature_errors import FeatureErrors
-from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.outputs import output_folder, remove_files, write_atomically
 from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_image
 from taubench_gl.run import Run, load_run
 
@@ -111,6 +111,7 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
     ``result``: from ``compare_runs``, of two runs on disk.  Returns the files written.  Raises OutputError.
     """
     out = output_folder(out)
+    remove_files(out, ("worst.png",))  # of an earlier comparison; this one may have no masks
     files = []
     image = None
     if "frame" in result["worst"]:

@@ -454,18 +454,21 @@ def _class_source(summary: Summary) -> str:
 # --------------------------------------------------------------------------------------------------------------- plots
 
 
+PLOTS = ("frames", "classes", "time", "convergence")
+
+
 def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
-    """``frames classes time convergence`` as PNG and SVG, as far as there are values.  Raises OutputError."""
+    """PLOTS as PNG and SVG, as far as there are values.  Raises OutputError."""
     if not _valid(summary):
         return []
     measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
-    plots = {
-        "frames": _frames(summary, rows, measure),
-        "classes": _classes(summary, measure),
-        "time": _time(summary, measure),
-        "convergence": _convergence(summary),
-    }
-    return [path for name, plot in plots.items() if plot is not None for path in plot.save(folder / f"{name}.png")]
+    plots = _frames(summary, rows, measure), _classes(summary, measure), _time(summary, measure), _convergence(summary)
+    return [
+        path
+        for name, plot in zip(PLOTS, plots, strict=True)
+        if plot is not None
+        for path in plot.save(folder / f"{name}.png")
+    ]
 
 
 def plot_fit(fit: Summary, path: Path) -> list[Path]:

@@ -89,6 +89,15 @@ def test_detail_window_is_where_methods_differ(written):
     )
 
 
+def test_a_rerun_without_a_video_removes_that_of_the_earlier_one(written, tmp_path):
+    for name in ("side_by_side.mp4", "side_by_side.webm", "side_by_side.mine.mp4"):
+        (tmp_path / name).write_text("of an earlier evaluation, or of a user")
+    with ReuseFolder(tmp_path, 24.0, "none") as folder:
+        folder.on_frame(written[3][0])
+        files = folder.finish(written[1])
+    assert {f.name for f in files} | {"side_by_side.mine.mp4"} == {f.name for f in tmp_path.iterdir()}
+
+
 def test_no_incomplete_video_after_an_error(tmp_path):
     with pytest.raises(ZeroDivisionError), ReuseFolder(tmp_path / "run", 24.0) as folder:
 
@@ -103,7 +112,8 @@ def test_no_incomplete_video_after_an_error(tmp_path):
 
 def test_interrupt_keeps_the_rows_of_evaluated_frames(tmp_path):
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "reuse.json").write_text("of an earlier evaluation")
+    for name in ("reuse.json", "report.html", "tables.txt", "convergence.svg", "side_by_side.webm"):
+        (tmp_path / "run" / name).write_text("of an earlier evaluation")
     seen = []
     with pytest.raises(KeyboardInterrupt), ReuseFolder(tmp_path / "run", 24.0) as folder:
 

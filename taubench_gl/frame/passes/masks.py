@@ -75,8 +75,15 @@ class MaskOptions:
 
 
 _PLACES = [*(("distances", i) for i in range(4)), ("changes", 0), ("changes", 3)]
-PLACES = dict(zip((*GEOMETRY, *VALUES), _PLACES, strict=False))
-"""Texture and component into which the distance of each feature is written; a seventh needs another texture."""
+
+
+def _places(features: Sequence[str]) -> dict[str, tuple[str, int]]:
+    """Name of a feature -> its place.  Raises IndexError for a seventh, which needs another texture."""
+    return {name: _PLACES[i] for i, name in enumerate(features)}
+
+
+PLACES = _places((*GEOMETRY, *VALUES))
+"""Texture and component into which the distance of each feature is written."""
 
 
 def _each_value(features: Sequence[Feature]) -> str:
