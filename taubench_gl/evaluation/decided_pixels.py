@@ -2,7 +2,8 @@
 
 A pixel has sample numbers of its own, the same in both frames of the pair: noise that a surface point has in both is no
 change.  Samples come in parts with independent numbers, so that their spread tells how sure a distance is.  A pixel is
-decided when its distances are clear of their thresholds; the others get twice as many samples, up to a limit.
+decided when its distances are clear of their thresholds; the others get twice as many samples, up to a limit.  What
+halves of the samples say tells how noise biases a share of undecided pixels (``metrics.sampled_light``).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from taubench_gl.features import FEATURE_BIT, LIGHT_FEATURES, RADIANCE_FEATURES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
-from taubench_gl.metrics.path_samples import LEAST, PARTS
+from taubench_gl.metrics.path_samples import HALVES, LEAST, PARTS
 from taubench_gl.metrics.sampled_light import lobe_distance
 from taubench_gl.settings import MAX_BOUNCES, Settings
 from taubench_gl.srgb import LUMINANCE
@@ -113,6 +114,8 @@ class Decisions:
     undecided: Array  # (n,) bool: the limit came first
     first: Array  # (n,) uint32
     audited: Array  # (n,) float64
+    half_words: Array  # (n, halves) uint32: words by each of HALVES of the samples; of decided pixels ``first``
+    half_distances: Mapping[str, Array]  # as ``distances``, (n, halves); no halves unless they are asked for
 
 
 class DecidedPixels:
@@ -127,10 +130,16 @@ class DecidedPixels:
     ):
         """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide; ``lobes``
         (of ``scene_lobes``): whose distances are wanted too."""
-        self._settings, self.columns, self._lobes = settings, tuple(columns), tuple(lobes)
+        self._settings, self.columns = settings, tuple(columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
         traced = decided_light(settings)
         self._sources = tuple(variant(traced, pixel_list=True) for _ in range(2))  # previous, current
+        of_lobes = (name.split("_") for name in self._sources[0].listed_lobes)
+        self._lobes = {
+            place: (bounce, lobe_distance(bounce, lobe))
+            for place, (bounce, lobe) in enumerate(of_lobes)
+            if bounce in self.columns and lobe in lobes
+        }  # place among the traced lobes -> column, distance
         self._pair: PreviewPair | None = None
         self._fresh = True
 
@@ -140,15 +149,19 @@ class DecidedPixels:
         self._sources[0].draw_history(pair.frame)
         self._sources[1].draw(pair.frame)
 
-    def decide(self, at: Array, limit: int, audit: Array) -> Decisions:
-        """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``.
+    def decide(self, at: Array, limit: int, audit: Array, *, halves: bool = False) -> Decisions:
+        """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``; n can be 0.
 
-        ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited.
+        ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited;
+        ``halves``: whether words and distances of halves of the samples are wanted.
         """
-        listed = self._listed(at)
+        listed, each = self._listed(at), len(HALVES) if halves else 0
         count, had = len(at), 0
         words, first = listed.words.copy(), listed.words.copy()
-        distances: dict[str, Array] = {}
+        half_words = np.repeat(words[:, None], each, axis=1)
+        names = (*self.columns, *(name for _, name in self._lobes.values()))
+        distances = {name: np.zeros(count) for name in names}
+        half_distances = {name: np.zeros((count, each)) for name in names}
         luminance = np.zeros(count)
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
@@ -164,7 +177,7 @@ class DecidedPixels:
             samples[active] = had
             words[active] = (listed.words[active] & ~LIGHT_BITS) | bits
             for name, distance in (found | self._of_lobes(compared, light)).items():
-                distances.setdefault(name, np.zeros(count))[active] = distance
+                distances[name][active] = distance
             margin = self._margin(found, error, floor, had)
             now = ~decided[active] & (margin > 1.0)
             first[active[now]], decided[active[now]] = words[active[now]], True
@@ -172,12 +185,22 @@ class DecidedPixels:
             if had < limit:
                 share = np.where(margin[now] < 2.0, AUDITED[1], AUDITED[0])
                 audited[active[now]] = np.where(audit[active[now]] < share, share, 0.0)
+            ends = np.flatnonzero(now | (had >= limit))
+            if halves and len(ends):
+                rows = active[ends]
+                bits, by_half = self._by_half(compared.take(ends), light[ends])
+                undecided_words = (listed.words[rows, None] & ~LIGHT_BITS) | bits
+                half_words[rows] = np.where(decided[rows, None], first[rows, None], undecided_words)
+                for name, distance in by_half.items():
+                    half_distances[name][rows] = distance
             if had >= limit:
                 break
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
         first[~decided] = words[~decided]
-        return Decisions(words, distances, luminance, samples, decided_samples, ~decided, first, audited)
+        return Decisions(
+            words, distances, luminance, samples, decided_samples, ~decided, first, audited, half_words, half_distances
+        )
 
     def _listed(self, at: Array) -> _Listed:
         pair = self._pair
@@ -230,13 +253,20 @@ class DecidedPixels:
     def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """``lobe_distance`` -> distance (m,) of each wanted lobe, of parts ``light``."""
         out = {}
-        for place, name in enumerate(self._sources[0].listed_lobes):
-            bounce, lobe = name.split("_")
-            if bounce in self.columns and lobe in self._lobes:
-                change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
-                variance = change.var(axis=1, ddof=1) / PARTS
-                out[lobe_distance(bounce, lobe)] = distance_of(bounce, change.mean(axis=1), variance)
+        for place, (bounce, name) in self._lobes.items():
+            change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
+            variance = change.var(axis=1, ddof=1) / light.shape[1]
+            out[name] = distance_of(bounce, change.mean(axis=1), variance)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
+
+    def _by_half(self, listed: _Listed, light: Array) -> tuple[Array, dict[str, Array]]:
+        """Light bits (m, halves) and distances by name, of parts ``light``, by each of HALVES alone."""
+        every = listed.take(np.repeat(np.arange(len(light)), len(HALVES)))
+        halves = light[:, HALVES].reshape(len(every.at), HALVES.shape[1], *light.shape[2:])
+        found, _, bits, _ = self._compare(every, halves)
+        of_halves = found | self._of_lobes(every, halves)
+        shape = len(light), len(HALVES)
+        return bits.reshape(shape), {name: distance.reshape(shape) for name, distance in of_halves.items()}
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
         """Of parts ``light``: distances (m,) and their standard errors (m,) by column, light bits (m,), luminance (m,).
@@ -245,7 +275,7 @@ class DecidedPixels:
         """
         mean = light.mean(axis=1)
         changes = self._changes(listed, mean)
-        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (PARTS - 1))
+        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (light.shape[1] - 1))
         found = {name: distance_of(name, changes[name], _jackknife(each)) for name, each in without.items()}
         error = {name: np.sqrt(_jackknife(distance_of(name, each))) for name, each in without.items()}
         bits, luminance = np.zeros(len(mean), np.uint32), np.zeros(len(mean))
@@ -307,8 +337,9 @@ def distance_of(column: str, change: Array, variance: Array | float = 0.0) -> Ar
 
 
 def _jackknife(without: Array) -> Array:
-    """Variance of a statistic from its values (m, PARTS, ...) without each part."""
-    return (PARTS - 1) / PARTS * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
+    """Variance of a statistic from its values (m, parts, ...) without each part."""
+    parts = without.shape[1]
+    return (parts - 1) / parts * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
 
 
 @lru_cache

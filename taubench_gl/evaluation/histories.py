@@ -36,6 +36,7 @@ def better(
     every = [_of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
     (frame, sure_frame), (eye, sure_eye) = every
     taken, first_taken = takes_eye(frame.words, eye.words), takes_eye(frame.first, eye.first)
+    half_taken = takes_eye(frame.half_words, eye.half_words)
     audited = np.minimum(np.where(sure_frame, 1.0, frame.audited), np.where(sure_eye, 1.0, eye.audited))
     audited[sure_frame & sure_eye] = 0.0
     return Decisions(
@@ -47,29 +48,33 @@ def better(
         np.where(taken, eye.undecided, frame.undecided) & sure_frame & sure_eye,
         np.where(first_taken, eye.first, frame.first),
         audited,
+        np.where(half_taken, eye.half_words, frame.half_words),
+        {name: np.where(half_taken, eye.half_distances[name], of) for name, of in frame.half_distances.items()},
     )
 
 
 def _of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, Array]) -> tuple[Decisions, Array]:
     """``found`` with all n pixels, and which of them no audit can change, (n,) bool."""
     words = pair.words[rows]
-    count = len(words)
+    count, halves = len(words), found.half_words.shape[1]
 
     def filled(values: Array, rest: Array) -> Array:
         out = rest.copy()
         out[at] = values
         return out
 
+    def each(values: Array) -> Array:
+        return np.repeat(values[:, None], halves, axis=1)
+
     none = np.zeros(count)
-    distances = {
-        name: filled(found.distances[name] if len(at) else none[:0], of[rows].astype(np.float64))
-        for name, of in pair.distances.items()
-    }
+    known = {name: of[rows].astype(np.float64) for name, of in pair.distances.items()}
+    distances = {name: filled(found.distances[name], of) for name, of in known.items()}
+    half_distances = {name: filled(found.half_distances[name], each(of)) for name, of in known.items()}
     undecided = filled(found.undecided, np.zeros(count, bool))
     traced = filled(np.ones(len(at), bool), np.zeros(count, bool))
     whole = Decisions(
         filled(found.words, words), distances, filled(found.luminance, none),
         filled(found.samples, none.astype(np.int64)), filled(found.decided_samples, none.astype(np.int64)), undecided,
-        filled(found.first, words), filled(found.audited, none),
+        filled(found.first, words), filled(found.audited, none), filled(found.half_words, each(words)), half_distances,
     )  # fmt: skip
     return whole, ~traced | undecided

@@ -34,7 +34,6 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity
-from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
@@ -201,8 +200,7 @@ class Session(GpuOwner):
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
-            columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
-            return LightVisits(self, self.variant, self.settings, self.given.frames, columns, self.wants.lobes)
+            return LightVisits(self, self.variant, self.settings, self.given.frames, self.sampled.estimate)
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -18,7 +18,14 @@ from taubench_gl.metrics.counts import Counts, bin_of, edges
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.metrics.path_samples import LEAST, LIMIT, PARTS, part_table
 from taubench_gl.metrics.pixel_sample import NORMAL_95, PixelStrata, SampledPair, estimate_share, pair_differences
-from taubench_gl.metrics.sampled_light import STRATA, LightEstimate, Visit, draw_pixels, lobe_distance, strata_of
+from taubench_gl.metrics.sampled_light import (
+    STRATA,
+    LightEstimate,
+    SampledPixels,
+    draw_pixels,
+    lobe_distance,
+    strata_of,
+)
 from taubench_gl.run import Run
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.selftest.bench import Bench, pixel_grid
@@ -412,11 +419,9 @@ def estimates_of_all_pixels(bench: Bench) -> Outcome:
         none, whole = np.zeros(n), np.zeros(n, np.int64)
         strata = np.bincount(whole, minlength=STRATA)
         words, distances = truth[k]
-        estimate.add(
-            Visit(
-                k, strata, whole, preview[k][0], words, words, none, none > 0, whole + LEAST, preview[k][1], distances
-            )
-        )
+        halves = words[:, None], {name: values[:, None] for name, values in distances.items()}
+        pixels = SampledPixels(whole, *preview[k], words, words, none, distances, *halves)
+        estimate.add(estimate.visit(k, strata, pixels, none > 0, whole + LEAST))
     found = estimate.intervals(sample_pairs(2, "all"))
     expected = _of_masks([words for words, _ in truth], [distances for _, distances in truth])
     errors = [found[at].mean - value for at, value in expected.items()]
@@ -440,14 +445,15 @@ def audited_pixels(bench: Bench) -> Outcome:
     bit = np.uint32(FEATURE_BIT["direct"])
     preview = np.array([0, 1, 0, 1, 0, 1], np.uint32) * bit
     first = np.array([1, 1, 0, 0, 1, 0], np.uint32) * bit
-    end = np.array([0, 1, 1, 0, 0, 1], np.uint32) * bit  # with the last pixel undecided
-    undecided = np.array([False] * 5 + [True])
+    end = np.array([0, 1, 1, 0, 0, 0], np.uint32) * bit
+    halves = np.repeat(first[:, None], 4, axis=1)
+    halves[5] = np.array([1, 0, 1, 1]) * bit  # the last pixel is undecided: 2 x 0 - 3 / 4
     none, one = {}, np.ones(6, np.int64)
 
     def differences(audited: Array) -> Array:
-        words = np.where((audited > 0) | undecided, end, first)
-        visit = Visit(0, one, one, preview, first, words, audited, undecided, one, none, none)
-        return visit.effective(lambda words, _: (words & bit) != 0)
+        words = np.where(audited > 0, end, first)
+        pixels = SampledPixels(one, preview, none, first, words, audited, none, halves, none)
+        return pixels.difference(lambda words, _: (words & bit) != 0)
 
     share = np.array([0.25, 0.25, 0.5, 0.5, 0.25, 0.0])
     total = np.zeros(6)
@@ -455,5 +461,5 @@ def audited_pixels(bench: Bench) -> Outcome:
         audited = np.array([*draws, False])
         chance = np.prod(np.where(audited, share, 1.0 - share))
         total += chance * differences(np.where(audited, share, 0.0))
-    expected = (end != 0).astype(float) - (preview != 0)
+    expected = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -0.75]) - (preview != 0)
     return Outcome("of the last words", str(total.round(3).tolist()), worst(total - expected))

@@ -233,16 +233,21 @@ def test_decisions_of_two_histories_are_those_of_the_better_one_and_of_the_rarer
     traced = [np.flatnonzero(pair.traced[0]) for pair in both]
     assert [t.tolist() for t in traced] == [[0, 1, 2], [0, 1, 3]]
 
-    def found(end, first, audited, undecided):
+    def found(end, first, audited, undecided, half_words):
         ones = np.ones(3, np.int64)
         values = np.array(end, np.uint32), {"direct": np.array([1.0, 2.0, 3.0])}, np.zeros(3), 64 * ones, 64 * ones
-        return Decisions(*values, np.array(undecided), np.array(first, np.uint32), np.array(audited))
+        halves = np.array(half_words, np.uint32), {"direct": np.array([[1.0, 1.5], [2.0, 2.5], [3.0, 3.5]])}
+        return Decisions(*values, np.array(undecided), np.array(first, np.uint32), np.array(audited), *halves)
 
-    frame = found([lit, 0, 0], [lit, lit, 0], [0.1, 0.02, 0.0], [False, False, True])
-    eye = found([0, lit, lit], [lit, lit, lit], [0.02, 0.1, 0.1], [False, False, False])
+    frame = found(
+        [lit, 0, 0], [lit, lit, 0], [0.1, 0.02, 0.0], [False, False, True], [[lit, lit], [lit, lit], [lit, 0]]
+    )
+    eye = found([0, lit, lit], [lit, lit, lit], [0.02, 0.1, 0.1], [False, False, False], [[lit, lit]] * 3)
     rows = np.zeros(5, np.int64), np.arange(5)
     got = better(both, (frame, eye), traced, rows)
     assert got.words.tolist() == [0, 0, 0, lit, sky] and got.first.tolist() == [lit, lit, 0, lit, sky]
+    assert got.half_words.tolist() == [[lit, lit], [lit, lit], [lit, 0], [lit, lit], [sky, sky]]
+    assert got.half_distances["direct"].tolist() == [[1.0, 1.5], [2.0, 2.5], [3.0, 3.5], [3.0, 3.5], [9.0, 9.0]]
     assert got.audited.tolist() == [0.02, 0.02, 0.0, 0.1, 0.0]
     assert got.undecided.tolist() == [False, False, True, False, False]
     assert got.distances["direct"].tolist() == [1.0, 2.0, 3.0, 3.0, 9.0] and got.samples.tolist() == [

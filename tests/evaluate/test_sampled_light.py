@@ -193,10 +193,9 @@ def test_rounds_visit_other_pairs_until_all_had_a_visit():
 def test_records_of_visits_keep_every_bit():
     rng = np.random.default_rng(3)
     n = 5
-    words = [rng.integers(0, 2**16, n).astype(np.uint32) for _ in range(3)]
-    distances = [{"direct": rng.random(n)} for _ in range(2)]
-    visit = Visit(3, rng.integers(0, 9, 16), rng.integers(0, 16, n), *words, rng.random(n), rng.random(n) < 0.5,
-                  rng.integers(64, 512, n), *distances)  # fmt: skip
+    curves, discarded = {"direct": rng.random((3, 4))}, {"direct": rng.random()}
+    difference = rng.random((n, 3))
+    visit = Visit(3, rng.integers(0, 9, 16), rng.integers(0, 16, n), difference, curves, discarded, 1, 2, 1, 512)
     again = Visit.of_record(json.loads(json.dumps(visit.record())))
     for name in Visit.__slots__:
         a, b = (of["direct"] if isinstance(of, dict) else of for of in (getattr(visit, name), getattr(again, name)))
