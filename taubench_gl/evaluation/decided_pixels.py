@@ -9,7 +9,7 @@ halves of the samples say tells how noise biases a share of undecided pixels (``
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -21,7 +21,7 @@ from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
 from taubench_gl.metrics.path_samples import HALVES, LEAST, PARTS
-from taubench_gl.metrics.sampled_light import lobe_distance
+from taubench_gl.metrics.sampled_light import PixelMasks, lobe_distance
 from taubench_gl.settings import MAX_BOUNCES, Settings
 from taubench_gl.srgb import LUMINANCE
 
@@ -100,22 +100,15 @@ def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, col
 
 @dataclass(frozen=True, slots=True)
 class Decisions:
-    """Of n pixels of a pair.
+    """Of n pixels of a pair."""
 
-    Pixels that were audited have the word and the distances of the limit; ``first`` is the word with which they were
-    decided, and ``audited`` the probability with which they were drawn, 0 where they were not.
-    """
-
-    words: Array  # (n,) uint32 reason words with path-traced light
-    distances: Mapping[str, Array]  # column, and ``lobe_distance`` of lobes -> (n,) float64
+    first: PixelMasks  # with which they were decided, or that of the limit
+    end: PixelMasks  # of the limit where they were audited or undecided, else ``first``
     luminance: Array  # (n,) float64, change of direct luminance x exposure; 0 where direct is no column
     samples: Array  # (n,) int64, of the current pixel and each tap of its history
     decided_samples: Array  # (n,) int64, when the pixel was decided
     undecided: Array  # (n,) bool: the limit came first
-    first: Array  # (n,) uint32
-    audited: Array  # (n,) float64
-    half_words: Array  # (n, halves) uint32: words by each of HALVES of the samples; of decided pixels ``first``
-    half_distances: Mapping[str, Array]  # as ``distances``, (n, halves); no halves unless they are asked for
+    audited: Array  # (n,) float64, probability with which a pixel was drawn for the audit, 0 where it was not
 
 
 class DecidedPixels:
@@ -155,13 +148,9 @@ class DecidedPixels:
         ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited;
         ``halves``: whether words and distances of halves of the samples are wanted.
         """
-        listed, each = self._listed(at), len(HALVES) if halves else 0
-        count, had = len(at), 0
-        words, first = listed.words.copy(), listed.words.copy()
-        half_words = np.repeat(words[:, None], each, axis=1)
+        listed, count, had = self._listed(at), len(at), 0
         names = (*self.columns, *(name for _, name in self._lobes.values()))
-        distances = {name: np.zeros(count) for name in names}
-        half_distances = {name: np.zeros((count, each)) for name in names}
+        first, end = (PixelMasks.blank(listed.words, names, len(HALVES) if halves else 0) for _ in range(2))
         luminance = np.zeros(count)
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
@@ -171,36 +160,27 @@ class DecidedPixels:
             light = 0.5 * (light + new) if had else new
             had = 2 * had or LEAST
             compared = listed.take(active)
-            found, error, bits, luminance[active] = self._compare(compared, light)
+            found, error, _, luminance[active] = self._compare(compared, light)
             if floor is None:
                 floor = self._floor(compared, light)
             samples[active] = had
-            words[active] = (listed.words[active] & ~LIGHT_BITS) | bits
-            for name, distance in (found | self._of_lobes(compared, light)).items():
-                distances[name][active] = distance
             margin = self._margin(found, error, floor, had)
             now = ~decided[active] & (margin > 1.0)
-            first[active[now]], decided[active[now]] = words[active[now]], True
+            ends = np.flatnonzero(now | (had >= limit))
+            masks = self._masks(compared.take(ends), light[ends], halves)
+            end.put(active[ends], masks)
+            fresh = ~decided[active[ends]]
+            first.put(active[ends[fresh]], _with_one_word(masks, now[ends]).take(fresh))
+            decided[active[now]] = True
             decided_samples[active[~decided[active] | now]] = had
             if had < limit:
                 share = np.where(margin[now] < 2.0, AUDITED[1], AUDITED[0])
                 audited[active[now]] = np.where(audit[active[now]] < share, share, 0.0)
-            ends = np.flatnonzero(now | (had >= limit))
-            if halves and len(ends):
-                rows = active[ends]
-                bits, by_half = self._by_half(compared.take(ends), light[ends])
-                undecided_words = (listed.words[rows, None] & ~LIGHT_BITS) | bits
-                half_words[rows] = np.where(decided[rows, None], first[rows, None], undecided_words)
-                for name, distance in by_half.items():
-                    half_distances[name][rows] = distance
             if had >= limit:
                 break
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
-        first[~decided] = words[~decided]
-        return Decisions(
-            words, distances, luminance, samples, decided_samples, ~decided, first, audited, half_words, half_distances
-        )
+        return Decisions(first, end, luminance, samples, decided_samples, ~decided, audited)
 
     def _listed(self, at: Array) -> _Listed:
         pair = self._pair
@@ -259,14 +239,21 @@ class DecidedPixels:
             out[name] = distance_of(bounce, change.mean(axis=1), variance)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
 
-    def _by_half(self, listed: _Listed, light: Array) -> tuple[Array, dict[str, Array]]:
-        """Light bits (m, halves) and distances by name, of parts ``light``, by each of HALVES alone."""
+    def _masks(self, listed: _Listed, light: Array, halves: bool) -> PixelMasks:
+        """Words and distances of parts ``light``, and by each of HALVES alone where they are wanted."""
+        of_all = self._words_and_distances(listed, light)
+        shape = len(light), len(HALVES) if halves else 0
+        if not np.prod(shape):
+            return PixelMasks(*of_all, np.zeros(shape, np.uint32), {name: np.zeros(shape) for name in of_all[1]})
         every = listed.take(np.repeat(np.arange(len(light)), len(HALVES)))
-        halves = light[:, HALVES].reshape(len(every.at), HALVES.shape[1], *light.shape[2:])
-        found, _, bits, _ = self._compare(every, halves)
-        of_halves = found | self._of_lobes(every, halves)
-        shape = len(light), len(HALVES)
-        return bits.reshape(shape), {name: distance.reshape(shape) for name, distance in of_halves.items()}
+        parts = light[:, HALVES].reshape(len(every.at), HALVES.shape[1], *light.shape[2:])
+        words, distances = self._words_and_distances(every, parts)
+        by_half = {name: distance.reshape(shape) for name, distance in distances.items()}
+        return PixelMasks(*of_all, words.reshape(shape), by_half)
+
+    def _words_and_distances(self, listed: _Listed, light: Array) -> tuple[Array, dict[str, Array]]:
+        found, _, bits, _ = self._compare(listed, light)
+        return (listed.words & ~LIGHT_BITS) | bits, found | self._of_lobes(listed, light)
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
         """Of parts ``light``: distances (m,) and their standard errors (m,) by column, light bits (m,), luminance (m,).
@@ -326,6 +313,12 @@ class _Listed:
         """Those of ``rows``."""
         values = (getattr(self, name) for name in self.__slots__)
         return _Listed(*(None if v is None else v[rows] for v in values))
+
+
+def _with_one_word(masks: PixelMasks, decided: Array) -> PixelMasks:
+    """``masks`` with the word of all samples for each half of them, where a pixel is ``decided`` (n,)."""
+    half_words = np.where(decided[:, None], masks.words[:, None], masks.half_words)
+    return replace(masks, half_words=half_words)
 
 
 def distance_of(column: str, change: Array, variance: Array | float = 0.0) -> Array:

@@ -143,8 +143,7 @@ class LightVisits:
         pixels = SampledPixels(
             stratum, words.ravel()[flat],
             {name: of.ravel()[flat].astype(np.float64) for name, of in distances.items()},
-            decisions.first, decisions.words, decisions.audited, decisions.distances, decisions.half_words,
-            decisions.half_distances,
+            decisions.first, decisions.end, decisions.audited,
         )  # fmt: skip
         return self._estimate.visit(position, strata.sizes, pixels, decisions.undecided, decisions.samples)
 

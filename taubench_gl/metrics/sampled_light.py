@@ -73,8 +73,8 @@ Indicator = Callable[[Array, Mapping[str, Array]], Array]
 
 
 @dataclass(frozen=True, slots=True)
-class SampledPixels:
-    """``n`` sampled pixels of one visit of a pair: what ``DecidedPixels`` said of them.
+class PixelMasks:
+    """Mask words and distances of ``n`` pixels by a number of samples, and by halves of these samples.
 
     The share of pixels whose noisy distances are above a limit is biased: to first order by c / N with N samples, and
     by 2 c / N with half of them.  So twice the indicator at N less its mean over halves of the samples has no bias of
@@ -82,27 +82,57 @@ class SampledPixels:
     everywhere, because a pixel that is clear of its threshold may be near another limit.
     """
 
+    words: Array  # (n,) uint32 reason words
+    distances: Mapping[str, Array]  # column or ``lobe_distance`` -> (n,) float64
+    half_words: Array  # (n, halves) uint32; of a decided pixel all are its word
+    half_distances: Mapping[str, Array]  # as ``distances``, (n, halves)
+
+    @classmethod
+    def blank(cls, words: Array, names: Sequence[str], halves: int) -> PixelMasks:
+        """Of pixels with ``words`` (n,) and distances of 0."""
+        count = len(words)
+        distances = ({name: np.zeros(shape) for name in names} for shape in (count, (count, halves)))
+        return cls(words.copy(), next(distances), np.repeat(words[:, None], halves, axis=1), next(distances))
+
+    def put(self, rows: Array, values: PixelMasks) -> None:
+        """Replace those of ``rows`` by ``values``."""
+        self.words[rows], self.half_words[rows] = values.words, values.half_words
+        for own, of in ((self.distances, values.distances), (self.half_distances, values.half_distances)):
+            for name, array in of.items():
+                own[name][rows] = array
+
+    def take(self, rows: Array) -> PixelMasks:
+        """Those of ``rows``."""
+        distances = ({n: of[rows] for n, of in each.items()} for each in (self.distances, self.half_distances))
+        return PixelMasks(self.words[rows], next(distances), self.half_words[rows], next(distances))
+
+    def value(self, indicator: Indicator) -> Array:
+        """What each pixel counts in a share, from -1 to 2.  (n,) float64."""
+        by_half = {name: distance.ravel() for name, distance in self.half_distances.items()}
+        halves = indicator(self.half_words.ravel(), by_half).reshape(self.half_words.shape)
+        return 2.0 * indicator(self.words, self.distances) - halves.mean(axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class SampledPixels:
+    """``n`` sampled pixels of one visit of a pair: what ``DecidedPixels`` said of them."""
+
     stratum: Array  # (n,) int64
     preview: Array  # (n,) uint32 reason words
     preview_distances: Mapping[str, Array]  # column -> (n,) float64
-    first: Array  # (n,) uint32, when the pixel was decided
-    words: Array  # (n,) uint32, at the end
+    first: PixelMasks  # when a pixel was decided, or at the limit
+    end: PixelMasks  # at the limit, of audited pixels
     audited: Array  # (n,) float64, probability of the audit, 0 where there was none
-    distances: Mapping[str, Array]  # column or ``lobe_distance`` -> (n,) float64, at the end
-    half_words: Array  # (n, halves) uint32; of a decided pixel all are ``first``
-    half_distances: Mapping[str, Array]  # as ``distances``, (n, halves)
+
+    @property
+    def audits(self) -> Array:
+        """Weight of ``end``: an audited pixel stands for all that were decided and not audited.  (n,) float64."""
+        return np.divide(1.0, self.audited, out=np.zeros(len(self.audited)), where=self.audited > 0.0)
 
     def value(self, indicator: Indicator) -> Array:
-        """y of each pixel without bias of the first order: its weight in a share, from -1 to 2 without an audit.  (n,).
-
-        An audited pixel stands for all that were decided and not audited.
-        """
-        end = indicator(self.words, self.distances).astype(np.float64)
-        first = indicator(self.first, self.distances).astype(np.float64)
-        by_half = {name: distance.ravel() for name, distance in self.half_distances.items()}
-        halves = indicator(self.half_words.ravel(), by_half).reshape(self.half_words.shape).mean(axis=1)
-        audit = np.where(self.audited > 0.0, (end - first) / np.where(self.audited > 0.0, self.audited, 1.0), 0.0)
-        return 2.0 * first - halves + audit
+        """y of each pixel without bias of the first order.  (n,) float64."""
+        first = self.first.value(indicator)
+        return first + self.audits * (self.end.value(indicator) - first)
 
     def difference(self, indicator: Indicator) -> Array:
         """y - x of each pixel, x of the preview.  (n,) float64."""
@@ -110,17 +140,15 @@ class SampledPixels:
 
     def curve(self, column: str) -> Array:
         """What the distances of ``column`` add to its curve: strata, bins and weights.  (3, m) float64."""
-        halves = self.half_distances[column]
-        parts = (
-            (self.distances[column], self.stratum, 2.0),
-            (self.preview_distances[column], self.stratum, -1.0),
-            (halves.ravel(), np.repeat(self.stratum, halves.shape[1]), -1.0 / halves.shape[1]),
-        )
-        place = np.concatenate([stratum * HISTOGRAM_BINS + bin_of(distance) for distance, stratum, _ in parts])
-        places, inverse = np.unique(place, return_inverse=True)
-        weights = np.concatenate([np.full(len(distance), weight) for distance, _, weight in parts])
-        summed = np.bincount(inverse, weights=weights, minlength=len(places))
-        kept = summed != 0.0
+        parts = [(self.preview_distances[column][:, None], -np.ones(len(self.stratum)))]
+        for masks, weight in ((self.first, 1.0 - self.audits), (self.end, self.audits)):
+            halves = masks.half_distances[column]
+            parts += [(masks.distances[column][:, None], 2.0 * weight), (halves, -weight / halves.shape[1])]
+        place = [self.stratum[:, None] * HISTOGRAM_BINS + bin_of(distances) for distances, _ in parts]
+        weights = [np.broadcast_to(weight[:, None], distances.shape) for distances, weight in parts]
+        places, inverse = np.unique(np.concatenate([x.ravel() for x in place]), return_inverse=True)
+        summed = np.bincount(inverse, np.concatenate([x.ravel() for x in weights]), len(places))
+        kept = np.abs(summed) > 1e-12  # else they cancel
         return np.stack([*(x.astype(np.float64) for x in np.divmod(places, HISTOGRAM_BINS)), summed])[:, kept]
 
 
@@ -261,7 +289,7 @@ class LightEstimate:
         values = np.stack([pixels.difference(s.indicator) for s in self._statistics], axis=-1)
         discarded = {c: float(pixels.value(_has(FEATURE_BIT[c])).sum()) for c in self.columns}
         audited = pixels.audited > 0.0
-        wrong = audited & (pixels.first != pixels.words)
+        wrong = audited & (pixels.first.words != pixels.end.words)
         counts = (int(np.sum(each)) for each in (undecided, audited, wrong, samples))
         curves = {column: pixels.curve(column) for column in self.columns}
         return Visit(position, sizes, pixels.stratum, values, curves, discarded, *counts)

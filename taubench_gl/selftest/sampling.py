@@ -21,6 +21,7 @@ from taubench_gl.metrics.pixel_sample import NORMAL_95, PixelStrata, SampledPair
 from taubench_gl.metrics.sampled_light import (
     STRATA,
     LightEstimate,
+    PixelMasks,
     SampledPixels,
     draw_pixels,
     lobe_distance,
@@ -419,8 +420,8 @@ def estimates_of_all_pixels(bench: Bench) -> Outcome:
         none, whole = np.zeros(n), np.zeros(n, np.int64)
         strata = np.bincount(whole, minlength=STRATA)
         words, distances = truth[k]
-        halves = words[:, None], {name: values[:, None] for name, values in distances.items()}
-        pixels = SampledPixels(whole, *preview[k], words, words, none, distances, *halves)
+        masks = PixelMasks(words, distances, words[:, None], {name: of[:, None] for name, of in distances.items()})
+        pixels = SampledPixels(whole, *preview[k], masks, masks, none)
         estimate.add(estimate.visit(k, strata, pixels, none > 0, whole + LEAST))
     found = estimate.intervals(sample_pairs(2, "all"))
     expected = _of_masks([words for words, _ in truth], [distances for _, distances in truth])
@@ -452,7 +453,8 @@ def audited_pixels(bench: Bench) -> Outcome:
 
     def differences(audited: Array) -> Array:
         words = np.where(audited > 0, end, first)
-        pixels = SampledPixels(one, preview, none, first, words, audited, none, halves, none)
+        at_end = PixelMasks(words, none, np.repeat(words[:, None], 4, axis=1), none)
+        pixels = SampledPixels(one, preview, none, PixelMasks(first, none, halves, none), at_end, audited)
         return pixels.difference(lambda words, _: (words & bit) != 0)
 
     share = np.array([0.25, 0.25, 0.5, 0.5, 0.25, 0.0])

@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.conventions import Reason
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, PreviewPair
 from taubench_gl.evaluation.sampled_light import round_of
 from taubench_gl.features import FEATURE_BIT
-from taubench_gl.metrics.counts import Counts, bin_of
+from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.metrics.pixel_sample import Interval, PixelStrata
 from taubench_gl.metrics.sampled_light import STRATA, LightEstimate, SampledPixels, draw_pixels, strata_of
 from taubench_gl.settings import Settings
 
 SIZE = (64, 36)
-LIGHTS, PAIRS, LIMIT = 400, 6, 0.125
+LIGHTS, PAIRS, LIMIT = 100, 6, 0.5
 HEIGHT, WIDTH = 0.4, 8.0
 DIRECT = np.uint32(FEATURE_BIT["direct"])
 
@@ -32,8 +31,9 @@ class ManyLights:
         pixels = SIZE[0] * SIZE[1]
         self.points = np.stack([rng.uniform(0.0, WIDTH, pixels), rng.uniform(0.0, 2.0, pixels)], axis=-1)
         self.lights = np.stack([rng.uniform(0.0, WIDTH, LIGHTS), rng.uniform(0.0, 2.0, LIGHTS)], axis=-1)
-        self.power = rng.lognormal(0.0, 1.0, LIGHTS) * 0.03
-        self.edges = rng.uniform(-0.5, 0.5, LIGHTS) + np.cumsum(rng.normal(0.0, 0.05, (PAIRS + 1, LIGHTS)), axis=0)
+        self.power = rng.lognormal(0.0, 1.0, LIGHTS) * 0.12
+        self.chance = 0.5 / LIGHTS + 0.5 * self.power / self.power.sum()  # of each light in a sample
+        self.edges = rng.uniform(-0.5, 0.5, LIGHTS) + np.cumsum(rng.normal(0.0, 0.1, (PAIRS + 1, LIGHTS)), axis=0)
 
     def radiance(self, frame: int) -> np.ndarray:
         away = self.points[:, None] - self.lights[None]
@@ -47,7 +47,7 @@ class ManyLights:
 
 
 class SampledLights:
-    """In the place of a source: each sample is one light chosen at random, the same one in both frames of a pixel."""
+    """In the place of a source: each sample is one light, half by power, the same one in both frames of a pixel."""
 
     listed_lobes = ("direct_diffuse", "indirect_diffuse")
 
@@ -55,7 +55,7 @@ class SampledLights:
         self._scene, self._seed, self._history = scene, seed, history
 
     def draw(self, frame: int) -> None:
-        self._radiance = LIGHTS * self._scene.radiance(frame - self._history)
+        self._radiance = self._scene.radiance(frame - self._history) / self._scene.chance
 
     draw_history = draw
 
@@ -66,8 +66,9 @@ class SampledLights:
         for multiplier in (0xBF58476D1CE4E5B9, 0x94D049BB133111EB):  # SplitMix64's mixing
             number = (number + np.uint64(self._seed * 0x9E3779B97F4A7C15 % 2**64)) * np.uint64(multiplier)
             number ^= number >> np.uint64(31)
-        light = (number >> np.uint64(33)) % np.uint64(LIGHTS)
-        value = self._radiance[(pixels[:, 1] * SIZE[0] + pixels[:, 0])[:, None], light.astype(int)]
+        uniform = (number >> np.uint64(11)) * 2.0**-53
+        light = np.minimum(np.searchsorted(np.cumsum(self._scene.chance), uniform), LIGHTS - 1)
+        value = self._radiance[(pixels[:, 1] * SIZE[0] + pixels[:, 0])[:, None], light]
         out = np.zeros((*value.shape, 2, 3))
         out[..., 0, :] = value[..., None]
         return out
@@ -116,7 +117,7 @@ def estimate(scene: ManyLights, seed: int, within: float, limit: int) -> tuple[L
             found = pixels.decide(at, limit, audit, halves=True)
             sampled = SampledPixels(
                 stratum, pair.words.ravel()[flat], {"direct": pair.distances["direct"].ravel()[flat].astype(float)},
-                found.first, found.words, found.audited, found.distances, found.half_words, found.half_distances,
+                found.first, found.end, found.audited,
             )  # fmt: skip
             light.add(light.visit(position, strata.sizes, sampled, found.undecided, found.samples))
         rounds += 1

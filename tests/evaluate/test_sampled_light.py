@@ -53,9 +53,9 @@ def test_light_without_noise_is_decided_by_the_least_samples_as_the_preview_says
     assert (found.samples[found.audited == 0.0] == LEAST).all() and not found.undecided.any()
     preview = pair.words[at[:, 1], at[:, 0]]
     bit = np.uint32(FEATURE_BIT["direct"])
-    assert np.mean((preview ^ found.words) & bit != 0) < 0.02
-    assert np.mean(found.words & bit != 0) > 0.05
-    assert np.median(np.abs(found.distances["direct"] - pair.distances["direct"][at[:, 1], at[:, 0]])) < 1e-3
+    assert np.mean((preview ^ found.end.words) & bit != 0) < 0.02
+    assert np.mean(found.end.words & bit != 0) > 0.05
+    assert np.median(np.abs(found.end.distances["direct"] - pair.distances["direct"][at[:, 1], at[:, 0]])) < 1e-3
 
 
 @pytest.mark.parametrize("emits", [0.0, 40.0])
@@ -64,7 +64,7 @@ def test_a_still_pair_has_distances_of_zero(emits):
     with opened(lamp_over_floor(moves=False, emits=emits), camera=0, light_unit="candela") as session:
         _, at, found = decided(session, 1, 128)
     assert len(at) > 100
-    for name, distance in found.distances.items():
+    for name, distance in found.end.distances.items():
         assert not distance.any(), name
 
 
@@ -75,7 +75,7 @@ def test_decisions_are_those_of_many_more_samples():
     bits = np.uint32(sum(FEATURE_BIT[n] for n in ("direct", "indirect", "color")))
     clear = ~few.undecided
     assert clear.mean() > 0.8
-    assert np.mean(((few.words ^ many.words) & bits)[clear] != 0) < 0.01
+    assert np.mean(((few.end.words ^ many.end.words) & bits)[clear] != 0) < 0.01
     assert (many.samples >= few.samples).all() and (few.samples[few.undecided] == 512).all()
 
 
@@ -94,7 +94,7 @@ def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
         shares = []
         for frame in (1, 2):
             _, _, found = decided(session, frame, ALL.limit)
-            words = np.where(found.undecided, found.words, found.first)
+            words = np.where(found.undecided, found.end.words, found.first.words)
             shares.append(np.count_nonzero(words & np.uint32(FEATURE_BIT["indirect"])) / (32 * 18))
     monkeypatch.setattr("taubench_gl.evaluation.decided_pixels.AUDITED", (0.0, 0.0))
     settings = Settings(frames=(0, 3), spp=1, **SMALL)
