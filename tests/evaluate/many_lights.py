@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taubench_gl.evaluation.decided_light import counts_of_images
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, PreviewPair
 from taubench_gl.evaluation.sampled_light import round_of
 from taubench_gl.features import FEATURE_BIT
@@ -91,8 +92,6 @@ def preview_of(scene: ManyLights, frame: int, shown: int) -> PreviewPair:
 
 
 def counts_of_preview(pair: PreviewPair) -> Counts:
-    from taubench_gl.evaluation.decided_light import counts_of_images
-
     return counts_of_images(pair.words, pair.distances)
 
 
