@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
-from taubench_gl.metrics.histories import takes_eye
+from taubench_gl.metrics.histories import uses_other_eye
 from taubench_gl.metrics.sampled_light import PixelMasks
 
 Array = np.ndarray
@@ -19,13 +19,13 @@ def chosen_words(pairs: Sequence[PreviewPair]) -> tuple[Array, Mapping[str, Arra
     A pixel is traced if the light of either history can change its word.
     """
     first, last = pairs[0], pairs[-1]
-    eye = takes_eye(first.words, last.words)
+    eye = uses_other_eye(first.words, last.words)
     words = np.where(eye, last.words, first.words)
     distances = {name: np.where(eye, last.distances[name], of) for name, of in first.distances.items()}
     return words, distances, first.traced | last.traced
 
 
-def better(
+def merge_histories(
     pairs: Sequence[PreviewPair], found: Sequence[Decisions], traced: Sequence[Array], rows: tuple[Array, Array]
 ) -> Decisions:
     """The better of two histories of n pixels at ``rows``: what decisions say of those with each history.
@@ -36,7 +36,7 @@ def better(
     """
     every = [_of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
     (frame, sure_frame), (eye, sure_eye) = every
-    taken = takes_eye(frame.end.words, eye.end.words)
+    taken = uses_other_eye(frame.end.words, eye.end.words)
     audited = np.minimum(np.where(sure_frame, 1.0, frame.audited), np.where(sure_eye, 1.0, eye.audited))
     audited[sure_frame & sure_eye] = 0.0
     return Decisions(
@@ -54,7 +54,7 @@ def _better_masks(frame: PixelMasks, eye: PixelMasks) -> PixelMasks:
     def chosen(taken: Array, of_frame: Mapping[str, Array], of_eye: Mapping[str, Array]) -> dict[str, Array]:
         return {name: np.where(taken, of_eye[name], of) for name, of in of_frame.items()}
 
-    taken, half_taken = takes_eye(frame.words, eye.words), takes_eye(frame.half_words, eye.half_words)
+    taken, half_taken = uses_other_eye(frame.words, eye.words), uses_other_eye(frame.half_words, eye.half_words)
     return PixelMasks(
         np.where(taken, eye.words, frame.words),
         chosen(taken, frame.distances, eye.distances),

@@ -12,7 +12,7 @@ from taubench_gl.evaluation.sampled_light import Plan
 from taubench_gl.metrics.counts import discarded_at
 from taubench_gl.metrics.path_samples import HALVES, PARTS
 from taubench_gl.metrics.sampled_light import SampledPixels, statistics_of
-from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 DIRECT = ("discard", "direct")
