@@ -30,7 +30,7 @@ SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
 INTEGER_COLUMNS = frozenset(
-    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, *SAMPLED_COLUMNS, "camera_cut", "gimbal"}
+    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, SAMPLED_COLUMNS[0], "camera_cut", "gimbal"}
 )
 """Columns of frames.csv that hold integers."""
 

@@ -40,8 +40,8 @@ those traced to the limit although they were decided, and those found wrong by t
 frames."""
 
 SAMPLED_COLUMNS = ("sampled", *(f"sampled_{f.name}" for f in BY_BIT if f.light))
-"""More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards; the
-other columns are the preview's."""
+"""More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards, an
+undecided pixel by its weight, so that the sum can be a fraction; the other columns are the preview's."""
 
 
 def _block(name: str, base: type[Struct] | None = None, /, **kinds: Any) -> Any:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import command, given_options, require_samples
-from taubench_gl.apps.screen import for_each_scene, interruptible, warn
+from taubench_gl.apps.options import command, given_options, require_used
+from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import setting, some_of
 from taubench_gl.glossary import COLUMNS, definitions
@@ -65,7 +65,8 @@ def evaluate(
     verbose: bool = setting(False, "Print all tables, with the paper's rows and the notes of each", group=OUTPUT),
     preset: Path | None = setting(
         None,
-        "Settings recommended by 'taubench-gl cost'; options given beside it take precedence",
+        "Settings recommended by 'taubench-gl cost', without scene, camera and frames of its study; options given "
+        "beside it take precedence",
         group=SCENE,
         short=False,
         metavar="FILE",
@@ -111,7 +112,9 @@ def with_preset(settings: Settings, file: Path | None) -> Settings:
     if "thresholds" in values:
         changed["thresholds"] = values["thresholds"] | click.get_current_context().params["thresholds"]
     settings = settings.replace(**changed)
-    require_samples(settings)
+    require_used(settings)
+    if not by_user & {"frames", "camera"}:
+        note(f"preset {file}: its settings, with camera and frames of this command; [measured] has those of its study")
     return settings
 
 

@@ -32,7 +32,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.run_schema import FRAME_COLUMNS, SAMPLED_COLUMNS
@@ -216,8 +215,7 @@ class Session(GpuOwner):
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
-            columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
-            return LightVisits(self, self.variant, self.settings, self.plan.frames, columns, self.readback.lobes)
+            return LightVisits(self, self.variant, self.settings, self.plan.frames, self.tally.sampled.estimate)
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -195,7 +197,7 @@ class ReuseFolder:
 
     def finish(self, evaluation: Evaluation) -> list[Path]:
         """Write all files, numbers before images in case the disk fills up.  -> the files.  Raises OutputError."""
-        out = self.out
+        out, evaluation = self.out, replace(evaluation, summary=finite(evaluation.summary))
         files = [out / "frames.csv", out / "reuse.json"]
         write_atomically(files[0], rows_csv(evaluation.rows, ROW_COLUMNS))
         summary = with_checksums(json.loads(as_json(evaluation.summary)), files[0])
@@ -248,6 +250,24 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
 def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
     """CSV with full precision; None is an empty cell."""
     return csv_text([columns, *([row[name] for name in columns] for row in rows)])
+
+
+def finite(summary: dict[str, Any]) -> dict[str, Any]:
+    """``summary`` with None for every number that is not finite, and ``not_finite``, the places of these."""
+    places = []
+
+    def copied(value: Any, place: str) -> Any:
+        if isinstance(value, Mapping):
+            return {key: copied(each, f"{place}.{key}" if place else str(key)) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [copied(each, f"{place}.{index}") for index, each in enumerate(value)]
+        if isinstance(value, float) and not math.isfinite(value):
+            places.append(place)
+            return None
+        return value
+
+    out = copied(summary, "")
+    return out | {"not_finite": places} if places else out
 
 
 def as_json(value: dict[str, Any]) -> str:

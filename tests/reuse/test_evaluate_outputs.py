@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import taubench_gl.reuse
 from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, side_by_side
+from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, finite, side_by_side
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
 
@@ -66,6 +67,17 @@ def test_numbers_are_written_before_images(written, tmp_path, monkeypatch, error
     stored = json.loads((tmp_path / "run" / "reuse.json").read_text())
     assert stored.pop(KEY) and stored == written[1].summary
     assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
+
+
+def test_numbers_that_are_not_finite_are_null_and_named(written, tmp_path):
+    summary = written[1].summary | {"own": {"list": [1.0, float("inf")], "number": float("nan")}}
+    with ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
+        folder.on_frame(written[3][0])
+        folder.finish(replace(written[1], summary=summary))
+    stored = json.loads((tmp_path / "run" / "reuse.json").read_text())
+    assert stored["own"] == {"list": [1.0, None], "number": None}
+    assert stored["not_finite"] == ["own.list.1", "own.number"]
+    assert "not_finite" not in written[1].summary and finite(written[1].summary) == written[1].summary
 
 
 def test_video_has_every_frame_at_its_size(written):
