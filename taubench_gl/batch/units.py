@@ -202,7 +202,7 @@ def _loaded(worker: Worker, job: Job) -> _Loaded:
 
     def load() -> _Loaded:
         scene = load_scene(job.scene, **sequence.reading)
-        return _Loaded(AnimatedScene(scene, camera_of_run(scene, sequence)))
+        return _Loaded(AnimatedScene(scene, camera_of_run(scene, sequence), fps=sequence.fps))
 
     return worker.kept((job.id, job.scene, *sequence.reading.values(), sequence.camera), load)
 

@@ -81,10 +81,11 @@ class PairEvaluator:
         distances: bool = False,
         reprojection: str | None = None,
         radiance: tuple[str, ...] | None = None,
+        absent: bool = False,
     ):
         """``images``: write mask and motion images too; ``distances``: and the distances of every pixel.
 
-        ``reprojection``, ``radiance``: None: the source's.
+        ``reprojection``, ``radiance``: None: the source's; ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.
         """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
@@ -98,6 +99,8 @@ class PairEvaluator:
             settings,
             reprojection=reprojection,
             radiance=radiance,
+            cuts=absent or None,
+            absent=absent,
             write_mask=images,
             write_motion=images,
             write_distances=distances,

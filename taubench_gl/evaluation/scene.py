@@ -112,7 +112,7 @@ def open_scene(
     frames = frame_range(scene, camera, settings)
     if settings.metrics.history != "frame":
         other_eye(scene, camera, settings)  # says what is wrong with it before anything is metered or drawn
-    animated = AnimatedScene(scene, camera, poser)
+    animated = AnimatedScene(scene, camera, poser).at_rate(settings.sequence.fps)
     lighting = resolve_lighting(scene, settings, camera, owner)
     settings = lighting.settings
     if not (sampled and decides_light(settings)):
