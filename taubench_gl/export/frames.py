@@ -87,7 +87,7 @@ class FrameSource(GpuOwner):
     ):
         """``jitter``: as in ``ExportOptions``; ``buffered``: as in ``ChannelReader``."""
         super().__init__(gpu)
-        self._animated = animated
+        self._animated = animated = animated.at_rate(settings.sequence.fps)
         self._count = frame_total(animated.scene, animated.camera, settings)
         self._reader = self.own(ChannelReader(gpu, buffered=buffered))
         self._jitter = halton_jitter if jitter == "halton" else None
