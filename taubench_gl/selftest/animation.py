@@ -6,6 +6,7 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, curves
+from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, field, scalar, worst
@@ -171,17 +172,18 @@ def denormal_step(bench: Bench) -> Outcome:
 
 @case(
     "step-on-its-key",
-    description="STEP keys at 0, 1, 2 s, sampled at each key and one ulp before it",
+    description="STEP keys at 0, 1, 2 s, sampled at each key, one ulp and a tenth of a frame before it",
     elsewhere="a search on the wrong side returns the previous value at a key",
-    here="a key holds from its time on",
+    here="a key holds from its time on; times within a hundredth of a frame are the key's",
     source="exact: the values of the keys",
 )
 def step_on_its_key(bench: Bench) -> Outcome:
     channel = _channel("translation", [0, 1, 2], [[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]], "STEP")
-    times = [0.0, np.nextafter(1.0, 0.0), 1.0, np.nextafter(2.0, 0.0), 2.0, 3.0]
+    tenth = 0.1 / DEFAULT_FPS
+    times = [0.0, 1.0 - tenth, np.nextafter(1.0, 0.0), 1.0, 2.0 - tenth, np.nextafter(2.0, 0.0), 2.0, 3.0]
     measured = [curves.sample_channel(channel, t)[0] for t in times]
     left = [float(max(np.searchsorted([0, 1, 2], t, side="left") - 1, 0)) for t in times]
-    expected = [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]
+    expected = [0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
     off, naive = worst(np.subtract(measured, expected)), worst(np.subtract(left, expected))
     searched = Naive("search from the left", str(left), naive)
     return Outcome(str(expected), str([float(m) for m in measured]), off, searched)
