@@ -193,7 +193,7 @@ def describe(scene: Any, fps: float) -> dict[str, Any]:
     from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
     from taubench_gl.settings import Settings
 
-    poser, camera = Poser(scene), choose_camera(scene)
+    poser, camera = Poser(scene, fps), choose_camera(scene)
     times = [i / fps for i in range(Settings(fps=fps).sequence.frame_count(scene.duration))]
     views = [camera.view_at(poser.sample(t)) for t in times]
     activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))

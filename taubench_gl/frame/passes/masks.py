@@ -57,6 +57,7 @@ class MaskOptions:
     radiance: tuple[str, ...] = ()  # of LIGHT_FEATURES
     others: tuple[str, ...] = ()  # of OTHERS
     cuts: bool = False  # channel ``ids`` marks surfaces without history
+    absent: bool = False  # and surfaces that are ABSENT in the other frame, which are CUT too
     write_mask: bool = False
     write_motion: bool = False
     write_distances: bool = False  # channels ``distances`` and ``changes`` of masks.comp.glsl
@@ -111,7 +112,7 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         .glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in Reason), *features)
         .glsl(f"#define VALUES {len(options.values)}", f"#define EACH_VALUE {_each_value(options.values)}")
         .glsl(*(f"const int VALUE_{f.name.upper()} = {i};" for i, f in enumerate(options.values)))
-        .glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
+        .glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY | conventions.ABSENT * options.absent}u;")
         .glsl(f"const int HISTOGRAM_BINS = {HISTOGRAM_BINS}, HISTOGRAM_MANTISSA_BITS = {HISTOGRAM_MANTISSA_BITS};")
         .glsl(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
         .constants("parameters", REPROJECTION, lambda record: record)
