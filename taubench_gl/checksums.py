@@ -76,3 +76,11 @@ def without_checksums(values: dict[str, Any], path: Path, rows: Path | None = No
         message = f"is not the file that belongs to {path.name}: its rows were changed"
         raise OutputError(message, where=str(rows), hint=hint)
     return out, [name for name in stored.files if not (path.parent / name).is_file()]
+
+
+def stored_files(values: Mapping[str, Any]) -> list[str]:
+    """Names of the further files of a run in the block ``stored``; none without a right block."""
+    try:
+        return msgspec.convert(values.get(KEY) or {}, _Stored).files
+    except msgspec.ValidationError:
+        return []

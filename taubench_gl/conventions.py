@@ -7,16 +7,41 @@ Rows       row 0 is the top in every array that leaves ``gpu``; GL memory is bot
 Motion     previous - current, pixels, +x right; +y up in GL memory and down in every array that leaves ``gpu``.
 Depth      reversed Z in [0, 1] for the depth test; ``position.w`` is planar view depth in scene units, 0 = no surface.
 Time       frame i is at t = i / fps; a pair is (i-1, i); N frames give N-1 pairs; every mean is over pairs.
+Keys       a curve asked for a time within KEY_TOLERANCE of a key is sampled at the key; of two keys at one time the
+           earlier ends what is before and the later begins what follows; before its first key it has that value.
 """
 
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 SUMMARY_SCHEMA = "taubench-gl/summary/2"
 
+DEFINITIONS = 3
+"""Raised whenever a number can change for the same input and settings (docs/changes-of-numbers.md).
+
+Stored results without it are of definition 1.  Results of two values are never compared, merged, resumed or read from a
+cache without a word.
+"""
+
+MIXED = "evaluate again what an older version measured (docs/changes-of-numbers.md)"
+"""What to do where results of two ``DEFINITIONS`` meet."""
+
+
+def mixed_definitions(summaries: Iterable[Mapping[str, Any]]) -> str | None:
+    """What is wrong where results with these ``provenance`` blocks are of several ``DEFINITIONS``; None if of one."""
+    values = sorted({str((s.get("provenance") or {}).get("definitions", 1)) for s in summaries})
+    return f"numbers of definitions {' and '.join(values)} are not comparable" if len(values) > 1 else None
+
+
 DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""
+
+KEY_TOLERANCE = 0.01
+"""Distance to a key, in frame intervals of the run, within which a curve is sampled at the key; one float32 step where
+that is more, and never beyond the middle between two keys (``animation.curves.time_on_key``)."""
 
 GUARD_PX = 1.0 / 256.0
 """Guard band of the off-screen test: a still pixel lies exactly on Eq. (3)'s boundary, and rounding must not move it
@@ -83,6 +108,9 @@ CHANGED_LIGHT = Visibility.BRIGHTENED | Visibility.DARKENED | Visibility.VIEW_DE
 
 NO_HISTORY = 1 << 31
 """Bit of the second component of ``ids``: the surface replaced another one in this frame, so its pixels are CUT."""
+
+ABSENT = 1 << 30
+"""Bit of the second component of ``ids`` in exports: the surface is hidden or scaled to zero in the other frame."""
 
 FRUSTUM = Reason.BEHIND | Reason.OUTSIDE
 NOT_COMPARABLE = Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM

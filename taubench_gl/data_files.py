@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import json
 import math
 import os
@@ -17,7 +18,7 @@ import stat
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -61,10 +62,11 @@ def opened(
     links: bool = True,
     where: str | None = None,
 ) -> BinaryIO:
-    """A regular file of at most ``max_bytes``, open for reading.  Raises ``fault``; pipes and devices are not opened.
+    """A regular file of at most ``max_bytes``, open for reading.  Raises ``fault``, also when the file is read.
 
-    ``links``: follow a link in the place of the file; False in output folders, where others may have put it.  Libraries
-    that open files by name get ``by_descriptor``.  ``where``: what refers to the file, by default the file itself.
+    Pipes and devices are not opened.  ``links``: follow a link in the place of the file; False in output folders, where
+    others may have put it.  Libraries that open files by name get ``by_descriptor``.  ``where``: what refers to the
+    file, by default the file itself.
     """
     where = where or str(path)
     follow = 0 if links else os.O_NOFOLLOW
@@ -84,7 +86,27 @@ def opened(
     if problem is not None:
         os.close(descriptor)
         raise fault(problem, where=where)
-    return open(descriptor, "rb")
+    return io.BufferedReader(_Readable(descriptor, fault, where))
+
+
+class _Readable(io.FileIO):
+    """An open file whose system errors, as of a failing disk, are ``fault``."""
+
+    def __init__(self, descriptor: int, fault: Fault, where: str):
+        super().__init__(descriptor)
+        self._fault, self._where = fault, where
+
+    def readinto(self, buffer: Any) -> int:
+        return self._read(super().readinto, buffer)
+
+    def readall(self) -> bytes:
+        return self._read(super().readall)
+
+    def _read(self, read: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return read(*arguments)
+        except OSError as error:
+            raise self._fault(f"cannot be read: {error.strerror}", where=self._where) from None
 
 
 def by_descriptor(file: BinaryIO) -> str:
@@ -102,13 +124,10 @@ def read_bytes(
 ) -> bytes:
     """The content of a file that ``opened`` opens.  Raises ``fault``, also for one that grows beyond ``max_bytes``."""
     with opened(path, fault, max_bytes=max_bytes, links=links, where=where) as file:
-        try:
-            data = file.read(os.fstat(file.fileno()).st_size)
-            # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
-            while len(data) <= max_bytes and (block := file.read(_BLOCK)):
-                data += block
-        except OSError as error:
-            raise fault(f"cannot be read: {error.strerror}", where=where or str(path)) from None
+        data = file.read(os.fstat(file.fileno()).st_size)
+        # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
+        while len(data) <= max_bytes and (more := file.read(_BLOCK)):
+            data += more
     if len(data) > max_bytes:
         raise fault(f"is larger than {shown_bytes(max_bytes)}", where=where or str(path))
     return data
@@ -132,11 +151,8 @@ def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> 
     """Add the bytes of a file to ``digest``, by default a new SHA-256, which is returned.  Raises ``fault``."""
     digest = hashlib.sha256() if digest is None else digest
     with opened(path, fault) as file:
-        try:
-            while block := file.read(1 << 20):
-                digest.update(block)
-        except OSError as error:
-            raise fault(f"cannot be read: {error.strerror}", where=str(path)) from None
+        while block := file.read(1 << 20):
+            digest.update(block)
     return digest
 
 

@@ -15,6 +15,7 @@ import inspect
 import math
 import os
 import re
+import types
 import typing
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -117,9 +118,14 @@ class Setting:
         return re.split("[/|]", self.flag)[0] or f"--{self.name.replace('_', '-')}"
 
     @property
+    def kinds(self) -> tuple[Any, ...]:
+        """The alternatives of a union, else the type alone.  Types of a sequence's elements are not among them."""
+        return typing.get_args(self.kind) if isinstance(self.kind, types.UnionType) else (self.kind,)
+
+    @property
     def optional(self) -> bool:
         """Whether the value may be None."""
-        return type(None) in typing.get_args(self.kind)
+        return type(None) in self.kinds
 
     @property
     def default_text(self) -> str:
@@ -140,20 +146,22 @@ class Setting:
 
         ``name``: of the field in messages.  Raises SettingsError.
         """
-        value, kinds = _python(value), (self.kind, *typing.get_args(self.kind))
+        value, kinds = _python(value), self.kinds
         if isinstance(value, str) and str not in kinds and (int in kinds or float in kinds):
             with contextlib.suppress(ValueError):
                 value = float(value) if float in kinds else int(value)
         if Path in kinds and isinstance(value, str | None):
             return value if value is None or str in kinds else self._path(value, name)
         if tuple[Path, ...] in kinds:
-            return tuple(self._path(element, name) for element in value)
+            return tuple(self._path(element, name) for element in ([value] if isinstance(value, str) else value))
         if self.read is not None:
             value = self.read(value)
         elif isinstance(value, str) and tuple[str, ...] in kinds:
             value = tuple(dict.fromkeys(part.strip() for part in value.split(",") if part.strip()))
             if not value:
                 raise SettingsError(f"{name or self.name} is empty", hint="leave it out", setting=self.name)
+        elif tuple[int, ...] in kinds or tuple[float, ...] in kinds:
+            value = self._numbers(value, int if tuple[int, ...] in kinds else float, name or self.name)
         return self._converted(value, name or self.name)
 
     def fault(self, value: Any, name: str = "") -> str | None:
@@ -173,6 +181,17 @@ class Setting:
         if fault is not None:
             raise SettingsError(fault, hint=self.check.hint(value) if self.check else None, setting=self.name)
         return value
+
+    def _numbers(self, value: Any, number: type[int] | type[float], name: str) -> Any:
+        """Numbers of comma-separated text, or of a sequence whose elements may be text.  Raises SettingsError."""
+        parts = value.split(",") if isinstance(value, str) else value
+        if not isinstance(parts, list | tuple):
+            return value
+        try:
+            return tuple(number(part) if isinstance(part, str) else part for part in parts)
+        except ValueError:
+            hint = f"give {self.check.text if self.check else 'integers' if number is int else 'numbers'}"
+            raise SettingsError(value_text(name, value), hint=hint, setting=self.name) from None
 
     def _path(self, value: str, name: str) -> Path:
         if not value:

@@ -41,14 +41,6 @@ REUSE_SETTINGS = (
 """Settings that evaluations of reuse methods depend on, besides those that name the scene, frames and machine."""
 
 
-def _numbers(values: Any) -> Any:
-    """Integers that ``values``, texts or numbers, spell.  Raises SettingsError."""
-    try:
-        return tuple(int(value) for value in values)
-    except (TypeError, ValueError):
-        raise SettingsError(f"{', '.join(map(str, values)):.60} is no integer", hint="give integers") from None
-
-
 @dataclass(frozen=True, slots=True)
 class PathTracedOptions(Checked):
     """How path-traced files are read, and the lobes to measure.  At most one of ``camera_file`` and ``scene_file``.
@@ -216,7 +208,7 @@ class ReuseOptions(Checked):
     )
     warmup: int = setting(1, "First frames that means and intervals leave out", at_least(1))
     cuts: tuple[int, ...] = setting(
-        (), "Frame declared to have no history; may be repeated", flag="--cut", repeats=True, read=_numbers
+        (), "Frame declared to have no history; may be repeated", flag="--cut", repeats=True
     )
 
 
@@ -270,14 +262,6 @@ class CostOptions(Checked):
     repeats: int = setting(3, "Evaluations of a configuration that takes at most 5 s, whose median counts", at_least(1))
 
 
-def _rates(values: Any) -> Any:
-    """Numbers that ``values``, texts or numbers, spell.  Raises SettingsError."""
-    try:
-        return tuple(float(value) for value in values)
-    except (TypeError, ValueError):
-        raise SettingsError(f"{', '.join(map(str, values)):.60} is no rate", hint="give numbers") from None
-
-
 def _rates_fault(name: str, rates: Any) -> str | None:
     good = rates and len(set(rates)) == len(rates) and all(0.0 < rate < math.inf for rate in rates)
     return None if good else value_text(name, rates)
@@ -308,7 +292,6 @@ class PaperOptions(Checked):
         (24.0, 60.0),
         "Rates of Table 4, one row each: the paper renders at 24 and captures at 60, comma-separated",
         Check("different numbers above 0", _rates_fault),
-        read=_rates,
         shown="24,60",
         metavar="R,...",
     )

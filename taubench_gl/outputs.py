@@ -236,6 +236,24 @@ def folder_in(out: Path, name: str) -> Path:
     return out / name
 
 
+def remove_files(out: Path, patterns: Iterable[str]) -> None:
+    """Remove files in the folder ``out`` or in folders of it, and the folders that this empties.  Raises OSError.
+
+    ``patterns``: relative names, with ``*`` for any part of the last one.  Links to folders are not followed.
+    """
+    for pattern in patterns:
+        name = Path(pattern)
+        folder = out / name.parent
+        if name.is_absolute() or ".." in name.parts or folder.is_symlink():
+            continue
+        found = list(folder.glob(name.name)) if "*" in name.name else [folder / name.name]
+        for path in found:
+            if path.is_file() or path.is_symlink():
+                path.unlink(missing_ok=True)
+        if found and folder != out:
+            remove_folders([folder])
+
+
 def make_folders(path: Path) -> list[Path]:
     """Create ``path`` and its missing parents.  -> the folders created, innermost first.  Raises OSError."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]

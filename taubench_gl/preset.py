@@ -27,12 +27,19 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
-    """Write the size, every field that differs from its default, and ``measured``.  Raises OutputError."""
+    """Write the size, every field that differs from its default, and ``measured``.  Raises OutputError.
+
+    ``measured``: with ``command``, the command line that gave it.  Camera and frames are no part of a preset.
+    """
     default = {n: v for n, v in Settings().to_dict().items() if n not in ("width", "height")}
     every = {n: v for n, v in settings.to_dict().items() if n not in SELECTING}
     values = {n: v for n, v in every.items() if n not in default or v != default[n]}
     lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]", *(f"{k} = {_toml(v)}" for k, v in values.items())]
-    lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
+    lines += [
+        "",
+        "[measured]  # for the reader, not read back; command: with scene, camera and frames",
+        *(f"{k} = {_toml(v)}" for k, v in measured.items()),
+    ]
     write_atomically(path, "\n".join(lines) + "\n")
 
 

@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import Any
 
 from taubench_gl import __version__
+from taubench_gl.conventions import DEFINITIONS
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import PACKAGE
 
@@ -19,6 +20,7 @@ def provenance(gpu: Gpu, clock: str) -> dict[str, Any]:
     """The ``provenance`` block of summary.json."""
     return {
         "version": __version__,
+        "definitions": DEFINITIONS,
         "command": shlex.join(sys.argv),
         "backend": gpu.backend,
         "renderer": gpu.renderer,

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.checksums import with_checksums, without_checksums
+from taubench_gl.checksums import stored_files, with_checksums, without_checksums
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.data_files import checked, integer, one_line, read_csv, read_json, real
 from taubench_gl.errors import OutputError
 from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
+from taubench_gl.outputs import cannot_write, csv_text, new_file, remove_files, text_bytes, write_atomically
 from taubench_gl.run_schema import (
     COUNT_COLUMNS,
     DECIDED_COLUMNS,
@@ -30,7 +30,7 @@ SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
 INTEGER_COLUMNS = frozenset(
-    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, *SAMPLED_COLUMNS, "camera_cut", "gimbal"}
+    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, SAMPLED_COLUMNS[0], "camera_cut", "gimbal"}
 )
 """Columns of frames.csv that hold integers."""
 
@@ -144,12 +144,18 @@ class Run:
         return f"<Run {self._title()}: {rates or 'nothing measured'}>"
 
 
+_WRITTEN_WITHOUT_RECORD = (
+    "report.html", "share.html", "masks/mask_*.npz", "masks/mask_*.png", "channels/channels_*.npz"
+)  # fmt: skip
+"""Files of an earlier run that no summary.json names: of ``report``, ``share`` and interrupted runs."""
+
+
 class RunWriter:
     """Writes a run pair by pair.  It is a context manager; ``with`` creates and locks the folder or raises OutputError.
 
     ``frames.csv`` grows by one whole line per evaluated pair, each written in one unbuffered call: an interrupted run
     keeps its pairs, and a run that fails before the first pair leaves no file.  ``summary.json`` is written last, to
-    a temporary file that is renamed; the summary of an earlier run is removed first: it would describe other rows.
+    a temporary file that is renamed; the files of an earlier run are removed first, so that they never show other rows.
     """
 
     def __init__(self, out: str | Path, frame_columns: Sequence[str] = FRAME_COLUMNS):
@@ -163,7 +169,7 @@ class RunWriter:
     def __enter__(self) -> RunWriter:
         self._lock.__enter__()
         try:
-            self.path(SUMMARY_FILE).unlink(missing_ok=True)
+            self._remove_earlier()
             # Unbuffered: one write call per row, so no row can be cut in two by an interrupt between flushes.
             self._file = new_file(self.path(FRAMES_FILE))
             self._begun = True
@@ -172,6 +178,18 @@ class RunWriter:
             self._forget()
             raise cannot_write(self.out, error) from None
         return self
+
+    def _remove_earlier(self) -> None:
+        """Remove summary.json of an earlier run and what it, ``report`` and ``share`` wrote beside.  Raises OSError.
+
+        This run may not write these files, and they would show other pairs.  Files of others are kept.
+        """
+        summary = self.path(SUMMARY_FILE)
+        with contextlib.suppress(OutputError):
+            names = stored_files(read_json(summary, dict[str, Any]))
+            remove_files(self.out, names)
+        summary.unlink(missing_ok=True)
+        remove_files(self.out, _WRITTEN_WITHOUT_RECORD)
 
     def __exit__(self, *exc: Any) -> None:
         begun = self._file is not None

@@ -40,8 +40,8 @@ those traced to the limit although they were decided, and those found wrong by t
 frames."""
 
 SAMPLED_COLUMNS = ("sampled", *(f"sampled_{f.name}" for f in BY_BIT if f.light))
-"""More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards; the
-other columns are the preview's."""
+"""More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards, an
+undecided pixel by its weight, so that the sum can be a fraction; the other columns are the preview's."""
 
 
 def _block(name: str, base: type[Struct] | None = None, /, **kinds: Any) -> Any:
@@ -98,7 +98,7 @@ Timing = _block(
 )  # fmt: skip
 Provenance = _block("Provenance", **dict.fromkeys(
     ("version", "command", "backend", "renderer", "driver", "clock", "git"), str
-))  # fmt: skip
+), definitions=int)  # fmt: skip
 Summary = _block(
     "Summary", pairs=float, scene=SceneFacts, settings=RunSettings, lighting=dict[str, str | None],
     reusable=Reusable, discard=Columns, noise_floor=Columns, exact=Exact, census=Census, camera=CameraFacts,

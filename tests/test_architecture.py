@@ -19,7 +19,7 @@ PACKAGE = ROOT / "taubench_gl"
 LEAF = {
     "checksums", "conventions", "channels", "data_files", "errors", "features", "fields", "folder_lock", "glossary",
     "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "setting_values",
-    "settings", "srgb",
+    "settings", "srgb", "stage_log",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -10,9 +11,21 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from taubench_gl.data_files import MAX_DEPTH, parse_json, parse_toml, read_bytes, read_csv, read_json, read_toml
+from taubench_gl.data_files import (
+    MAX_DEPTH,
+    hashed,
+    opened,
+    parse_json,
+    parse_toml,
+    read_bytes,
+    read_csv,
+    read_json,
+    read_toml,
+    stored_arrays,
+)
 from taubench_gl.errors import OutputError, SceneError, SettingsError, printable
 from taubench_gl.outputs import _process_space, csv_text
+from taubench_gl.scene import load_scene
 
 DEEP = 100_000
 BAD_JSON = {
@@ -137,3 +150,25 @@ def test_files_of_the_system_are_read():
         if Path(path).exists():
             assert len(read_bytes(path)) > 30
     assert re.fullmatch("-[0-9a-f]{8}", _process_space())
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/mem"), reason="needs a file that fails when it is read")
+def test_a_file_that_fails_when_it_is_read_is_the_callers_error(tmp_path):
+    """Byte 0 of a process's memory is an input error (EIO): all ways to read give one line with the file's name."""
+    for name in ("a.glb", "a.obj", "a.json", "a.npz", "a.png"):
+        os.symlink("/proc/self/mem", tmp_path / name)
+    with opened(tmp_path / "a.glb", SceneError) as file:
+        for read in (lambda: file.read(4), file.read):
+            with pytest.raises(SceneError) as caught:
+                read()
+            assert caught.value.where == str(tmp_path / "a.glb") and os.strerror(errno.EIO) in caught.value.what
+    for load, fault in (
+        (lambda: load_scene(tmp_path / "a.glb"), SceneError),
+        (lambda: load_scene(tmp_path / "a.obj"), SceneError),
+        (lambda: read_json(tmp_path / "a.json"), OutputError),
+        (lambda: hashed(tmp_path / "a.json"), OutputError),
+        (lambda: stored_arrays(tmp_path / "a.npz").__enter__(), OutputError),
+    ):
+        with pytest.raises(fault) as caught:
+            load()
+        assert os.strerror(errno.EIO) in str(caught.value)

@@ -59,7 +59,10 @@ void main() {
     }
     out_tangent[4u * at + 3u] = tangent.w * job.mirror;
 #if HAS_PREVIOUS
-    vec3 q = transform_point(blend(job, vertex, job.prev_palette), previous);
+    Affine before = blend(job, vertex, job.prev_palette);
+    vec3 q = transform_point(before, previous);
+    bool point = before.x.xyz == vec3(0.0) && before.y.xyz == vec3(0.0) && before.z.xyz == vec3(0.0);
+    if (point && job.collapsed != 0u) q = vec3(uintBitsToFloat(0x7f800000u)); // infinite: INVALID in the mask
     for (uint c = 0u; c < 3u; ++c) out_previous[3u * at + c] = q[c];
 #endif
 }

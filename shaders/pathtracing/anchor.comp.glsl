@@ -23,7 +23,7 @@ void main() {
     vec4 p = position_at(pixel_of(local));
     vec3 start = p.xyz;
 #if DIELECTRICS
-    Dielectric lobe = dielectric_at(HIT_MATERIAL_TEXELS * (ids_at(pixel_of(local)).y & ~NO_HISTORY), false, vec4(0.0), false);
+    Dielectric lobe = dielectric_at(HIT_MATERIAL_TEXELS * (ids_at(pixel_of(local)).y & ~MARKS), false, vec4(0.0), false);
 #endif
     if (p.w > 0.0) {
         vec3 to_viewer = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);

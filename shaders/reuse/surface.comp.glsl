@@ -29,7 +29,7 @@ void main() {
     imageStore(specular_albedo_out, pixel, vec4(max(specular, vec3(MIN_ALBEDO)), 1.0));
 #endif
 #if WRITE_REACTIVE
-    uint index = texelFetch(ids, pixel, 0).y & 0x7fffffffu; // material + 1; the highest bit marks a cut
+    uint index = texelFetch(ids, pixel, 0).y & 0x3fffffffu; // material + 1; the two highest bits mark a cut
     bool is_blended = p.w > 0.0 && blended[index] != 0u;
     imageStore(reactive_out, pixel, vec4(is_blended ? min(color.a, MAX_REACTIVE) : 0.0));
 #endif

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.conventions import DEFAULT_FPS, KEY_TOLERANCE
 from taubench_gl.scene.model import Channel
 
 Array = np.ndarray
@@ -24,6 +25,9 @@ STEP, LINEAR, CUBICSPLINE = "STEP", "LINEAR", "CUBICSPLINE"
 NLERP_BELOW = 1e-6
 """Angle in radians below which slerp becomes normalized lerp.  Both differ by about angle^3 / 16 there, less than
 1e-16, and lerp does not divide by sin(angle)."""
+
+LARGEST_KEY = float(np.finfo(np.float32).max)
+"""Seconds; files hold keys as float32."""
 
 HALF_TURN = 1e-12
 """Quaternions with a smaller absolute dot product are 180 degrees apart, and both arcs are equally short.  Such a pair
@@ -69,11 +73,39 @@ def hermite(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) 
     return v0 + (3 * u2 - 2 * u3) * (v1 - v0) + dt * ((u3 - 2 * u2 + u) * out0 + (u3 - u2) * in1)
 
 
-def segment(times: Array, t: float) -> tuple[int, int, float, float]:
+def key_tolerance(t: float, fps: float) -> float:
+    """Seconds around ``t`` in which a key is taken for a key at ``t``: of KEY_TOLERANCE frames and a float32 step, the
+    larger."""
+    return max(KEY_TOLERANCE / fps, float(np.spacing(np.float32(min(abs(t), 0.5 * LARGEST_KEY)))))
+
+
+def time_on_key(t: float, before: Array, after: Array, fps: float) -> Array:
+    """Times at which curves are sampled where ``t`` is asked for: that of the nearer key within the tolerance, else t.
+
+    ``before``, ``after`` (...): the key times around ``t``, ``before`` <= t < ``after``, infinite where there is none;
+    ``fps``: rate of the run.  Files hold n / fps as float32, which lies beside the time of frame n.  Keys keep their
+    order, however close they are: ``t`` never passes the middle between them.
+    """
+    finite = min(max(t, -LARGEST_KEY), LARGEST_KEY)
+    early, late = finite - before, after - finite
+    near = np.minimum(early, late) <= key_tolerance(t, fps)
+    return np.where(near, np.where(late < early, after, before), t)
+
+
+def segment(
+    times: Array, t: float, fps: float = DEFAULT_FPS, resampled: Array | None = None
+) -> tuple[int, int, float, float]:
     """The keys around ``t``: (i, j, u, dt) with u in [0, 1].  Outside the keys i == j, u == 0 and dt == 0.
 
-    ``times`` (K,) float64, strictly increasing, K >= 1.
+    ``times`` (K,) float64, in order, K >= 1.  Of keys at one time, the last begins what follows and holds at that time,
+    and the first ends what is before.  ``resampled``: as in ``Channel``; ``t`` does not move to such a key.
     """
+    own = np.ones(len(times), dtype=bool) if resampled is None else ~resampled
+    bounds = np.concatenate([[-np.inf], times, [np.inf]])
+    key = int(np.searchsorted(times, t, side="right"))
+    before = bounds[key] if key > 0 and own[key - 1] else -np.inf
+    after = bounds[key + 1] if key < len(times) and own[key] else np.inf
+    t = float(time_on_key(t, before, after, fps))
     i = int(np.searchsorted(times, t, side="right")) - 1
     if i < 0 or i >= len(times) - 1:
         i = min(max(i, 0), len(times) - 1)
@@ -113,15 +145,25 @@ def is_rotation(channel: Channel) -> bool:
     return channel.target == "node" and channel.path == "rotation"
 
 
-def sample_channel(channel: Channel, t: float) -> Array:
+def varies(channel: Channel) -> bool:
+    """Whether the channel's value changes between any two times."""
+    values = channel.values
+    if len(values) < 2:
+        return False
+    if channel.interpolation == CUBICSPLINE:
+        return bool(np.any(values[:, 1] != values[:1, 1]) or np.any(values[:, [0, 2]]))
+    return bool(np.any(values != values[:1]))
+
+
+def sample_channel(channel: Channel, t: float, fps: float = DEFAULT_FPS) -> Array:
     """Value of one channel at ``t`` seconds, clamped to the first and last key.  -> (n,) float64.
 
-    Rotations are unit quaternions xyzw.  Finite for all keys that fit a float32, at any distance in time.  Scalar
-    reference for ``Timeline``.
+    ``fps``: rate of the run, for ``time_on_key``.  Rotations are unit quaternions xyzw.  Finite for all keys that fit a
+    float32, at any distance in time.  Scalar reference for ``Timeline``.
     """
     times = np.asarray(channel.times, dtype=np.float64)
     keys = prepare_keys(channel)
-    i, j, u, dt = segment(times, t)
+    i, j, u, dt = segment(times, t, fps, channel.resampled)
     interpolation = STEP if channel.path == "visible" else channel.interpolation
     first, second = keys[i : i + 1], keys[j : j + 1]
     if channel.path == "visible" and keys.ndim == 3:
@@ -156,19 +198,24 @@ class Timeline:
     """Channels of a scene, prepared for sampling without a loop over channels.
 
     A game capture has thousands of channels (32 armatures x 52 bones x 3 paths).  Sampling is a pure function of
-    (channels, t).  Of several channels on one property the last one applies.  ``visible`` is always STEP.
+    (channels, fps, t).  Of several channels on one property the last one applies.  ``visible`` is always STEP.
     """
 
-    def __init__(self, channels: Iterable[Channel]):
+    def __init__(self, channels: Iterable[Channel], fps: float = DEFAULT_FPS):
+        """``fps``: rate of the run, for ``time_on_key``."""
+        self.fps = fps
         last = {(c.target, c.index, c.path): c for c in channels}
         clocks: dict[bytes, int] = {}
         times: list[Array] = []
+        of_file: list[Array] = []
         groups: dict[tuple[str, str, str, int], list[tuple[Channel, Array, int]]] = {}
         for channel in last.values():
             key_times = np.ascontiguousarray(channel.times, dtype=np.float64)
-            clock = clocks.setdefault(key_times.tobytes(), len(clocks))
+            own = np.ones(len(key_times), bool) if channel.resampled is None else ~channel.resampled
+            clock = clocks.setdefault(key_times.tobytes() + own.tobytes(), len(clocks))
             if clock == len(times):
                 times.append(key_times)
+                of_file.append(own)
             keys = prepare_keys(channel)
             interpolation = channel.interpolation
             if channel.path == "visible":
@@ -178,6 +225,10 @@ class Timeline:
         self._times = np.concatenate(times) if times else np.zeros(0)
         self._count = np.array([len(t) for t in times], dtype=np.int64)
         self._start = np.cumsum(self._count) - self._count
+        # Of keys at one time, the last: (sum K,) index within its time array.
+        lasts = [np.searchsorted(t, t, side="right") - 1 for t in times]
+        self._last = np.concatenate(lasts) if lasts else np.zeros(0, dtype=np.int64)
+        self._of_file = np.concatenate(of_file) if of_file else np.zeros(0, dtype=bool)
         self.tracks = tuple(_track(name, members) for name, members in groups.items())
 
     def sample(self, t: float) -> list[tuple[Track, Array]]:
@@ -204,13 +255,18 @@ class Timeline:
             at_or_before = self._times[self._start + np.minimum(middle, self._count - 1)] <= t
             low = np.where(open_ & at_or_before, middle + 1, low)
             high = np.where(open_ & ~at_or_before, middle, high)
-        key = low - 1
+        key, last = low - 1, self._count - 1
+        this_key, next_key = self._start + np.maximum(key, 0), self._start + np.minimum(low, last)
+        before = np.where((key >= 0) & self._of_file[this_key], self._times[this_key], -np.inf)
+        later = np.where((low <= last) & self._of_file[next_key], self._times[next_key], np.inf)
+        at = time_on_key(t, before, later, self.fps)
+        key = np.where(at == later, self._last[next_key], key)
         inside = (key >= 0) & (key < self._count - 1)
         first = np.clip(key, 0, self._count - 1)
         second = np.where(inside, first + 1, first)
         t0, t1 = self._times[self._start + first], self._times[self._start + second]
         dt = t1 - t0
-        u = np.where(inside, (t - t0) / np.where(inside, dt, 1.0), 0.0)
+        u = np.where(inside, (at - t0) / np.where(inside, dt, 1.0), 0.0)
         return first, second, u, dt
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation.curves import Timeline
 from taubench_gl.animation.state import FrameState
+from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Camera, Light, Primitive, Scene
 
@@ -22,11 +23,14 @@ LARGEST = 1e18
 
 
 class Poser:
-    """Samples one scene at many times.  Contains only data derived from the scene."""
+    """Samples one scene at many times.  Contains only data derived from the scene.
 
-    def __init__(self, scene: Scene):
-        self.scene = scene
-        self.timeline = Timeline(scene.channels)
+    ``fps``: rate of the run; a time within the tolerance of a key is the key's time (``curves.time_on_key``).
+    """
+
+    def __init__(self, scene: Scene, fps: float = DEFAULT_FPS):
+        self.scene, self.fps = scene, fps
+        self.timeline = Timeline(scene.channels, fps)
         nodes = scene.nodes
         self._levels = nodes.levels()
         self._fixed = np.flatnonzero(nodes.has_matrix)
@@ -41,7 +45,7 @@ class Poser:
         return self.scene.duration
 
     def sample(self, t: float) -> FrameState:
-        """The scene at ``t`` seconds, a pure function of (scene, t).  Raises SceneError for huge transforms."""
+        """The scene at ``t`` seconds, a pure function of (scene, fps, t).  Raises SceneError for huge transforms."""
         nodes = self.scene.nodes
         values = {
             "translation": np.array(nodes.translation, dtype=np.float64),
@@ -95,9 +99,19 @@ class Poser:
         )
 
 
-def sample(scene: Scene, t: float) -> FrameState:
-    """``Poser(scene).sample(t)``.  For several times, create one ``Poser``."""
-    return Poser(scene).sample(t)
+def sample(scene: Scene, t: float, fps: float = DEFAULT_FPS) -> FrameState:
+    """``Poser(scene, fps).sample(t)``.  For several times, create one ``Poser``."""
+    return Poser(scene, fps).sample(t)
+
+
+def present_nodes(scene: Scene, state: FrameState) -> Array:
+    """Nodes that are there: visible and not scaled to zero, nor all joints of their skin.  -> (N,) bool."""
+    sized = np.any(state.world[:, :3, :3] != 0.0, axis=(1, 2))
+    out = state.visible & sized
+    skinned = scene.mesh_nodes[scene.nodes.skin[scene.mesh_nodes] >= 0]
+    of_skin = np.array([bool(sized[skin.joints].any()) for skin in scene.skins], dtype=bool)
+    out[skinned] = state.visible[skinned] & of_skin[scene.nodes.skin[skinned]]
+    return out
 
 
 def skin_matrices(scene: Scene, state: FrameState, skin: int) -> Array:

@@ -15,7 +15,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class FrameState:
-    """A scene at ``time``: a pure function of (scene, time), independent of earlier frames."""
+    """A scene at ``time``: a pure function of (scene, rate, time), independent of earlier frames."""
 
     time: float  # seconds
     world: Array  # (N, 4, 4) float64 world_from_node

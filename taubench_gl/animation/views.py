@@ -10,10 +10,11 @@ import numpy as np
 from pyrr import matrix44
 
 from taubench_gl import math3d
+from taubench_gl.animation.curves import varies
 from taubench_gl.animation.pose import Poser, is_skinned, pose_once
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.errors import SettingsError, printable
-from taubench_gl.scene.model import Camera, Channel, Primitive, Scene
+from taubench_gl.scene.model import Camera, Primitive, Scene
 from taubench_gl.settings import SequenceSettings
 
 Array = np.ndarray
@@ -233,16 +234,7 @@ def is_still(scene: Scene, cameras: Iterable[int] = ()) -> bool:
         "camera": {int(nodes.camera[n]) for n in cameras},
         "light": {int(i) for i in nodes.light[scene.light_nodes]},
     }
-    return not any(c.index in used[c.target] and _varies(c) for c in scene.channels)
-
-
-def _varies(channel: Channel) -> bool:
-    values = channel.values
-    if len(values) < 2:
-        return False
-    if channel.interpolation == "CUBICSPLINE":
-        return bool(np.any(values[:, 1] != values[:1, 1]) or np.any(values[:, [0, 2]]))
-    return bool(np.any(values != values[:1]))
+    return not any(c.index in used[c.target] and varies(c) for c in scene.channels)
 
 
 def choose_camera(

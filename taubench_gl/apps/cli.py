@@ -164,7 +164,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
             raise
         _drop_output(sys.stdout)
         with contextlib.suppress(OSError):  # messages may go to the same disk
-            message = f"{error.filename or 'output'} cannot be written: {error.strerror}"
+            done = "read or written" if error.errno == errno.EIO else "written"
+            message = f"{error.filename or 'a file'} cannot be {done}: {error.strerror}"
             click.echo(f"taubench-gl: error: {message}", err=True)
         code = EXIT_ERROR
     sys.exit(code if isinstance(code, int) else 0)

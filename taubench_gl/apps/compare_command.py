@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from taubench_gl.apps.options import command
 from taubench_gl.apps.screen import TABLE_FORMATS, load_runs, show_tables
+from taubench_gl.conventions import MIXED, mixed_definitions
 from taubench_gl.errors import OutputError
 from taubench_gl.fields import one_of, setting
 
@@ -55,4 +57,7 @@ def _reuse_tables(folders: tuple[str, ...]) -> list[Table]:
 
     evaluations = map(load_evaluation, folders)
     named = [(evaluation.out.resolve().name, evaluation.summary) for evaluation in evaluations]
-    return [table for summary in merged_summaries(named) for table in reuse_tables(summary)]
+    tables = [table for summary in merged_summaries(named) for table in reuse_tables(summary)]
+    if mixed := mixed_definitions(summary for _, summary in named):
+        tables[0] = replace(tables[0], lead=(f"{mixed}: {MIXED}", *tables[0].lead))
+    return tables

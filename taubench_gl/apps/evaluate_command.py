@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import command, given_options, require_samples
-from taubench_gl.apps.screen import for_each_scene, interruptible, warn
+from taubench_gl.apps.options import command, given_options, require_used
+from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import setting, some_of
 from taubench_gl.glossary import COLUMNS, definitions
@@ -65,7 +65,8 @@ def evaluate(
     verbose: bool = setting(False, "Print all tables, with the paper's rows and the notes of each", group=OUTPUT),
     preset: Path | None = setting(
         None,
-        "Settings recommended by 'taubench-gl cost'; options given beside it take precedence",
+        "Settings recommended by 'taubench-gl cost', without scene, camera and frames of its study; options given "
+        "beside it take precedence",
         group=SCENE,
         short=False,
         metavar="FILE",
@@ -111,17 +112,25 @@ def with_preset(settings: Settings, file: Path | None) -> Settings:
     if "thresholds" in values:
         changed["thresholds"] = values["thresholds"] | click.get_current_context().params["thresholds"]
     settings = settings.replace(**changed)
-    require_samples(settings)
+    require_used(settings)
+    if not by_user & {"frames", "camera"}:
+        note(f"preset {file}: its settings, with camera and frames of this command; [measured] has those of its study")
     return settings
 
 
 def _require_used(scenes: Sequence[str], path_traced: PathTracedOptions) -> None:
-    """Check that no option was given that path-traced files ignore: they have their own size and camera.
+    """Check that no option was given that all ``scenes`` ignore: path-traced files have their own size and camera.
 
-    With a rasterized scene among ``scenes`` such an option applies to that scene.  Raises SettingsError.
+    Options for path-traced files do not concern rasterized scenes beside them, nor the other way around.  Raises
+    SettingsError.
     """
     from taubench_gl.pathtraced.sequence import is_sequence
 
+    if not any(is_sequence(scene) for scene in scenes):
+        for name in ("camera_file", "scene_file", "mapping", "layer", "second_seed"):
+            if getattr(path_traced, name):
+                message = f"--{name.replace('_', '-')} is for path-traced files"
+                raise SettingsError(message, where=scenes[0], hint="give them as exr:DIR")
     if not all(is_sequence(scene) for scene in scenes):
         return
     by_user = given_options(("size", "camera"))
@@ -145,10 +154,6 @@ def _evaluate_one(scene: str, settings: Settings, path_traced: PathTracedOptions
         more["path_traced"] = path_traced
     else:
         more["lobes"] = path_traced.lobes
-        for name in ("camera_file", "scene_file", "mapping", "layer", "second_seed"):
-            if getattr(path_traced, name):
-                message = f"--{name.replace('_', '-')} is for path-traced files"
-                raise SettingsError(message, where=scene, hint="give them as exr:DIR")
     with ProgressBar(scene) as progress:
         run = evaluate_scene(scene, settings, progress=progress, **more)
     if not run.summary["pairs"]:

@@ -59,7 +59,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.frame.plan import effect_costs, frame_spec
     from taubench_gl.frame.spec import AnimatedScene
 
-    poser, camera = Poser(scene), camera_of_run(scene, settings.sequence)
+    poser, camera = Poser(scene, settings.sequence.fps), camera_of_run(scene, settings.sequence)
     frames = frame_total(scene, camera, settings)
     inspected = min(frames, MAX_INSPECTED)
     inspected_frames = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))

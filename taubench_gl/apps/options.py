@@ -17,7 +17,20 @@ from click.shell_completion import CompletionItem
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import NO_OPTION, REQUIRED, Setting, declared, setting
 from taubench_gl.memory_budget import VARIABLE, parse_bytes
-from taubench_gl.settings import FILES, GROUPS, KEYS, LIGHT, MACHINE, MASKS, OUTPUT, PICTURE, SCENE, Settings
+from taubench_gl.settings import (
+    FIELDS,
+    FILES,
+    GROUPS,
+    KEYS,
+    LIGHT,
+    MACHINE,
+    MASKS,
+    OUTPUT,
+    PICTURE,
+    SCENE,
+    STEREO,
+    Settings,
+)
 
 HEADINGS = ("", OUTPUT, SCENE, PICTURE, MASKS, LIGHT, FILES, MACHINE)
 """Groups of options in the complete help, in order; the first are the command's own."""
@@ -84,7 +97,7 @@ class Option(click.Option):
 
     def __init__(self, field: Setting):
         self.field = field
-        self.switch = bool in (field.kind, *typing.get_args(field.kind))
+        self.switch = bool in field.kinds
         kind: dict[str, Any] = {"is_flag": True} if self.switch else {"type": _Text(field), "multiple": field.repeats}
         if field.default is REQUIRED:
             kind["required"] = True
@@ -155,7 +168,7 @@ class Part:
         picked = {name: values.pop(name) for name in self.fields}
         settings = self.kind(**{name: value for name, value in picked.items() if name in names})
         if self.kind is Settings:
-            require_samples(settings)
+            require_used(settings)
         return settings
 
 
@@ -190,11 +203,17 @@ def part(
     return Part(kind, fields, frozenset(defaults))
 
 
-def require_samples(settings: Settings) -> None:
-    """Raises SettingsError for ``--spp`` with light of the raster method, which has no samples."""
+def require_used(settings: Settings) -> None:
+    """Raises SettingsError for a given option that the others make useless: ``--spp`` with light of the raster method,
+    options of the other eye with history ``frame``."""
     if settings.lighting.light == "raster" and given_options({"spp"}):
         message = f"spp is {settings.lighting.spp} and light is raster, which has no samples"
         raise SettingsError(message, hint="leave --spp out, or give --light path-traced", setting="spp")
+    given = given_options(STEREO[1:]) if settings.metrics.history == "frame" else ()
+    for name in sorted(given):
+        option = FIELDS[name].option
+        hint = f"leave {option} out, or give --history eye or both"
+        raise SettingsError(f"{option} has no effect: history is frame", hint=hint, setting=name)
 
 
 class Command(click.Command):

@@ -22,8 +22,8 @@ from taubench_gl.settings import FIXED_LIGHTING, OUTPUT, Settings
 def reference() -> None:
     """Path-traced reference images: render them, compare runs with them; 'taubench-gl check' checks their conventions.
 
-    'reuse evaluate --reference path-traced@M' and 'export --reference-spp M' trace references themselves and store them
-    in the cache folder (TAUBENCH_CACHE); 'list' and 'clear' are for those.
+    'reuse evaluate' and 'export' with --reference path-traced@M trace references themselves and store them in the
+    cache folder (TAUBENCH_CACHE); 'list' and 'clear' are for those.
     """
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from taubench_gl.apps.options import command
+from taubench_gl.apps.screen import note
 from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import OutputError
 from taubench_gl.fields import at_least, setting
@@ -53,6 +54,8 @@ def report(
         _echo_written(_reuse_page(runs, out, images))
         return
     loaded = load_runs(runs)
+    for run in loaded:
+        _note_lost_images(run.out)
     if out is None:
         out = loaded[0].out / REPORT_FILE if len(loaded) == 1 else Path(REPORT_FILE)
     path = write_html_report([ReportRun(run.summary, run.frames, run.out) for run in loaded], out, images)
@@ -86,6 +89,7 @@ def share(
     (loaded,) = load_runs([run])
     if why := stored_frames(loaded.out)[1]:
         raise OutputError(f"no images: {why}", where=run, hint="evaluate the scene again with --report")
+    _note_lost_images(loaded.out)
     shared = ReportRun(loaded.summary, loaded.frames, loaded.out)
     _echo_written(write_html_report([shared], out or loaded.out / "share.html", images=None))
 
@@ -95,7 +99,7 @@ def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:
     from taubench_gl.outputs import write_atomically
     from taubench_gl.report.page import REPORT_FILE
     from taubench_gl.report.reuse import reuse_html
-    from taubench_gl.report.reuse_frames import reuse_images
+    from taubench_gl.report.reuse_frames import NO_IMAGES, reuse_images
     from taubench_gl.reuse.stored import load_evaluation
 
     if len(runs) > 1:
@@ -105,8 +109,24 @@ def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:
     worst = evaluation.out / "side_by_side.png"
     image = read_bytes(worst) if worst.is_file() else None
     path = out or evaluation.out / REPORT_FILE
-    write_atomically(path, reuse_html(evaluation.summary, evaluation.rows, image, reuse_images(evaluation.out, images)))
+    frames = reuse_images(evaluation.out, images)
+    if frames.lost or (frames.data is None and frames.text != NO_IMAGES):
+        note(f"note: {evaluation.out}: {frames.lost or f'no images: {frames.text}'}")
+    write_atomically(path, reuse_html(evaluation.summary, evaluation.rows, image, frames))
     return path
+
+
+def _note_lost_images(folder: Path) -> None:
+    """A note on images that a run recorded and that its page cannot show."""
+    from taubench_gl.report.run_frames import NO_PLANES, NO_REPORT, stored_frames
+
+    stored, why = stored_frames(folder)
+    if stored is None and why != NO_REPORT:
+        note(f"note: {folder}: no images: {why}")
+    elif stored is not None:
+        lost = [stored.lost, stored.no_planes if stored.no_planes != NO_PLANES else ""]
+        for text in filter(None, lost):
+            note(f"note: {folder}: {text}")
 
 
 def _echo_written(path: Path) -> None:

@@ -167,8 +167,9 @@ def make(name: str, out: Path) -> None:
     """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0).
 
     It is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2 and 3) at
-    the capture rate of 60 fps.  Its geometry and its Table 4 row differ from the paper's; with path-traced light and
-    the exposure that the file records, the columns of direct and indirect light are near it.
+    60 fps, the rate of the paper's captures: the paper does not state the rate of these tables.  Its geometry and its
+    Table 4 row differ from the paper's; with path-traced light and the exposure that the file records, the columns of
+    direct and indirect light are near it.
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.datasets.stand_ins import make_stand_in
@@ -192,7 +193,7 @@ def describe(scene: Any, fps: float) -> dict[str, Any]:
     from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
     from taubench_gl.settings import Settings
 
-    poser, camera = Poser(scene), choose_camera(scene)
+    poser, camera = Poser(scene, fps), choose_camera(scene)
     times = [i / fps for i in range(Settings(fps=fps).sequence.frame_count(scene.duration))]
     views = [camera.view_at(poser.sample(t)) for t in times]
     activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))

@@ -9,9 +9,13 @@ import time
 from collections.abc import Callable
 
 from taubench_gl.apps.screen import note
+from taubench_gl.stage_log import LASTING
 
 STAGE_SECONDS = 1.0
 """A stage is printed, where no bar shows it, after so long without a line."""
+
+AGAIN_SECONDS = 10.0
+"""Work that says when it ends (``stage_log.lasting``) is printed again after so long, then after twice as long, ..."""
 
 VARIABLE = "TAUBENCH_STAGE_SECONDS"
 """Another number of seconds, for programs that read standard error."""
@@ -24,7 +28,7 @@ class Stages(logging.Handler):
     """
 
     def __init__(self) -> None:
-        super().__init__(logging.INFO)
+        super().__init__(logging.DEBUG)
         self.show: Callable[[str], None] | None = None  # of the bar that is on the terminal
         self._timer: threading.Timer | None = None
         self._said = time.monotonic()  # when the command began, then when the last line was printed
@@ -34,19 +38,41 @@ class Stages(logging.Handler):
         self._said = time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
+        lasting: bool | None = getattr(record, LASTING, None)
+        if record.levelno < logging.INFO and lasting is None:
+            return
         self.end()
+        if lasting is False:
+            return
         if self.show is not None:
             return self.show(record.getMessage())
-        line, rest = f"{record.getMessage()} ...", self._said + _patience() - time.monotonic()
+        began = time.monotonic()
+        rest = self._said + _patience() - began
+        again = AGAIN_SECONDS if lasting else None
         if rest <= 0.0:  # now: what follows may keep other threads from running
-            return self._say(line)
-        self._timer = threading.Timer(rest, self._say, (line,))
-        self._timer.daemon = True
-        self._timer.start()
+            return self._say(None, record.getMessage(), began, again)
+        self._later(rest, record.getMessage(), began, again)
 
-    def _say(self, line: str) -> None:
-        self._said = time.monotonic()
-        note(line)
+    def _later(self, seconds: float, text: str, began: float, again: float | None) -> None:
+        """Say the stage in so many seconds, unless it is over by then."""
+        timer = threading.Timer(seconds, lambda: self._say(timer, text, began, again))
+        timer.daemon = True
+        self._timer = timer
+        timer.start()
+
+    def _say(self, timer: threading.Timer | None, text: str, began: float, again: float | None) -> None:
+        """Print the stage, if ``timer`` is the last one, and again in ``again`` seconds (None: once).
+
+        ``began``: when the stage began, as ``time.monotonic``.
+        """
+        with self.lock:
+            if timer is not self._timer:  # the stage has ended meanwhile
+                return
+            self._said = time.monotonic()
+            seconds = self._said - began
+            note(f"{text} ... {seconds:.0f} s" if seconds >= AGAIN_SECONDS else f"{text} ...")
+            if again is not None:
+                self._later(again, text, began, 2.0 * again)
 
     def silence(self) -> None:
         """Show none from now on: the command says by itself how far it is."""
@@ -55,9 +81,10 @@ class Stages(logging.Handler):
 
     def end(self) -> None:
         """The stage is over."""
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer = None
+        with self.lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = None
 
 
 def _patience() -> float:
@@ -74,7 +101,7 @@ STAGES = Stages()
 def show_stages() -> None:
     """Show the stages of this process."""
     logger = logging.getLogger("taubench_gl")
-    logger.setLevel(logging.INFO)
+    logger.setLevel(logging.DEBUG)
     logger.propagate = False
     logger.addHandler(STAGES)
     STAGES.begin()

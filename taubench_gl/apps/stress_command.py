@@ -9,7 +9,7 @@ import click
 
 from taubench_gl.apps.options import GPU, command, given_options, part
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import REQUIRED, at_least, setting
+from taubench_gl.fields import REQUIRED, Check, at_least, setting, value_text
 from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
@@ -17,17 +17,10 @@ if TYPE_CHECKING:
 
 CAMERAS = ("fps", "vr", "still")
 AXES = ("translation", "yaw", "pitch", "roll")
-
-
-def _numbers(text: Any) -> Any:
-    """``M,V`` or ``M,V,MAX`` -> numbers, which MotionStats checks."""
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if not 1 <= len(numbers) <= 3:
-        raise SettingsError(f"{text!r} is not a mean and variance", hint="give them as 3.4,8.9")
-    return numbers
+_STATISTICS = Check(
+    "mean, variance and maximum such as 3.4,8.9,20; the mean is enough",
+    lambda name, numbers: None if 1 <= len(numbers) <= 3 else value_text(name, numbers),
+)
 
 
 def _count(text: Any) -> Any:
@@ -51,7 +44,7 @@ def _sweep_range(text: Any) -> Any:
 
 def _statistics(default: tuple[float, ...] | None, meaning: str) -> Any:
     """An option for mean, variance and maximum."""
-    return setting(default, meaning, read=_numbers, metavar="M,V[,MAX]", short=default is None)
+    return setting(default, meaning, _STATISTICS, metavar="M,V[,MAX]", short=default is None)
 
 
 def _moved(meaning: str) -> Any:
@@ -71,7 +64,8 @@ Examples:
 \b
 A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, meters, +Y up, quaternion
 world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
-of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3 at 60 fps.""",
+of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3, taken as of
+60 fps: the paper does not state their rate.""",
 )
 @click.argument("scene", metavar="SCENE")
 def stress(

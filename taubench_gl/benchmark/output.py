@@ -12,6 +12,7 @@ import msgspec
 from taubench_gl.benchmark.merge import SCHEMA
 from taubench_gl.benchmark.scores import HEADLINES
 from taubench_gl.checksums import with_checksums, without_checksums
+from taubench_gl.conventions import MIXED, mixed_definitions
 from taubench_gl.data_files import one_line, read_bytes, read_json
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import write_atomically
@@ -93,12 +94,14 @@ def load_benchmark(path: str | Path) -> dict[str, Any]:
 
 
 def require_comparable(a: Summary, b: Summary) -> None:
-    """Raise OutputError for other suites, and for cases whose scenes or settings differ."""
+    """Raise OutputError for other suites, other definitions, and for cases whose scenes or settings differ."""
     if any(a["suite"][name] != b["suite"][name] for name in SAME_SUITE):
         suite_a, suite_b = (
             f"{s['suite']['version']} {s['suite']['name']} ({s['suite']['sha256'][:8]})" for s in (a, b)
         )
         raise OutputError(f"the suites are {suite_a} and {suite_b}", hint="run the same suite for both")
+    if mixed := mixed_definitions((a, b)):
+        raise OutputError(mixed, hint=MIXED)
     if set(a["cases"]) != set(b["cases"]):
         raise OutputError("the cases are not the same in both", hint=DAMAGED)
     for case, entry in a["cases"].items():

@@ -187,7 +187,9 @@ def evaluate_case(
     out["reference"] = {n: reference.get(n) for n in ("kind", "samples", "noise", "noise_mse", "noise_db")}
     out["exposure"] = summary["settings"]["exposure"]
     provenance = summary["provenance"]
-    out["provenance"] = {name: provenance[name] for name in ("version", "renderer", "driver", "git", "clock")}
+    out["provenance"] = {
+        name: provenance[name] for name in ("version", "definitions", "renderer", "driver", "git", "clock")
+    }
     return out
 
 

@@ -240,9 +240,12 @@ class CostStudy(Study):
             points.append(point)
             kept = ("cpu_seconds", "first_pair_seconds", "repeats", "columns", "sampled_light", "decided_light")
             wall = {"wall_seconds": record["seconds"]}
-            command = command_line(self._scene, c.settings(self._asked.replace(pairs=self._resolved["pairs"])))
-            rows.append(asdict(point) | wall | {name: record[name] for name in kept} | {"command": command})
+            rows.append(asdict(point) | wall | {name: record[name] for name in kept} | {"command": self._command(c)})
         return points, rows
+
+    def _command(self, configuration: Configuration) -> str:
+        """The command that evaluates the scene with ``configuration``, camera, frames and pairs of the study."""
+        return command_line(self._scene, configuration.settings(self._asked.replace(pairs=self._resolved["pairs"])))
 
     def _recommendations(self, points: Sequence[Point]) -> list[dict[str, Any]]:
         """What to use within each limit; where nothing reaches it, the nearest (``reached`` is false)."""
@@ -260,6 +263,7 @@ class CostStudy(Study):
     def _write_preset(self, use: Mapping[str, Any]) -> None:
         of = next(c for c in self.plan.compared if c.name == use["configuration"])
         measured = {"error_points": use["error"], "seconds": use["seconds"], "clock": self._request.clock}
+        measured["command"] = self._command(of)
         save_preset(self.store.out / use["preset"], of.settings(self._asked), measured)
 
 

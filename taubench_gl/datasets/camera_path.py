@@ -263,7 +263,8 @@ def add_rig(
 
 CAPTURE_FPS = 60.0
 """Capture rate of both game captures (section 4.1).  The VR row of Table 2 needs at least 317 samples, which 6 s have
-at this rate and not at the 24 fps of the paper's renders.  So the camera tables hold at 60 fps only."""
+at this rate and not at the 24 fps of the paper's renders.  So the camera tables are taken as of 60 fps; the
+paper does not state their rate."""
 
 CAPTURE_FRAMES = 361
 

@@ -1,7 +1,7 @@
 """Writes a Scene read from OBJ or AFF files as glTF, for programs that do not read these formats.
 
 Vertex animation becomes morph targets.  Visibility becomes a scale of 0 or 1 of an additional parent node, which every
-viewer supports.  Key times become float32, rounded down, so that no key is later than its frame.
+viewer supports.  Key times become float32.
 """
 
 from __future__ import annotations
@@ -108,13 +108,12 @@ def _track(channel: Channel, nodes: dict[tuple[int, str], int]) -> tuple:
 
 
 def _key_times(times: Array) -> Array:
-    """Key times as float32, rounded down, strictly increasing."""
+    """The nearest float32 of key times, strictly increasing: a key at the time of a later one moves one step down."""
     out = np.asarray(times, dtype=np.float32)
-    out = np.where(out > times, np.nextafter(out, np.float32(0)), out).astype(np.float32)
-    for i in range(1, len(out)):
-        if out[i] <= out[i - 1]:
-            out[i] = np.nextafter(out[i - 1], np.float32(np.inf))
-    return out
+    for i in range(len(out) - 2, -1, -1):
+        out[i] = min(out[i], np.nextafter(out[i + 1], np.float32(-np.inf)))
+    # Times below 0 are not allowed: what ends at 0 is never seen, and what follows begins a denormal later.
+    return np.maximum(out, np.arange(len(out), dtype=np.float32) * np.finfo(np.float32).smallest_subnormal)
 
 
 def _mesh(w: Writer, name: str, primitives: tuple[Primitive, ...], weights: Array, materials: list[int]) -> int | None:

@@ -1,8 +1,9 @@
 """Procedural stand-ins for the paper's two EternalValley scenes.
 
-A stand-in has exactly the paper's Table 1 row, and its Table 2 and 3 rows at the capture rate of 60 fps.  Its lights,
-albedos and recorded exposure give about the paper's light columns of Table 4, path-traced at 1920x1080.  Everything
-else, the geometry in particular, is original and CC0, so the rest of its Table 4 row differs from the paper's.
+A stand-in has exactly the paper's Table 1 row, and its Table 2 and 3 rows at the capture rate of 60 fps: the paper does
+not state the rate of these tables.  Its lights, albedos and recorded exposure give about the paper's light columns of
+Table 4, path-traced at 1920x1080.  Everything else, the geometry in particular, is original and CC0, so the rest of its
+Table 4 row differs from the paper's.
 """
 
 from __future__ import annotations

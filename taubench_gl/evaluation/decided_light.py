@@ -60,14 +60,16 @@ class DecidedLight:
                 out[pixels[:, 1], pixels[:, 0]] = values(decisions)
             return out
 
-        words, none = image(preview.words, lambda d: d.words), np.zeros(preview.words.shape, np.float32)
-        measured = {name: image(of, lambda d, name=name: d.distances[name]) for name, of in preview.distances.items()}
+        words, none = image(preview.words, lambda d: d.end.words), np.zeros(preview.words.shape, np.float32)
+        measured = {
+            name: image(of, lambda d, name=name: d.end.distances[name]) for name, of in preview.distances.items()
+        }
         luminance = image(pair.distances.luminance, lambda d: d.luminance)
         distances = PixelDistances({**pair.distances.features, **measured}, pair.distances.depth, luminance)
         radiance = [column for column in self._columns if column in RADIANCE_FEATURES]
         for lobe in self._lobes:
             names = {bounce: lobe_distance(bounce, lobe) for bounce in radiance}
-            of_lobe = {b: image(none, lambda d, name=name: d.distances[name]) for b, name in names.items()}
+            of_lobe = {b: image(none, lambda d, name=name: d.end.distances[name]) for b, name in names.items()}
             pair.evaluated.lobes[lobe] = _histogram(self._with_bits(words, of_lobe))
         pair.replace(words, distances, counts_of_images(words, measured, pair.evaluated.counts.histograms))
         pair.row.update(decided_counts(found))
@@ -104,7 +106,7 @@ def _histogram(words: Array) -> Array:
 def decided_counts(found: Sequence[Decisions]) -> dict[str, int]:
     """The values of DECIDED_COLUMNS for a pair whose lists of pixels have the decisions ``found``."""
     audited = [d.audited > 0.0 for d in found]
-    wrong = [a & (d.first != d.words) for a, d in zip(audited, found, strict=True)]
+    wrong = [a & (d.first.words != d.end.words) for a, d in zip(audited, found, strict=True)]
     samples = 2 * sum(int(d.samples.sum()) for d in found)
-    counted = ([d.words >= 0 for d in found], [d.undecided for d in found], audited, wrong)
+    counted = ([d.samples >= 0 for d in found], [d.undecided for d in found], audited, wrong)
     return dict(zip(DECIDED_COLUMNS, (*(sum(int(x.sum()) for x in each) for each in counted), samples), strict=True))

@@ -2,13 +2,14 @@
 
 A pixel has sample numbers of its own, the same in both frames of the pair: noise that a surface point has in both is no
 change.  Samples come in parts with independent numbers, so that their spread tells how sure a distance is.  A pixel is
-decided when its distances are clear of their thresholds; the others get twice as many samples, up to a limit.
+decided when its distances are clear of their thresholds; the others get twice as many samples, up to a limit.  What
+halves of the samples say tells how noise biases a share of undecided pixels (``metrics.sampled_light``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,8 +20,8 @@ from taubench_gl.features import FEATURE_BIT, LIGHT_FEATURES, RADIANCE_FEATURES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import blend, history_taps
-from taubench_gl.metrics.path_samples import LEAST, PARTS
-from taubench_gl.metrics.sampled_light import lobe_distance
+from taubench_gl.metrics.path_samples import HALVES, LEAST, PARTS
+from taubench_gl.metrics.sampled_light import PixelMasks, lobe_distance
 from taubench_gl.settings import MAX_BOUNCES, Settings
 from taubench_gl.srgb import LUMINANCE
 
@@ -99,20 +100,15 @@ def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, col
 
 @dataclass(frozen=True, slots=True)
 class Decisions:
-    """Of n pixels of a pair.
+    """Of n pixels of a pair."""
 
-    Pixels that were audited have the word and the distances of the limit; ``first`` is the word with which they were
-    decided, and ``audited`` the probability with which they were drawn, 0 where they were not.
-    """
-
-    words: Array  # (n,) uint32 reason words with path-traced light
-    distances: Mapping[str, Array]  # column, and ``lobe_distance`` of lobes -> (n,) float64
+    first: PixelMasks  # with which they were decided, or that of the limit
+    end: PixelMasks  # of the limit where they were audited or undecided, else ``first``
     luminance: Array  # (n,) float64, change of direct luminance x exposure; 0 where direct is no column
     samples: Array  # (n,) int64, of the current pixel and each tap of its history
     decided_samples: Array  # (n,) int64, when the pixel was decided
     undecided: Array  # (n,) bool: the limit came first
-    first: Array  # (n,) uint32
-    audited: Array  # (n,) float64
+    audited: Array  # (n,) float64, probability with which a pixel was drawn for the audit, 0 where it was not
 
 
 class DecidedPixels:
@@ -127,10 +123,16 @@ class DecidedPixels:
     ):
         """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide; ``lobes``
         (of ``scene_lobes``): whose distances are wanted too."""
-        self._settings, self.columns, self._lobes = settings, tuple(columns), tuple(lobes)
+        self._settings, self.columns = settings, tuple(columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
         traced = decided_light(settings)
         self._sources = tuple(variant(traced, pixel_list=True) for _ in range(2))  # previous, current
+        of_lobes = (name.split("_") for name in self._sources[0].listed_lobes)
+        self._lobes = {
+            place: (bounce, lobe_distance(bounce, lobe))
+            for place, (bounce, lobe) in enumerate(of_lobes)
+            if bounce in self.columns and lobe in lobes
+        }  # place among the traced lobes -> column, distance
         self._pair: PreviewPair | None = None
         self._fresh = True
 
@@ -140,15 +142,15 @@ class DecidedPixels:
         self._sources[0].draw_history(pair.frame)
         self._sources[1].draw(pair.frame)
 
-    def decide(self, at: Array, limit: int, audit: Array) -> Decisions:
-        """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``.
+    def decide(self, at: Array, limit: int, audit: Array, *, halves: bool = False) -> Decisions:
+        """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``; n can be 0.
 
-        ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited.
+        ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited;
+        ``halves``: whether words and distances of halves of the samples are wanted.
         """
-        listed = self._listed(at)
-        count, had = len(at), 0
-        words, first = listed.words.copy(), listed.words.copy()
-        distances: dict[str, Array] = {}
+        listed, count, had = self._listed(at), len(at), 0
+        names = (*self.columns, *(name for _, name in self._lobes.values()))
+        first, end = (PixelMasks.blank(listed.words, names, len(HALVES) if halves else 0) for _ in range(2))
         luminance = np.zeros(count)
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
@@ -158,16 +160,18 @@ class DecidedPixels:
             light = 0.5 * (light + new) if had else new
             had = 2 * had or LEAST
             compared = listed.take(active)
-            found, error, bits, luminance[active] = self._compare(compared, light)
+            found, error, _, luminance[active] = self._compare(compared, light)
             if floor is None:
                 floor = self._floor(compared, light)
             samples[active] = had
-            words[active] = (listed.words[active] & ~LIGHT_BITS) | bits
-            for name, distance in (found | self._of_lobes(compared, light)).items():
-                distances.setdefault(name, np.zeros(count))[active] = distance
             margin = self._margin(found, error, floor, had)
             now = ~decided[active] & (margin > 1.0)
-            first[active[now]], decided[active[now]] = words[active[now]], True
+            ends = np.flatnonzero(now | (had >= limit))
+            masks = self._masks(compared.take(ends), light[ends], halves)
+            end.put(active[ends], masks)
+            fresh = ~decided[active[ends]]
+            first.put(active[ends[fresh]], _with_one_word(masks, now[ends]).take(fresh))
+            decided[active[now]] = True
             decided_samples[active[~decided[active] | now]] = had
             if had < limit:
                 share = np.where(margin[now] < 2.0, AUDITED[1], AUDITED[0])
@@ -176,8 +180,7 @@ class DecidedPixels:
                 break
             kept = ~decided[active] | (audited[active] > 0.0)
             active, light = active[kept], light[kept]
-        first[~decided] = words[~decided]
-        return Decisions(words, distances, luminance, samples, decided_samples, ~decided, first, audited)
+        return Decisions(first, end, luminance, samples, decided_samples, ~decided, audited)
 
     def _listed(self, at: Array) -> _Listed:
         pair = self._pair
@@ -230,13 +233,27 @@ class DecidedPixels:
     def _of_lobes(self, listed: _Listed, light: Array) -> dict[str, Array]:
         """``lobe_distance`` -> distance (m,) of each wanted lobe, of parts ``light``."""
         out = {}
-        for place, name in enumerate(self._sources[0].listed_lobes):
-            bounce, lobe = name.split("_")
-            if bounce in self.columns and lobe in self._lobes:
-                change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
-                variance = change.var(axis=1, ddof=1) / PARTS
-                out[lobe_distance(bounce, lobe)] = distance_of(bounce, change.mean(axis=1), variance)
+        for place, (bounce, name) in self._lobes.items():
+            change = light[:, :, 0, place] - blend(light[:, :, 1:, place], listed.weights[:, None])
+            variance = change.var(axis=1, ddof=1) / light.shape[1]
+            out[name] = distance_of(bounce, change.mean(axis=1), variance)
         return {name: self._settings.lighting.exposure_factor * distance for name, distance in out.items()}
+
+    def _masks(self, listed: _Listed, light: Array, halves: bool) -> PixelMasks:
+        """Words and distances of parts ``light``, and by each of HALVES alone where they are wanted."""
+        of_all = self._words_and_distances(listed, light)
+        shape = len(light), len(HALVES) if halves else 0
+        if not np.prod(shape):
+            return PixelMasks(*of_all, np.zeros(shape, np.uint32), {name: np.zeros(shape) for name in of_all[1]})
+        every = listed.take(np.repeat(np.arange(len(light)), len(HALVES)))
+        parts = light[:, HALVES].reshape(len(every.at), HALVES.shape[1], *light.shape[2:])
+        words, distances = self._words_and_distances(every, parts)
+        by_half = {name: distance.reshape(shape) for name, distance in distances.items()}
+        return PixelMasks(*of_all, words.reshape(shape), by_half)
+
+    def _words_and_distances(self, listed: _Listed, light: Array) -> tuple[Array, dict[str, Array]]:
+        found, _, bits, _ = self._compare(listed, light)
+        return (listed.words & ~LIGHT_BITS) | bits, found | self._of_lobes(listed, light)
 
     def _compare(self, listed: _Listed, light: Array) -> tuple[dict[str, Array], dict[str, Array], Array, Array]:
         """Of parts ``light``: distances (m,) and their standard errors (m,) by column, light bits (m,), luminance (m,).
@@ -245,7 +262,7 @@ class DecidedPixels:
         """
         mean = light.mean(axis=1)
         changes = self._changes(listed, mean)
-        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (PARTS - 1))
+        without = self._changes(listed, (light.sum(axis=1, keepdims=True) - light) / (light.shape[1] - 1))
         found = {name: distance_of(name, changes[name], _jackknife(each)) for name, each in without.items()}
         error = {name: np.sqrt(_jackknife(distance_of(name, each))) for name, each in without.items()}
         bits, luminance = np.zeros(len(mean), np.uint32), np.zeros(len(mean))
@@ -298,6 +315,12 @@ class _Listed:
         return _Listed(*(None if v is None else v[rows] for v in values))
 
 
+def _with_one_word(masks: PixelMasks, decided: Array) -> PixelMasks:
+    """``masks`` with the word of all samples for each half of them, where a pixel is ``decided`` (n,)."""
+    half_words = np.where(decided[:, None], masks.words[:, None], masks.half_words)
+    return replace(masks, half_words=half_words)
+
+
 def distance_of(column: str, change: Array, variance: Array | float = 0.0) -> Array:
     """Distance of a light column from ``change`` (..., 3), less what its noise adds: squares are too large by the
     ``variance`` (..., 3).  (...)."""
@@ -307,8 +330,9 @@ def distance_of(column: str, change: Array, variance: Array | float = 0.0) -> Ar
 
 
 def _jackknife(without: Array) -> Array:
-    """Variance of a statistic from its values (m, PARTS, ...) without each part."""
-    return (PARTS - 1) / PARTS * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
+    """Variance of a statistic from its values (m, parts, ...) without each part."""
+    parts = without.shape[1]
+    return (parts - 1) / parts * ((without - without.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
 
 
 @lru_cache

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, camera_of_run, is_still
-from taubench_gl.data_files import code_hash, read_json
+from taubench_gl.conventions import DEFINITIONS
+from taubench_gl.data_files import read_json
 from taubench_gl.effects.lighting import environment_of, own_light
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
@@ -48,9 +49,6 @@ TRACED = {"light": "path-traced", "bounces": 1, "spp": 32, "pattern": "independe
 
 FOLDER = "exposures"
 """Folder of the cache with one file for each exposure."""
-
-_CODE = ("animation", "effects", "frame", "metrics", "scene", "srgb.py", "evaluation/exposure.py")
-"""Modules that a metered exposure depends on, with all shaders."""
 
 
 def exposure_of(
@@ -175,8 +173,8 @@ def _cache_file(scene: Scene, metering: Settings, camera: CameraTrack) -> Path |
     digest = hashlib.sha256()
     # The files, and what a selection of scene and animations, a repair or a caller makes of them.
     selected = scene.nodes, scene.materials, scene.skins, scene.cameras, scene.lights, scene.channels
-    metered = metering.sequence, metering.metrics, metering.lighting, image  # defaults are no part of the code's hash
-    _feed(digest, (scene.sha256, selected, place, metered, code_hash(_CODE)))
+    metered = metering.sequence, metering.metrics, metering.lighting, image
+    _feed(digest, (scene.sha256, selected, place, metered, DEFINITIONS))
     return cache_folder() / FOLDER / f"{digest.hexdigest()[:24]}.json"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
 from taubench_gl.metrics.histories import uses_other_eye
+from taubench_gl.metrics.sampled_light import PixelMasks
 
 Array = np.ndarray
 
@@ -35,41 +36,54 @@ def merge_histories(
     """
     every = [_of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
     (frame, sure_frame), (eye, sure_eye) = every
-    taken, first_taken = uses_other_eye(frame.words, eye.words), uses_other_eye(frame.first, eye.first)
+    taken = uses_other_eye(frame.end.words, eye.end.words)
     audited = np.minimum(np.where(sure_frame, 1.0, frame.audited), np.where(sure_eye, 1.0, eye.audited))
     audited[sure_frame & sure_eye] = 0.0
     return Decisions(
-        np.where(taken, eye.words, frame.words),
-        {name: np.where(taken, eye.distances[name], of) for name, of in frame.distances.items()},
+        _better_masks(frame.first, eye.first),
+        _better_masks(frame.end, eye.end),
         np.where(taken, eye.luminance, frame.luminance),
         frame.samples + eye.samples,
         frame.decided_samples + eye.decided_samples,
         np.where(taken, eye.undecided, frame.undecided) & sure_frame & sure_eye,
-        np.where(first_taken, eye.first, frame.first),
         audited,
+    )
+
+
+def _better_masks(frame: PixelMasks, eye: PixelMasks) -> PixelMasks:
+    def chosen(taken: Array, of_frame: Mapping[str, Array], of_eye: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: np.where(taken, of_eye[name], of) for name, of in of_frame.items()}
+
+    taken, half_taken = uses_other_eye(frame.words, eye.words), uses_other_eye(frame.half_words, eye.half_words)
+    return PixelMasks(
+        np.where(taken, eye.words, frame.words),
+        chosen(taken, frame.distances, eye.distances),
+        np.where(half_taken, eye.half_words, frame.half_words),
+        chosen(half_taken, frame.half_distances, eye.half_distances),
     )
 
 
 def _of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, Array]) -> tuple[Decisions, Array]:
     """``found`` with all n pixels, and which of them no audit can change, (n,) bool."""
     words = pair.words[rows]
-    count = len(words)
+    count, halves = len(words), found.first.half_words.shape[1]
 
-    def filled(values: Array, rest: Array) -> Array:
-        out = rest.copy()
+    def filled(values: Array, dtype: type = np.int64) -> Array:
+        out = np.zeros(count, dtype)
         out[at] = values
         return out
 
-    none = np.zeros(count)
-    distances = {
-        name: filled(found.distances[name] if len(at) else none[:0], of[rows].astype(np.float64))
-        for name, of in pair.distances.items()
-    }
-    undecided = filled(found.undecided, np.zeros(count, bool))
-    traced = filled(np.ones(len(at), bool), np.zeros(count, bool))
-    whole = Decisions(
-        filled(found.words, words), distances, filled(found.luminance, none),
-        filled(found.samples, none.astype(np.int64)), filled(found.decided_samples, none.astype(np.int64)), undecided,
-        filled(found.first, words), filled(found.audited, none),
+    known = {name: of[rows].astype(np.float64) for name, of in pair.distances.items()}
+    both = []
+    for masks in (found.first, found.end):
+        whole = PixelMasks.blank(words, tuple(known), halves)
+        for name, distance in known.items():
+            whole.distances[name][:], whole.half_distances[name][:] = distance, distance[:, None]
+        whole.put(at, masks)
+        both.append(whole)
+    undecided, traced = filled(found.undecided, bool), filled(np.ones(len(at), bool), bool)
+    of_pixels = Decisions(
+        *both, filled(found.luminance, float), filled(found.samples), filled(found.decided_samples), undecided,
+        filled(found.audited, float),
     )  # fmt: skip
-    return whole, ~traced | undecided
+    return of_pixels, ~traced | undecided

@@ -81,10 +81,12 @@ class PairEvaluator:
         distances: bool = False,
         reprojection: str | None = None,
         radiance: tuple[str, ...] | None = None,
+        absent: bool = False,
     ):
         """``images``: also write images of masks and motion; ``distances``: and of the distances of every pixel.
 
         ``reprojection``: camera or motion; ``radiance``: light features to compare; None: those of ``source``.
+        ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.
         """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
@@ -98,6 +100,8 @@ class PairEvaluator:
             settings,
             reprojection=reprojection,
             radiance=radiance,
+            cuts=absent or None,
+            absent=absent,
             write_mask=images,
             write_motion=images,
             write_distances=distances,

@@ -17,7 +17,6 @@ from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, Prev
 from taubench_gl.evaluation.histories import chosen_words, merge_histories
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
-from taubench_gl.features import FEATURE_BIT
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import PairSample
@@ -27,6 +26,7 @@ from taubench_gl.metrics.reuse_rate import unmeasured_rates
 from taubench_gl.metrics.sampled_light import (
     STRATA,
     LightEstimate,
+    SampledPixels,
     Visit,
     draw_pixels,
     sampled_columns,
@@ -83,7 +83,7 @@ class _Histories:
         return pair
 
     def decide(self, at: np.ndarray, audit: np.ndarray) -> Decisions:
-        return self._decided.decide(at, PLAN.limit, audit)
+        return self._decided.decide(at, PLAN.limit, audit, halves=True)
 
 
 class LightVisits:
@@ -95,16 +95,16 @@ class LightVisits:
         variant: Callable[..., RasterSource],
         settings: Settings,
         frames: range,
-        columns: Sequence[str],
-        lobes: Sequence[str] = (),
+        estimate: LightEstimate,
     ):
-        """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run."""
-        self._gpu, self._settings, self._frames, self._columns = owner.gpu, settings, frames, tuple(columns)
+        """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run;
+        ``estimate``: whose statistics the visits add up to."""
+        self._gpu, self._settings, self._frames, self._estimate = owner.gpu, settings, frames, estimate
         kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
         self._histories = [
-            _Histories(owner, variant, settings.replace(history=kind), self._columns, lobes) for kind in kinds
+            _Histories(owner, variant, settings.replace(history=kind), estimate.columns, estimate.lobes)
+            for kind in kinds
         ]
-        self._thresholds = {name: settings.metrics.threshold(name) for name in self._columns}
 
     def visit(self, position: int, number: int) -> Visit:
         """The pixels of visit ``number`` of the pair at ``position``."""
@@ -116,16 +116,16 @@ class LightVisits:
         pairs = [history.draw(frame) for history in self._histories]
         words, distances, traced = chosen_words(pairs)
         seed = (SEED, self._settings.lighting.seed, frame)
-        image = strata_of(words, distances, self._thresholds, traced)
+        image = strata_of(words, distances, self._estimate.thresholds, traced)
         strata = PixelStrata.of(image, STRATA, seed)
         flat, stratum = draw_pixels(strata, number, PLAN.pixels)
         decisions = self._decide(pairs, flat, np.random.default_rng([*seed, number]).random(len(flat)))
-        return Visit(
-            position, strata.sizes, stratum, words.ravel()[flat], decisions.first, decisions.words,
-            decisions.audited, decisions.undecided, decisions.samples,
-            {name: distances[name].ravel()[flat].astype(np.float64) for name in self._columns},
-            decisions.distances,
+        pixels = SampledPixels(
+            stratum, words.ravel()[flat],
+            {name: of.ravel()[flat].astype(np.float64) for name, of in distances.items()},
+            decisions.first, decisions.end, decisions.audited,
         )  # fmt: skip
+        return self._estimate.visit(position, strata.sizes, pixels, decisions.undecided, decisions.samples)
 
     def _decide(self, pairs: Sequence[PreviewPair], flat: np.ndarray, audit: np.ndarray) -> Decisions:
         """The pixels with the flat indices ``flat`` (n,) of a pair with each kind of history."""
@@ -154,7 +154,7 @@ class SampledLight:
             settings.lighting.light_within,
             lobes,
         )
-        self._settings, self.rounds = settings, 0
+        self._settings, self.rounds, self._empty = settings, 0, 0  # visits without a pixel since the last one with any
 
     def add(self, position: int, counts: Counts) -> None:
         """The preview's counts of the next pair."""
@@ -181,16 +181,18 @@ class SampledLight:
         """The visits of ``next_round``."""
         for visit in visits:
             self.estimate.add(visit)
+            self._empty = 0 if len(visit.stratum) else self._empty + 1
         self.rounds += 1
         self._intervals = self.estimate.intervals(self.sample)
-        self._empty = not any(len(visit.words) for visit in visits)
 
     @property
     def done(self) -> bool:
         """Whether no further round is needed, possible or allowed."""
         if not self.rounds:
             return not self.estimate.positions
-        return self._empty or self.narrow or self.estimate.samples >= PLAN.samples
+        if self._empty >= len(self.estimate.positions):  # no pair has a pixel that no visit has had
+            return True
+        return bool(self.estimate.samples) and (self.narrow or self.estimate.samples >= PLAN.samples)
 
     @property
     def narrow(self) -> bool:
@@ -212,22 +214,14 @@ class SampledLight:
             return
         self.estimate.amend(summary, self._intervals)
         visits = [visit for of_pair in self.estimate.visits.values() for visit in of_pair]
-        wrong = sum(int(np.count_nonzero((v.first != v.words) & (v.audited > 0))) for v in visits)
         summary["sampled_light"] = {
-            "rounds": self.rounds, "pairs": len(self.estimate.visits), "pixels": sum(len(v.words) for v in visits),
+            "rounds": self.rounds, "pairs": len(self.estimate.visits), "pixels": sum(len(v.stratum) for v in visits),
             "samples": self.estimate.samples, "most_samples_per_pixel": PLAN.limit,
-            "audited": sum(int(np.count_nonzero(v.audited)) for v in visits), "audited_wrong": wrong,
+            "audited": sum(v.audited for v in visits), "audited_wrong": sum(v.audited_wrong for v in visits),
             "within_points": self._settings.lighting.light_within, "narrow": self.narrow,
         }  # fmt: skip
         by_frame = {row["frame"]: row for row in rows}
         for position, of_pair in self.estimate.visits.items():
-            words = np.concatenate([v.words for v in of_pair])
-            by_frame[frames[position + 1]] |= sampled_counts(words, self.estimate.columns)
-
-
-def sampled_counts(words: np.ndarray, columns: Sequence[str]) -> dict[str, int | None]:
-    """SAMPLED_COLUMNS of a pair with the reason words of its sampled pixels (n,)."""
-    counts: dict[str, int | None] = dict.fromkeys(SAMPLED_COLUMNS) | {"sampled": len(words)}
-    for column in columns:
-        counts[f"sampled_{column}"] = int(np.count_nonzero(words & np.uint32(FEATURE_BIT[column])))
-    return counts
+            row = by_frame[frames[position + 1]]
+            row["sampled"] = sum(len(v.stratum) for v in of_pair)
+            row |= {f"sampled_{c}": sum(v.discarded[c] for v in of_pair) for c in self.estimate.columns}

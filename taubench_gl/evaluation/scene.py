@@ -154,7 +154,7 @@ def plan_scene(
     frames = frame_range(scene, camera, settings)
     if settings.metrics.history != "frame":
         other_eye(scene, camera, settings)  # says what is wrong with it before anything is metered or drawn
-    animated = AnimatedScene(scene, camera, poser)
+    animated = AnimatedScene(scene, camera, poser).at_rate(settings.sequence.fps)
     lighting = resolve_lighting(scene, settings, camera, owner)
     settings, light = lighting.settings, light_plan(lighting.settings, sampled)
     if light is not LightPlan.DECIDED:  # each pixel has as many samples as it needs

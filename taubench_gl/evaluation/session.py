@@ -32,7 +32,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.run_schema import FRAME_COLUMNS, SAMPLED_COLUMNS
@@ -216,8 +215,7 @@ class Session(GpuOwner):
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
-            columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
-            return LightVisits(self, self.variant, self.settings, self.plan.frames, columns, self.readback.lobes)
+            return LightVisits(self, self.variant, self.settings, self.plan.frames, self.tally.sampled.estimate)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -270,16 +268,17 @@ class Session(GpuOwner):
 def run_session(session: Session, observers: Observers, out: str | Path | None = None) -> Run:
     """Evaluate every pair of ``session``, opened with ``Readback.of(observers)``.
 
-    ``out`` receives frames.csv row by row and summary.json at the end.  After a KeyboardInterrupt the pairs already
-    submitted are still read, written and reported.
+    ``out`` receives frames.csv row by row and summary.json at the end, and nothing where there is no pair.  After a
+    KeyboardInterrupt the pairs already submitted are still read, written and reported.
     """
-    observers = replace(observers, scene=session.plan.name)
+    total = sum(evaluate for _, evaluate in frame_schedule(session.plan.frames, session.settings))
+    on_finish = observers.on_finish if total else None
+    observers = replace(observers, scene=session.plan.name, on_finish=on_finish)
     with contextlib.ExitStack() as stack:
-        if out is not None:
+        if out is not None and total:
             writer = stack.enter_context(RunWriter(out, session.columns))
             observers = replace(observers, writer=writer)
         with session.gpu:
-            total = sum(evaluate for _, evaluate in frame_schedule(session.plan.frames, session.settings))
             try:
                 for pair in session.pairs():
                     _report(pair, observers, len(session.tally.rows), total)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import OrbitCamera, View
+from taubench_gl.animation.key_notes import key_notes
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
 from taubench_gl.evaluation.appearance import appearance_notes
@@ -31,6 +32,7 @@ def static_summary(
     """
     settings, scene, camera, poser = resolved.settings, animated.scene, animated.camera, animated.poser
     notes = appearance_notes(animated, settings, frames, owner)
+    notes += key_notes(scene, frames, settings.sequence.fps)
     source = camera.describe()
     if isinstance(camera, OrbitCamera):
         source = camera.describe(settings.metrics.unit_scale)

@@ -18,7 +18,7 @@ from taubench_gl import math3d
 from taubench_gl.animation import View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import SCENE_LOBES, Reason
+from taubench_gl.conventions import ABSENT, NO_HISTORY, SCENE_LOBES, Reason
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from taubench_gl.export.training import TrainingLight
 
 Array = np.ndarray
+MARKS = np.uint32(NO_HISTORY | ABSENT)
 NO_MOTION = int(Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND)
 """Pixels without motion: they have no position in the other frame."""
 
@@ -87,7 +88,7 @@ class FrameSource(GpuOwner):
     ):
         """``jitter``: as in ``ExportOptions``; ``buffered``: as in ``ChannelReader``."""
         super().__init__(gpu)
-        self._animated = animated
+        self._animated = animated = animated.at_rate(settings.sequence.fps)
         self._count = frame_total(animated.scene, animated.camera, settings)
         self._reader = self.own(ChannelReader(gpu, buffered=buffered))
         self._jitter = halton_jitter if jitter == "halton" else None
@@ -106,7 +107,8 @@ class FrameSource(GpuOwner):
         table |= {"mask_forward": "prev_position", "mask": "position", DISPARITY: "prev_position"}
         light = set(LIGHT_FEATURES)
         extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
-        extra = tuple(dict.fromkeys([*extra, *(exact_channels() if exact else ())]))
+        moved = ["ids"] * ("prev_position" in extra)  # they mark surfaces that are not there in the other frame
+        extra = tuple(dict.fromkeys([*extra, *moved, *(exact_channels() if exact else ())]))
         self.source = self.open_source(animated, settings, extra=extra, jitter=self._jitter)
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
@@ -120,7 +122,8 @@ class FrameSource(GpuOwner):
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
             nearest = settings.replace(sampling="nearest")
-            how = {"images": True, "reprojection": "motion", "radiance": ()}
+            how = {"images": True, "reprojection": "motion", "radiance": (), "absent": True}
+            self.source.renderer.marks_absent = True
             self._motion = self.open_evaluator(self.source, nearest, **how)
         self._exact: ExactReasons | None = None
         if exact:
@@ -227,7 +230,7 @@ class FrameSource(GpuOwner):
         last = frame + 1 >= self._count
         here, there = self.view(frame), self.view(frame if last else frame + 1)
         renderer.draw((frame + 1) / fps, frame / fps, there.jitter_px, history=self._ahead)
-        renderer.draw(frame / fps, (frame + 1) / fps, here.jitter_px, history=self._ahead)
+        renderer.draw(frame / fps, (frame + 1) / fps, here.jitter_px, history=self._ahead, collapsed=True)
         pair = reprojection(here, there, *self.source.size, jitter=False)
         self._motion.submit(
             pair,
@@ -274,6 +277,8 @@ def camera_matrices(view: View, width: int, height: int) -> dict[str, Array]:
 def _arrays(images: dict[str, Array]) -> dict[str, Array]:
     """Channels as they are exported: position and depth separate, without padding."""
     out = {n: a if n in _ALL_COMPONENTS else a[..., :3] for n, a in images.items()}
+    if "ids" in out:
+        out["ids"] = out["ids"] & ~MARKS
     return out | ({"depth": images["position"][..., 3:]} if "position" in images else {})
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
-from taubench_gl.conventions import NO_HISTORY
+from taubench_gl.conventions import ABSENT, NO_HISTORY
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.gpu.layout import Field, Struct
 
@@ -21,7 +21,7 @@ RECORD = Struct(
     Field("prev_x", "vec4", "row 0 of previous relative_from_object (relative to the previous camera)"),
     Field("prev_y", "vec4", "row 1"),
     Field("prev_z", "vec4", "row 2"),
-    Field("ids", "uvec4", "x: record + 1, y: material + 1; z: NO_HISTORY or 0; w: unused"),
+    Field("ids", "uvec4", "x: record + 1, y: material + 1; z: NO_HISTORY, ABSENT; w: unused"),
 )
 
 
@@ -63,6 +63,10 @@ class RecordTable:
         """Mark the draws that replace another surface between ``earlier`` and ``now``."""
         came = self._replaces & now.visible[self._node] & ~earlier.visible[self._node]
         self.rows["ids"][:, 2] = np.where(came, NO_HISTORY, 0)
+
+    def mark_absent(self, present: Array) -> None:
+        """After ``mark_cuts``: mark the draws of nodes that are not ``present`` (N,) bool in the other frame."""
+        self.rows["ids"][~present[self._node], 2] |= np.uint32(ABSENT)
 
     def update(self, now: Placement, previous: Placement) -> Array:
         """Fill in the matrices; the rows (D,) ready for upload."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
+from taubench_gl.animation.pose import present_nodes
 from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.draw_bounds import DrawBounds, in_view
@@ -70,6 +71,8 @@ class Renderer(Owner):
         self.history = self.own(self.new_history())
         self.frame: FrameContext | None = None
         """The frame drawn last."""
+        self.marks_absent = False
+        """Whether ``ids`` mark surfaces as ABSENT, for a renderer with ``prev_position``."""
         self._poses: dict[float, FrameState] = {}
         self._views: dict[float, View] = {}
 
@@ -106,25 +109,29 @@ class Renderer(Owner):
         jitter_px: np.ndarray | None = None,
         views: tuple[View, View] | None = None,
         history: History | None = None,
+        collapsed: bool = False,
     ) -> Targets:
         """Draw the frame at ``time``; the current frame of its history becomes the previous one.  Returns its targets.
 
         ``jitter_px`` (2,): sub-pixel offset of the samples, as ``View.jitter_px``; None: pixel centers.  ``views``:
         current and previous view instead of the camera's.  ``history``: from ``new_history``; None: the renderer's own.
+        ``collapsed``: vertices whose joints are all scaled to zero in the previous pose have no position in it.
         """
         timer, history = self.context.timer, history or self.history
         with timer.measure("pose"):
             state = self._pose(time)
             before = self._pose(previous_time) if self._previous else state
             view, before_view = views or self._own_views(time, previous_time, jitter_px)
-            if self.scene.replacements:
+            if self.scene.replacements or self.marks_absent:
                 self._table.mark_cuts(state, before if self._previous else self._pose(previous_time))
+            if self.marks_absent:
+                self._table.mark_absent(present_nodes(self.scene, before))
         history.advance()
         mirrored = np.zeros(len(self._posed), dtype=bool)
         if self._deform is not None:
             with timer.measure("deform"):
                 poses = (state, view), (before, before_view)
-                mirrored[self._posed] = self._deform.run(*poses, self.buffers.pools[True])
+                mirrored[self._posed] = self._deform.run(*poses, self.buffers.pools[True], collapsed)
         with timer.measure("records"):
             now = self._table.place(state, view, mirrored)
             then = self._table.place(before, before_view, mirrored) if self._previous else now

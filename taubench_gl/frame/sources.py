@@ -96,7 +96,7 @@ class RasterSource(Owner):
         """
         super().__init__()
         tuning = Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
-        spec = frame_spec(animated, settings, tuning=tuning, **options)
+        spec = frame_spec(animated.at_rate(settings.sequence.fps), settings, tuning=tuning, **options)
         require_frame_memory(spec)
         self._settings, self._fps, self._jitter = settings, settings.sequence.fps, jitter
         self.samples = settings.metrics.samples_per_pixel

@@ -12,6 +12,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, View, bounding_box, bounding_sphere, choose_camera
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
+from taubench_gl.conventions import DEFAULT_FPS
 from taubench_gl.effects.decide import Effect, indirect_method
 from taubench_gl.effects.lighting import Environment, Sun, environment_of
 from taubench_gl.effects.path_tracing import GLASS, emitters, method_of, traced_effects, traced_sources
@@ -54,10 +55,16 @@ class AnimatedScene:
     All sources that draw the scene in one session share it.
     """
 
-    def __init__(self, scene: Scene, camera: CameraTrack | None = None, poser: Poser | None = None):
-        """``camera``: None: the scene's own (``choose_camera``); ``poser``: None: a new one."""
+    def __init__(
+        self, scene: Scene, camera: CameraTrack | None = None, poser: Poser | None = None, fps: float = DEFAULT_FPS
+    ):
+        """``camera``: None: the scene's own (``choose_camera``); ``poser``: None: a new one for the rate ``fps``."""
         self.scene, self.camera = scene, camera or choose_camera(scene)
-        self.poser = poser or Poser(scene)
+        self.poser = poser or Poser(scene, fps)
+
+    def at_rate(self, fps: float) -> AnimatedScene:
+        """The same scene and camera, posed for a run of ``fps`` frames per second."""
+        return self if self.poser.fps == fps else AnimatedScene(self.scene, self.camera, fps=fps)
 
     def view_at(self, time: float) -> View:
         """The camera's view at ``time`` seconds."""

@@ -249,7 +249,7 @@ def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
             gpu = _create(name, device)
         except Exception as error:
             # Drivers and loaders raise anything from OSError to bare Exception; all of it means "not here".
-            if counted := _NO_DEVICE.search(str(error)):
+            if device is not None and (counted := _NO_DEVICE.search(str(error))):
                 there = ", ".join(map(str, range(int(counted[1]))))
                 hint = f"the devices there are: {there}" if there else "there is none"
                 raise GraphicsError(f"no EGL device has number {device}", hint=hint) from None

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray
 
@@ -70,13 +71,13 @@ def resampled_means(series: Array, length: int, resamples: int = RESAMPLES, seed
     """
     x = np.asarray(series, dtype=np.float64)
     n = len(x)
-    sums = np.concatenate([np.zeros((1, x.shape[1])), x.cumsum(axis=0)])
     whole, remainder = divmod(n, length)
     starts = np.random.default_rng(seed).integers(0, n - length + 1, size=(resamples, whole + (remainder > 0)))
+    # Each block is a sum of its own: differences of cumulative sums lose small values beside large ones.
+    sums = {of: sliding_window_view(x, of, axis=0).sum(axis=-1) for of in {length, remainder or length}}
     total = np.zeros((resamples, x.shape[1]))
     for block in range(starts.shape[1]):
-        first = starts[:, block]
-        total += sums[first + (length if block < whole else remainder)] - sums[first]
+        total += sums[length if block < whole else remainder][starts[:, block]]
     return total / n
 
 
@@ -87,11 +88,17 @@ def interval(
     *,
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
-) -> Interval:
-    """The interval of ``statistic`` of the column means of ``series`` (n, k).  ``statistic``: (..., k) -> (...)."""
+) -> Interval | None:
+    """The interval of ``statistic`` of the column means of ``series`` (n, k).  ``statistic``: (..., k) -> (...).
+
+    None where it is not finite, of the series or of a sequence drawn from it.
+    """
     x = np.asarray(series, dtype=np.float64)
-    estimate = float(statistic(x.mean(axis=0)))
-    drawn = statistic(resampled_means(x, length, resamples))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        estimate = float(statistic(x.mean(axis=0)))
+        drawn = statistic(resampled_means(x, length, resamples))
+    if not (math.isfinite(estimate) and np.isfinite(drawn).all()):
+        return None
     blocks = len(x) / length
     error = float(np.std(drawn)) * math.sqrt(blocks / (blocks - 1.0))
     return _student(estimate, error, blocks - 1.0, confidence)

@@ -16,7 +16,7 @@ DARK = 0.01
 """Relative radiance errors divide by the larger of the pixel's radiance and this share of the frame's mean."""
 
 UNITS = {
-    "position_mm": "mm", "normal_deg": "degrees", "motion_px": "px", "direct_percent": "% of the second's",
+    "position_mm": "mm", "normal_deg": "degrees", "direct_percent": "% of the second's",
     "indirect_percent": "% of the second's", "color_levels": "8-bit levels",
 }  # fmt: skip
 QUANTILES = {"median": 50.0, "p75": 75.0, "p95": 95.0, "p99": 99.0}
@@ -24,6 +24,9 @@ QUANTILES = {"median": 50.0, "p75": 75.0, "p95": 95.0, "p99": 99.0}
 
 class FeatureErrors:
     """Error distributions of every feature that both runs have.
+
+    Motion is none of them: a run computes it from its positions and cameras.  ``pathtraced.check``
+    compares the motion of files.
 
     Position errors cover pixels where both runs have a surface.  All other errors cover only pixels whose surfaces lie
     within ``same_place_m`` meters of each other (the position threshold): elsewhere the runs show different surfaces,
@@ -47,9 +50,6 @@ class FeatureErrors:
         if "normal" in first and "normal" in second:
             chord = np.linalg.norm(first["normal"][same, :3].astype(np.float64) - second["normal"][same, :3], axis=-1)
             self._keep("normal_deg", np.degrees(2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
-        if "motion" in first and "motion" in second:
-            moved = first["motion"][same].astype(np.float64) - second["motion"][same]
-            self._keep("motion_px", np.linalg.norm(moved, axis=-1))
         for name in ("direct", "indirect"):
             if name in first and name in second:
                 self._radiance(f"{name}_percent", first[name][same, :3], second[name][same, :3])

@@ -26,6 +26,18 @@ LEAST, LIMIT = 64, 1024
 PARTS = 16
 """Parts of ``part_table``."""
 
+HALVES = np.array(
+    [
+        [part for part in range(PARTS) if (part & row).bit_count() % 2 == side]
+        for row in range(PARTS // 2, PARTS)
+        for side in (0, 1)
+    ]
+)
+"""Parts of 16 halves of the samples: (16, PARTS / 2) int64.  Each two that follow one another have all parts.
+
+The splits are rows of a Hadamard matrix (balanced half samples: K. M. Wolter, *Introduction to Variance Estimation*,
+2nd edition, Springer 2007, chapter 3)."""
+
 _BITS = 30
 
 

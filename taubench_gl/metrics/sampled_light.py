@@ -73,53 +73,116 @@ Indicator = Callable[[Array, Mapping[str, Array]], Array]
 
 
 @dataclass(frozen=True, slots=True)
+class PixelMasks:
+    """Mask words and distances of ``n`` pixels by a number of samples, and by halves of these samples.
+
+    The share of pixels whose noisy distances are above a limit is biased: to first order by c / N with N samples, and
+    by 2 c / N with half of them.  So twice the indicator at N less its mean over halves of the samples has no bias of
+    the first order (Richardson's extrapolation).  Words are extrapolated where the pixel is undecided; distances
+    everywhere, because a pixel that is clear of its threshold may be near another limit.
+    """
+
+    words: Array  # (n,) uint32 reason words
+    distances: Mapping[str, Array]  # column or ``lobe_distance`` -> (n,) float64
+    half_words: Array  # (n, halves) uint32; of a decided pixel all are its word
+    half_distances: Mapping[str, Array]  # as ``distances``, (n, halves)
+
+    @classmethod
+    def blank(cls, words: Array, names: Sequence[str], halves: int) -> PixelMasks:
+        """Of pixels with ``words`` (n,) and distances of 0."""
+        count = len(words)
+        distances = ({name: np.zeros(shape) for name in names} for shape in (count, (count, halves)))
+        return cls(words.copy(), next(distances), np.repeat(words[:, None], halves, axis=1), next(distances))
+
+    def put(self, rows: Array, values: PixelMasks) -> None:
+        """Replace those of ``rows`` by ``values``."""
+        self.words[rows], self.half_words[rows] = values.words, values.half_words
+        for own, of in ((self.distances, values.distances), (self.half_distances, values.half_distances)):
+            for name, array in of.items():
+                own[name][rows] = array
+
+    def take(self, rows: Array) -> PixelMasks:
+        """Those of ``rows``."""
+        distances = ({n: of[rows] for n, of in each.items()} for each in (self.distances, self.half_distances))
+        return PixelMasks(self.words[rows], next(distances), self.half_words[rows], next(distances))
+
+    def value(self, indicator: Indicator) -> Array:
+        """What each pixel counts in a share, from -1 to 2.  (n,) float64."""
+        by_half = {name: distance.ravel() for name, distance in self.half_distances.items()}
+        halves = indicator(self.half_words.ravel(), by_half).reshape(self.half_words.shape)
+        return 2.0 * indicator(self.words, self.distances) - halves.mean(axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class SampledPixels:
+    """``n`` sampled pixels of one visit of a pair: what ``DecidedPixels`` said of them."""
+
+    stratum: Array  # (n,) int64
+    preview: Array  # (n,) uint32 reason words
+    preview_distances: Mapping[str, Array]  # column -> (n,) float64
+    first: PixelMasks  # when a pixel was decided, or at the limit
+    end: PixelMasks  # at the limit, of audited pixels
+    audited: Array  # (n,) float64, probability of the audit, 0 where there was none
+
+    @property
+    def audits(self) -> Array:
+        """Weight of ``end``: an audited pixel stands for all that were decided and not audited.  (n,) float64."""
+        return np.divide(1.0, self.audited, out=np.zeros(len(self.audited)), where=self.audited > 0.0)
+
+    def value(self, indicator: Indicator) -> Array:
+        """y of each pixel without bias of the first order.  (n,) float64."""
+        first = self.first.value(indicator)
+        return first + self.audits * (self.end.value(indicator) - first)
+
+    def difference(self, indicator: Indicator) -> Array:
+        """y - x of each pixel, x of the preview.  (n,) float64."""
+        return self.value(indicator) - indicator(self.preview, self.preview_distances)
+
+    def curve(self, column: str) -> Array:
+        """What the distances of ``column`` add to its curve: strata, bins and weights.  (3, m) float64."""
+        parts = [(self.preview_distances[column][:, None], -np.ones(len(self.stratum)))]
+        for masks, weight in ((self.first, 1.0 - self.audits), (self.end, self.audits)):
+            halves = masks.half_distances[column]
+            parts += [(masks.distances[column][:, None], 2.0 * weight), (halves, -weight / halves.shape[1])]
+        place = [self.stratum[:, None] * HISTOGRAM_BINS + bin_of(distances) for distances, _ in parts]
+        weights = [np.broadcast_to(weight[:, None], distances.shape) for distances, weight in parts]
+        places, inverse = np.unique(np.concatenate([x.ravel() for x in place]), return_inverse=True)
+        summed = np.bincount(inverse, np.concatenate([x.ravel() for x in weights]), len(places))
+        kept = np.abs(summed) > 1e-12  # else they cancel
+        return np.stack([*(x.astype(np.float64) for x in np.divmod(places, HISTOGRAM_BINS)), summed])[:, kept]
+
+
+@dataclass(frozen=True, slots=True)
 class Visit:
-    """Sampled pixels of a pair, ``n`` of them: what ``DecidedPixels`` said of pixels that one visit drew."""
+    """What ``n`` sampled pixels of a pair, drawn by one visit, add to an estimate (``LightEstimate.visit``)."""
 
     position: int  # of the pair, 0 .. N - 1
     sizes: Array  # (strata,) int64, pixels of the image in each stratum
-    stratum: Array  # (n,) int64
-    preview: Array  # (n,) uint32 reason words
-    first: Array  # (n,) uint32, when the pixel was decided
-    words: Array  # (n,) uint32, at the end
-    audited: Array  # (n,) float64, probability of the audit, 0 where there was none
-    undecided: Array  # (n,) bool
-    samples: Array  # (n,) int64, of each of the two frames
-    preview_distances: Mapping[str, Array]  # column -> (n,) float64
-    distances: Mapping[str, Array]
+    stratum: Array  # (n,) int64, of each sampled pixel
+    difference: Array  # (n, k) float64, y - x of k statistics
+    curves: Mapping[str, Array]  # column -> (3, m) float64, strata, bins and weights
+    discarded: Mapping[str, float]  # column -> sampled pixels that it discards, an undecided one by its weight
+    undecided: int  # pixels
+    audited: int  # pixels
+    audited_wrong: int  # audited pixels that were decided otherwise than at the limit
+    samples: int  # of all pixels, of each of the two frames
 
     def record(self) -> dict[str, Any]:
         """JSON values, without loss."""
         out = {name: getattr(self, name) for name in self.__slots__}
-        return {
-            name: {k: v.tolist() for k, v in value.items()} if isinstance(value, Mapping)
-            else value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in out.items()
-        }  # fmt: skip
+        arrays = {name: out[name].tolist() for name in _KINDS}
+        return out | arrays | {"curves": {column: curve.tolist() for column, curve in self.curves.items()}}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> Visit:
         """The inverse of ``record``.  Raises LookupError, TypeError or ValueError for another one."""
-        values: dict[str, Any] = {"position": int(record["position"])}
-        for name, kind in _KINDS.items():
-            values[name] = np.array(record[name], kind)
-        for name in ("preview_distances", "distances"):
-            values[name] = {column: np.array(v, np.float64) for column, v in record[name].items()}
-        return cls(**values)
-
-    def effective(self, indicator: Indicator) -> Array:
-        """Unbiased y - x of each pixel: an audited pixel stands for all that were decided and not audited.  (n,)."""
-        end = indicator(self.words, self.distances).astype(np.float64)
-        first = indicator(self.first, self.distances).astype(np.float64)
-        known = (self.audited == 0.0) | self.undecided
-        correction = np.where(known, 0.0, (end - first) / np.where(known, 1.0, self.audited))
-        return np.where(self.undecided, end, first) - indicator(self.preview, self.preview_distances) + correction
+        values = {name: record[name] for name in cls.__slots__}
+        arrays = {name: np.array(record[name], kind) for name, kind in _KINDS.items()}
+        curves = {column: np.array(curve, np.float64) for column, curve in record["curves"].items()}
+        return cls(**values | arrays | {"curves": curves})
 
 
-_KINDS = {
-    "sizes": np.int64, "stratum": np.int64, "preview": np.uint32, "first": np.uint32, "words": np.uint32,
-    "audited": np.float64, "undecided": np.bool_, "samples": np.int64,
-}  # fmt: skip
+_KINDS = {"sizes": np.int64, "stratum": np.int64, "difference": np.float64}
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +264,7 @@ class LightEstimate:
         lobes: Sequence[str] = (),
     ):
         """``most``: half width of the intervals of columns and rate that is narrow enough, percentage points."""
-        self.columns, self._most = tuple(columns), most
+        self.columns, self.thresholds, self.lobes, self._most = tuple(columns), thresholds, tuple(lobes), most
         self._statistics = statistics_of(columns, thresholds, shading, lobes)
         self._known: dict[int, Array] = {}  # position -> pixels of each statistic
         self._bases: dict[int, dict[str, float]] = {}
@@ -218,8 +281,21 @@ class LightEstimate:
         self._histograms += counted.histograms
         self._comparable += counts["comparable"]
 
+    def visit(self, position: int, sizes: Array, pixels: SampledPixels, undecided: Array, samples: Array) -> Visit:
+        """What ``pixels``, n of the pair at ``position``, add.
+
+        ``sizes`` (strata,): pixels of the image; ``undecided`` (n,) bool; ``samples`` (n,): of each of the two frames.
+        """
+        values = np.stack([pixels.difference(s.indicator) for s in self._statistics], axis=-1)
+        discarded = {c: float(pixels.value(_has(FEATURE_BIT[c])).sum()) for c in self.columns}
+        audited = pixels.audited > 0.0
+        wrong = audited & (pixels.first.words != pixels.end.words)
+        counts = (int(np.sum(each)) for each in (undecided, audited, wrong, samples))
+        curves = {column: pixels.curve(column) for column in self.columns}
+        return Visit(position, sizes, pixels.stratum, values, curves, discarded, *counts)
+
     def add(self, visit: Visit) -> None:
-        """The pixels of one visit.  Visits of a pair are added in order."""
+        """What one visit adds.  Visits of a pair are added in order."""
         self.visits.setdefault(visit.position, []).append(visit)
 
     @property
@@ -265,12 +341,13 @@ class LightEstimate:
     @property
     def samples(self) -> int:
         """Of all pixels, of both frames."""
-        return 2 * sum(int(visit.samples.sum()) for visits in self.visits.values() for visit in visits)
+        return 2 * sum(visit.samples for visits in self.visits.values() for visit in visits)
 
     def amend(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:
         """Replace the preview's shares in ``summary`` by estimates, with intervals and the preview beside them."""
         every = [visit for visits in self.visits.values() for visit in visits]
-        undecided = np.concatenate([visit.undecided for visit in every])
+        pixels = sum(len(visit.stratum) for visit in every)
+        undecided = 100.0 * sum(visit.undecided for visit in every) / pixels if pixels else 0.0
         for at, interval in intervals.items():
             block = summary
             for key in at[:-1]:
@@ -281,6 +358,8 @@ class LightEstimate:
             elif key in EXPOSURE_FACTORS:
                 block[f"{stem}_interval95_percent"] = list(interval.ends)
             block[key] = min(max(interval.mean, interval.least), interval.most)
+        for column in self.columns:
+            _keep_order(summary["discard"][column])
         reasons = {at[2]: i for at, i in intervals.items() if at[:2] == ("reusable", "reasons") and i.half_width > 0.0}
         _balance([summary["reusable"]["reasons"][name] for name in reasons], [i.mean for i in reasons.values()])
         entries = [summary["discard"][column] for column in self.columns]
@@ -288,7 +367,7 @@ class LightEstimate:
         if summary["reusable"]["shading"].get("method") == SAMPLED:
             entries.append(summary["reusable"]["shading"])
         for entry in entries:
-            entry |= {"pixels": len(undecided), "undecided_percent": 100.0 * float(undecided.mean())}
+            entry |= {"pixels": pixels, "undecided_percent": undecided}
             entry |= {key: None for key in ("max_percent", "min_percent", "without_cuts_mean_percent") if key in entry}
         of_pairs = summary.get("sampling") or {"columns": {}, "reusable": {}}
         for column in self.columns:
@@ -301,7 +380,7 @@ class LightEstimate:
 
     def _merged(self, position: int) -> SampledPair:
         visits = self.visits[position]
-        difference = [np.stack([v.effective(s.indicator) for s in self._statistics], axis=-1) for v in visits]
+        difference = [v.difference.reshape(-1, len(self._statistics)) for v in visits]
         stratum = np.concatenate([v.stratum for v in visits])
         pixels = int(self._bases[position]["pixels"])
         return SampledPair(pixels, visits[0].sizes, stratum, np.concatenate(difference))
@@ -314,14 +393,25 @@ class LightEstimate:
         for visits in self.visits.values():
             stratum = np.concatenate([v.stratum for v in visits])
             drawn = np.bincount(stratum, minlength=len(visits[0].sizes))
-            weight = scale * np.divide(visits[0].sizes, drawn, out=np.zeros(len(drawn)), where=drawn > 0)[stratum]
-            for sign, name in ((1.0, "distances"), (-1.0, "preview_distances")):
-                distances = np.concatenate([getattr(v, name)[column] for v in visits])
-                counts += sign * np.bincount(bin_of(distances), weights=weight, minlength=HISTOGRAM_BINS)
+            weight = scale * np.divide(visits[0].sizes, drawn, out=np.zeros(len(drawn)), where=drawn > 0)
+            for strata, bins, weights in (v.curves[column] for v in visits):
+                weights = weights * weight[strata.astype(int)]
+                counts += np.bincount(bins.astype(int), weights=weights, minlength=HISTOGRAM_BINS)
         above = np.clip(discarded_above(counts), 0.0, self._comparable)
         above = np.rint(np.maximum.accumulate(above[::-1])[::-1]).astype(np.int64)
         whole = np.concatenate([[self._comparable], above, [0]])
         return {"counts": (whole[:-1] - whole[1:]).tolist(), "at_or_above": above.tolist(), "method": SAMPLED}
+
+
+def _keep_order(entry: dict[str, Any]) -> None:
+    """Bound the shares at other exposures, and their intervals, by the share at the exposure itself: the brighter, the
+    more pixels are discarded.  Estimates of shares can differ otherwise."""
+    for key, factor in EXPOSURE_FACTORS.items():
+        ends = f"{key.removesuffix('_percent')}_interval95_percent"
+        if ends in entry:
+            bound = min if factor < 1.0 else max
+            entry[key] = bound(entry[key], entry["mean_percent"])
+            entry[ends] = [bound(pair) for pair in zip(entry[ends], entry["interval95_percent"], strict=True)]
 
 
 def _balance(entries: Sequence[dict[str, Any]], means: Sequence[float]) -> None:

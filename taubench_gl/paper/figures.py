@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
+from taubench_gl.animation import CameraTrack, View, camera_of_run, sample
 from taubench_gl.animation.state import FrameState
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.demos.sheet import PINK, Sheet, checkerboard, note, overlay, painted, reason_entries, rgb
@@ -82,7 +82,7 @@ def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
     ``settings``: of the images.  Writes a PNG.  Raises TaubenchError.
     """
     begin = round((settings.sequence.frames[0] or 0) / settings.sequence.fps * STILL_FPS)
-    track, start = camera_of_run(scene, settings.sequence), Poser(scene).sample(begin / STILL_FPS)
+    track, start = camera_of_run(scene, settings.sequence), sample(scene, begin / STILL_FPS, STILL_FPS)
     small = _small(settings, ("frustum", "color"), (begin, begin + 2), STILL_FPS)
     width, height = panel_size(settings)
     sheet = Sheet(2, 2, width / height)

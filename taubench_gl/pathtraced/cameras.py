@@ -184,7 +184,7 @@ class SceneCamera:
     """The camera of a scene file.  Frame i is at (i + ``offset``) / fps seconds."""
 
     def __init__(self, scene: Scene, track: CameraTrack, fps: float):
-        self._poser, self._track, self._fps = Poser(scene), track, fps
+        self._poser, self._track, self._fps = Poser(scene, fps), track, fps
         self.offset = 0
 
     def describe(self) -> str:

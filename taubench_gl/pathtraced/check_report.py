@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.data_files import read_bytes
-from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.outputs import output_folder, remove_files, write_atomically
 from taubench_gl.pathtraced.check import TOLERANCE_PX, Check
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.report.page import REPORT_FILE, Page, data_uri, picture, text_lines
@@ -81,6 +81,7 @@ def check_tables(summary: Summary) -> list[Table]:
 def save_check(check: Check, sequence: PathTracedSequence, out: str | Path) -> list[Path]:
     """Write check.json, report.html and, with pairs, motion_error as PNG and SVG to ``out``.  Raises OutputError."""
     out, summary = output_folder(out), check_summary(check, sequence)
+    remove_files(out, ("motion_error.png", "motion_error.svg"))  # of an earlier check; this one may have no pairs
     page = Page(f"{sequence.name}: conventions", kind="engine check")
     tables, files = check_tables(summary), [out / CHECK_FILE, out / REPORT_FILE]
     page.add("conventions", "Conventions", to_html(tables[:1], scroll=True))

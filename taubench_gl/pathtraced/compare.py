@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from taubench_gl.conventions import MIXED, mixed_definitions
 from taubench_gl.data_files import read_bytes, stored_arrays
 from taubench_gl.errors import OutputError
 from taubench_gl.features import COLUMN_BITS, COLUMNS, LIGHT_FEATURES
 from taubench_gl.metrics.feature_errors import FeatureErrors
-from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.outputs import output_folder, remove_files, write_atomically
 from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_image
 from taubench_gl.run import Run, load_run
 
@@ -40,8 +41,8 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
     outside a band of one pixel on either side of the reference mask's edges, where sub-pixel differences flip pixels.
     ``features`` (if both saved channels): distribution of each error, see ``metrics.feature_errors``.  ``time``:
     seconds per frame.  ``worst``: the pair whose masks differ in most pixels.  A block without data is
-    ``{"reason": why}``.  Raises OutputError for runs of different sizes, light units or exposures,
-    and without a common pair.
+    ``{"reason": why}``.  Raises OutputError for runs of different sizes, definitions, light units
+    or exposures, and without a common pair.
     """
     a, b = (r if isinstance(r, Run) else load_run(r) for r in (run, reference))
     _require_files(a)
@@ -52,6 +53,8 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
     if sizes[0] != sizes[1]:
         x, y = ("x".join(map(str, size)) for size in sizes)
         raise OutputError(f"the runs have different sizes, {x} and {y}", hint="evaluate one of them again with --size")
+    if mixed := mixed_definitions((a.summary, b.summary)):
+        raise OutputError(mixed, hint=MIXED)
     _require_same_light(a, b)
     frames = sorted({row["frame"] for row in a.frames} & {row["frame"] for row in b.frames})
     if not frames:
@@ -108,6 +111,7 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
     ``result``: from ``compare_runs``, of two runs on disk.  Returns the files written.  Raises OutputError.
     """
     out = output_folder(out)
+    remove_files(out, ("worst.png",))  # of an earlier comparison; this one may have no masks
     files = []
     image = None
     if "frame" in result["worst"]:

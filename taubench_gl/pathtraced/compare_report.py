@@ -21,7 +21,7 @@ _GAP = 6  # pixels between the images of a row
 _MIN_WIDTH = 960  # pixels; smaller images are enlarged by a whole factor
 _MAX_GAIN = 64.0
 _FEATURES = {
-    "position_mm": "position", "normal_deg": "normal", "motion_px": "motion", "direct_percent": "direct, relative",
+    "position_mm": "position", "normal_deg": "normal", "direct_percent": "direct, relative",
     "indirect_percent": "indirect, relative", "color_levels": "color",
 }  # fmt: skip
 

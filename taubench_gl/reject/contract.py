@@ -18,6 +18,7 @@ import msgspec
 from taubench_gl.data_files import read_text, read_toml, schema_fault
 from taubench_gl.errors import MethodError, choice_hint
 from taubench_gl.paths import PACKAGE
+from taubench_gl.setting_values import FLOAT32_MAX
 
 FILE, SHADER = "test.toml", "test.glsl"
 BUILTIN = PACKAGE / "reject" / "tests"
@@ -128,8 +129,8 @@ def load_folder(folder: Path) -> RejectionTest:
     for key, setting in file.settings.items():
         if not _NAME.fullmatch(key) or key in _RESERVED:
             raise MethodError(f"settings.{key}: not a name for a constant", where=str(path))
-        if not (setting.min <= setting.default <= setting.max and math.isfinite(setting.default)):
-            raise MethodError(f"settings.{key}.default: not between min and max", where=str(path))
+        if not (setting.min <= setting.default <= setting.max and abs(setting.default) <= FLOAT32_MAX):
+            raise MethodError(f"settings.{key}.default: not between min and max, or no float32", where=str(path))
     shader = read_text(folder / SHADER, fault=MethodError, max_bytes=_MAX_BYTES)
     bare = COMMENT.sub(" ", shader)
     if "#" in bare:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import msgspec
 import numpy as np
@@ -30,6 +31,8 @@ MAX_KEPT = 120
 MAX_IMAGE_BYTES = 18_000_000
 """Bytes of base64 text of the images of a page: a phone still opens it."""
 QUALITY = 82
+_NUMBER = re.compile(r"_(\d{5,})\.")  # of the frame, in the name of its file
+_DIGITS = 16  # of a SHA-256
 
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Side = Annotated[int, msgspec.Meta(ge=1)]
@@ -37,7 +40,8 @@ Side = Annotated[int, msgspec.Meta(ge=1)]
 
 class ImageIndex(msgspec.Struct, kw_only=True):
     """``frames``: numbers, ascending; ``worst``: the one with the largest error; ``step``: pixels of the frame per
-    stored pixel, along each axis; ``rows_sha256``: of the rows that the images belong to."""
+    stored pixel, along each axis; ``rows_sha256``: of the rows that the images belong to; ``files``: name of each image
+    file -> first 16 digits of its SHA-256."""
 
     schema: str
     rows_sha256: str
@@ -46,6 +50,18 @@ class ImageIndex(msgspec.Struct, kw_only=True):
     step: Side
     frames: tuple[Count, ...]
     worst: int | None
+    files: dict[str, str] = {}
+
+    def lost(self, folder: Path, names: Iterable[str] = ()) -> list[str]:
+        """Names of ``files`` and ``names`` that ``folder`` does not hold as they were written."""
+        every = dict.fromkeys((*self.files, *names))
+        return [name for name in every if not _is_whole(folder / name, self.files.get(name))]
+
+    def without(self, lost: Iterable[str]) -> Self:
+        """The index of the frames that have none of the files ``lost``."""
+        numbers = {int(digits) for name in lost for digits in _NUMBER.findall(name)}
+        frames = tuple(frame for frame in self.frames if frame not in numbers)
+        return msgspec.structs.replace(self, frames=frames, worst=self.worst if self.worst in frames else None)
 
 
 class KeptFrames:
@@ -90,6 +106,11 @@ class KeptFrames:
     def worst(self) -> int | None:
         """Number of the worst frame so far; None before the first."""
         return self._worst[1] if self._worst else None
+
+    def sums(self) -> dict[str, str]:
+        """``files`` of the index."""
+        paths = sorted(path for pattern in self._patterns for path in self.folder.glob(pattern))
+        return {path.name: file_sha256(path)[:_DIGITS] for path in paths}
 
     def _clear(self) -> None:
         """Remove the images of an earlier run; called when the first image is about to be written."""
@@ -146,7 +167,7 @@ class ImageRecorder:
         index = {
             "schema": self.schema, "rows_sha256": file_sha256(frames_file), "width": self.size[0],
             "height": self.size[1], "step": self.step, "frames": self.kept_frames.frames,
-            "worst": self.kept_frames.worst, **entries,
+            "worst": self.kept_frames.worst, "files": self.kept_frames.sums(), **entries,
         }  # fmt: skip
         write_atomically(self.folder / INDEX, json.dumps(index) + "\n")
 
@@ -170,6 +191,26 @@ def read_index(out: Path | None, schema: str, kind: type, absent: str) -> tuple[
     except (OutputError, OSError):
         return None, f"{FOLDER}/{INDEX} cannot be read"
     return index, ""
+
+
+def _is_whole(path: Path, digest: str | None) -> bool:
+    """Whether a file is there, and is the one with this digest, if one is known."""
+    try:
+        return path.is_file() and (digest is None or file_sha256(path)[:_DIGITS] == digest)
+    except OutputError:
+        return False
+
+
+def lost_text(lost: Sequence[str], frames: int, noun: str) -> str:
+    """``2 pairs are left out: images/mask_00002.png is missing or damaged``; without files the text is empty.
+
+    ``frames``: number of frames or pairs, of which ``noun`` is the singular, that have a file of ``lost``.
+    """
+    if not lost:
+        return ""
+    names = f"{FOLDER}/{lost[0]}" + (f" and {len(lost) - 1} more are" if len(lost) > 1 else " is")
+    left_out = f"{frames} {noun} is left out: " if frames == 1 else f"{frames} {noun}s are left out: "
+    return f"{left_out if frames else ''}{names} missing or damaged"
 
 
 def spread(frames: Sequence[int], most: int, always: int | None) -> list[int]:

@@ -262,7 +262,8 @@ def sampled_text(summary: Summary) -> str | None:
         share = two_decimals(decided["undecided_percent"])
         most = decided["most_samples_per_pixel"]
         return (
-            f"path-traced light decided at every pixel, {share} % undecided at {most} samples; images show the preview."
+            f"path-traced light decided at every pixel, {share} % undecided at {most} samples, whose noise makes "
+            "shares of few pixels too high and of many too low; images show the preview."
         )
     about = summary.get("sampled_light")
     entries = {n: e for n, e in (summary.get("discard") or {}).items() if (e or {}).get("preview_percent") is not None}

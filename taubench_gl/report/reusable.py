@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from taubench_gl.conventions import MIXED, mixed_definitions
 from taubench_gl.glossary import CONCEPTS, OPTIONS, REUSE_REASONS, STATISTICS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import run_labels
@@ -123,6 +124,8 @@ def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
     labels = run_labels(summaries)
     several = len(summaries) > 1
     lead = [f"{label}, {headline(s)}" if several else headline(s) for label, s in zip(labels, summaries, strict=True)]
+    if mixed := mixed_definitions(summaries):
+        lead.insert(0, f"{mixed}: {MIXED}")
     return [_rates(summaries, labels, tuple(lead)), _reasons(summaries, labels)]
 
 

@@ -276,7 +276,7 @@ def _interval_text(statistics: Summary, results: Summary, seeds: bool) -> str:
     """How the intervals of a measure were computed, or why there are none."""
     if results["reason"] is not None:
         return f"No intervals: {results['reason']}."
-    lengths = [entry["block_length"] for entry in results["differences"]]
+    lengths = [entry["block_length"] for entry in results["differences"] if entry["block_length"] is not None]
     blocks = "-".join(str(n) for n in sorted({min(lengths), max(lengths)}))
     text = (
         f"{100 * statistics['confidence']:g} % intervals; {statistics['frames']} frames, seeds: {statistics['seeds']}; "
@@ -350,6 +350,7 @@ def _identity(summary: Summary) -> tuple[Any, ...]:
         [input_block.get(key) for key in ("kind", "light_samples", "indirect_samples", "seed")],
         [reference.get(key) for key in ("kind", "samples", "path")],
         [summary.get(key) for key in ("seeds", "warmup", "clock")],
+        (summary.get("provenance") or {}).get("definitions", 1),
     )
 
 
@@ -375,7 +376,7 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     yardsticks = (
         f"{n}: yardstick, not ranked: {m['yardstick']}." for n, m in _valid(summary).items() if m.get("yardstick")
     )
-    return (first, *floor, *yardsticks, *flip_notes(summary), *lighting, *light["notes"])
+    return (first, *floor, *yardsticks, *flip_notes(summary), *video_notes(summary), *lighting, *light["notes"])
 
 
 def flip_notes(summary: Summary) -> tuple[str, ...]:
@@ -389,6 +390,16 @@ def flip_notes(summary: Summary) -> tuple[str, ...]:
         f"Warning: FLIP sees {width} pixels at {FLIP_PIXELS_PER_DEGREE:g} pixels per degree as an image {degrees:.1f} "
         f"degrees wide, less than {FLIP_DEGREES:g}: noise of single pixels counts little there.",
     )
+
+
+def video_notes(summary: Summary) -> tuple[str, ...]:
+    """A warning where ColorVideoVDP sees less than a second."""
+    frames, fps = summary["evaluated_frames"], summary["settings"]["fps"]
+    means = [method["mean"] for method in summary["methods"].values() if not method["failed"]]
+    if frames >= fps or all(mean.get("cvvdp_jod") is None for mean in means):
+        return ()
+    seen = "one frame, which is scored as an image" if frames == 1 else f"{frames} frames, {frames / fps:.2g} s"
+    return (f"Warning: ColorVideoVDP sees {seen}: its score depends on the number of frames below a second.",)
 
 
 def fit_table(fit: Summary) -> Table:
@@ -453,18 +464,21 @@ def _class_source(summary: Summary) -> str:
 # --------------------------------------------------------------------------------------------------------------- plots
 
 
+PLOTS = ("frames", "classes", "time", "convergence")
+
+
 def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
-    """``frames classes time convergence`` as PNG and SVG, as far as there are values.  Raises OutputError."""
+    """PLOTS as PNG and SVG, as far as there are values.  Raises OutputError."""
     if not _valid(summary):
         return []
     measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
-    plots = {
-        "frames": _frames(summary, rows, measure),
-        "classes": _classes(summary, measure),
-        "time": _time(summary, measure),
-        "convergence": _convergence(summary),
-    }
-    return [path for name, plot in plots.items() if plot is not None for path in plot.save(folder / f"{name}.png")]
+    plots = _frames(summary, rows, measure), _classes(summary, measure), _time(summary, measure), _convergence(summary)
+    return [
+        path
+        for name, plot in zip(PLOTS, plots, strict=True)
+        if plot is not None
+        for path in plot.save(folder / f"{name}.png")
+    ]
 
 
 def plot_fit(fit: Summary, path: Path) -> list[Path]:

@@ -21,6 +21,7 @@ from taubench_gl.report.frame_store import (
     Count,
     ImageIndex,
     ImageRecorder,
+    lost_text,
     read_index,
     shown_text,
     within_budget,
@@ -112,10 +113,14 @@ def file_name(part: str, index: int | None, frame: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ReuseImages:
-    """What the page shows: ``data`` for the scripts, None without images; ``text``: what is shown, or why not."""
+    """What the page shows: ``data`` for the scripts, None without images; ``text``: what is shown, or why not.
+
+    ``lost``: which files are missing or damaged, in words, or empty.
+    """
 
     data: dict[str, Any] | None
     text: str
+    lost: str = ""
 
 
 def reuse_images(out: Path | None, most: int = MAX_IMAGES, budget: int = MAX_IMAGE_BYTES) -> ReuseImages:
@@ -124,6 +129,11 @@ def reuse_images(out: Path | None, most: int = MAX_IMAGES, budget: int = MAX_IMA
     if index is None or out is None:
         return ReuseImages(None, NO_IMAGES if out is None else why)
     folder, names = out / FOLDER, index.names
+    damaged, recorded = index.lost(folder), len(index.frames)
+    index = index.without(damaged)
+    lost = lost_text(damaged, recorded - len(index.frames), "frame")
+    if not index.frames:
+        return ReuseImages(None, lost, lost)
 
     def uri(part: str, at: int | None, frame: int) -> str | None:
         path = folder / file_name(part, at, frame)
@@ -140,4 +150,5 @@ def reuse_images(out: Path | None, most: int = MAX_IMAGES, budget: int = MAX_IMA
     shared = ("width", "height", "names", "worst", "every_frame", "class_pixels", "class_errors")
     text = shown_text(index, len(items), len(index.every_frame), "frames")
     data = {name: getattr(index, name) for name in shared} | {"items": items}
-    return ReuseImages(data, f"{text}; lossy, for the eye. Numbers are from the full frames.")
+    text = f"{text}; lossy, for the eye. Numbers are from the full frames." + (f" {lost}." if lost else "")
+    return ReuseImages(data, text, lost)

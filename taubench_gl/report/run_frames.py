@@ -32,7 +32,7 @@ from taubench_gl.report.distance_planes import (
     levels_data,
     levels_of,
 )
-from taubench_gl.report.frame_store import Count, ImageIndex, ImageRecorder, read_index
+from taubench_gl.report.frame_store import FOLDER, Count, ImageIndex, ImageRecorder, lost_text, read_index
 from taubench_gl.report.page import data_uri
 
 Array = np.ndarray
@@ -45,6 +45,7 @@ _CHECK = 8  # side of a checkerboard cell, pixels
 _PLANES = "planes"
 _SUFFIX = {"frame": "webp", "previous": "webp", "mask": "png", _PLANES: "webp"}
 SHARED_STEPS, SHARED_QUALITY = (0, 1, 2, 3, 4, 6, 8), 60
+NO_REPORT = "the run was made without --report"
 NO_PLANES = "the run was made without --report-full"
 
 
@@ -91,12 +92,16 @@ class StoredPlanes:
 
 @dataclass(frozen=True, slots=True)
 class StoredFrames:
-    """Images of one run: ``planes`` are the distances, None for the reason ``no_planes``."""
+    """Images of one run: ``planes`` are the distances, None for the reason ``no_planes``.
+
+    ``lost``: which images are missing or damaged, in words, or empty; the index is without their frames.
+    """
 
     folder: Path
     index: ImageIndex
     planes: StoredPlanes | None = None
     no_planes: str = NO_PLANES
+    lost: str = ""
 
     def small(self, budget: int) -> tuple[list[dict[str, Any]], ImageIndex]:
         """Every frame and its mask as data URIs of at most ``budget`` bytes, and the index for their size.
@@ -261,24 +266,27 @@ def reproject_image(previous: Array, mask: Array, motion: Array) -> Array:
 
 def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
     """Images of the run in folder ``out``, or None and the reason why there are none."""
-    index, why = read_index(out, SCHEMA, _Index, "the run was made without --report")
+    index, why = read_index(out, SCHEMA, _Index, NO_REPORT)
     if index is None or out is None:
         return None, why
-    folder = out / "images"
-    for part in _SUFFIX:
-        lost = [] if part == _PLANES else [f for f in index.frames if not (folder / file_name(part, f)).is_file()]
-        if lost:
-            return None, f"{folder.name}/{file_name(part, lost[0])} is missing"
-    return StoredFrames(folder, index, *_stored_planes(folder, index)), ""
+    folder = out / FOLDER
+    parts = [part for part in _SUFFIX if part != _PLANES or index.planes is not None]
+    lost = index.lost(folder, [file_name(part, frame) for part in parts for frame in index.frames])
+    images = [name for name in lost if not name.startswith((_PLANES, LEVELS))]
+    whole = index.without(images)
+    text = lost_text(images, len(index.frames) - len(whole.frames), "pair")
+    if not whole.frames:
+        return None, text
+    return StoredFrames(folder, whole, *_stored_planes(folder, index, [n for n in lost if n not in images]), text), ""
 
 
-def _stored_planes(folder: Path, index: _Index) -> tuple[StoredPlanes | None, str]:
-    """The distances that a run has recorded, or None and the reason why there are none."""
+def _stored_planes(folder: Path, index: _Index, lost: Sequence[str]) -> tuple[StoredPlanes | None, str]:
+    """The distances of a run, or None and the reason; ``lost``: their files that are missing or damaged."""
     planes, frames = index.planes, index.frames
     if planes is None:
         return None, NO_PLANES
-    if lost := [frame for frame in frames if not (folder / file_name(_PLANES, frame)).is_file()]:
-        return None, f"{folder.name}/{file_name(_PLANES, lost[0])} is missing"
+    if lost:
+        return None, lost_text(lost, 0, "")
     shape = planes.pairs, len(planes.features), CODES
     try:
         data = zlib.decompressobj().decompress(read_bytes(folder / LEVELS), 4 * int(np.prod(shape)) + 1)

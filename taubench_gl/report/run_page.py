@@ -390,6 +390,7 @@ def _images(run: ReportRun, most: int | None, budget: int) -> tuple[dict[str, An
     except OSError as error:
         return None, f"an image cannot be read: {error.strerror}"
     text = shown_text(index, len(items), run.summary.get("pairs") or 0, "pairs")
+    text += f". {stored.lost}" if stored.lost else ""
     return {
         "width": index.width, "height": index.height, "step": index.step, "worst": index.worst,
         "summary": f"{text}. Percentages refer to the full frames.",

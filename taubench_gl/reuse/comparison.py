@@ -40,6 +40,7 @@ RULE = (
 FEW_FRAMES = f"fewer than {MIN_FRAMES} frames"
 FEW_SEEDS = f"fewer than {MIN_SEEDS} seeds"
 NO_VALUE = "not measured in every frame"
+NOT_FINITE = "not finite in frames drawn from these"
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,15 +147,20 @@ def _over_frames(series: Series, *labels: str) -> dict[str, Any]:
 
 
 def over_frames(columns: Array, statistic: Callable[[Array], Array], series: Array) -> dict[str, Any]:
-    """Interval over frames of ``statistic`` of the means of ``columns`` (frames, k), its p-value of 0 and block length.
+    """Interval over frames of ``statistic`` of the means of ``columns`` (frames, k), its p-value of 0 and block length;
+    or None, and why.
 
     ``series`` (frames,): the values whose correlation gives the length.
     """
+    none = {"low": None, "high": None, "p_value": None, "block_length": None}
     if len(columns) < MIN_FRAMES:
-        return {"low": None, "high": None, "p_value": None, "block_length": None}
+        return none | {"interval_reason": FEW_FRAMES}
     length = block_length(series)
     bounds = interval(columns, statistic, length)
-    return {"low": bounds.low, "high": bounds.high, "p_value": bounds.p_value, "block_length": length}
+    if bounds is None:
+        return none | {"interval_reason": NOT_FINITE}
+    ends = {"low": bounds.low, "high": bounds.high, "p_value": bounds.p_value}
+    return ends | {"block_length": length, "interval_reason": None}
 
 
 def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
@@ -209,7 +215,7 @@ def verdict(measure: str, entry: Mapping[str, Any]) -> str:
     """Which method of a pair is better, or that they are indistinguishable, in words."""
     unit = f" {MEASURES[measure].unit}".rstrip()
     if entry["low"] is None:
-        return f"no interval: {FEW_FRAMES}"
+        return f"no interval: {entry['interval_reason']}"
     ends = f"interval {entry['low']:.3g} to {entry['high']:.3g}{unit}"
     if entry.get("tied"):
         return f"tied: closer than the noise of the reference ({ends})"

@@ -7,13 +7,13 @@ A method is a folder with ``method.toml`` and GLSL files, or a Python class.  Bo
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from taubench_gl.errors import MethodError
 from taubench_gl.gpu.layout import Struct
+from taubench_gl.setting_values import FLOAT32_MAX
 
 Value = float | int | bool | str
 
@@ -123,7 +123,7 @@ class Setting:
             return "one of " + ", ".join(self.choices)
         if self.kind == "bool":
             return "true or false"
-        noun = "an integer" if self.kind == "int" else "a number"
+        noun = "a 32-bit integer" if self.kind == "int" else "a number that float32 holds"
         low, high = self.minimum, self.maximum
         if low is not None and high is not None:
             return f"{noun} from {low:g} to {high:g}"
@@ -136,7 +136,8 @@ class Setting:
         if self.kind in ("bool", "choice"):
             good = isinstance(value, bool) if self.kind == "bool" else value in self.choices
         else:
-            good = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+            least, most = (-(2**31), 2**31 - 1) if self.kind == "int" else (-FLOAT32_MAX, FLOAT32_MAX)  # a uniform's
+            good = isinstance(value, (int, float)) and not isinstance(value, bool) and least <= value <= most
             good = good and (self.kind == "float" or float(value).is_integer())
             good = good and (self.minimum is None or value >= self.minimum)
             good = good and (self.maximum is None or value <= self.maximum)

@@ -53,7 +53,8 @@ LIBRARIES = ("numpy", "torch")
 INCOMPLETE = "-class"
 """End of the name of a method that is of a class of methods, and lacks stages that others of it have."""
 
-_MAX_BYTES = 1 << 20
+MAX_METHOD_BYTES = 1 << 20
+"""Size limit of a method.toml and of a method in Python."""
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 _STAGE_NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _ENTRY = re.compile(r"\bvoid\s+reuse\s*\(\s*(?:in\s+)?ivec2\b")
@@ -95,7 +96,7 @@ _READ_WORDS = {"material": ("roughness", "metallic"), "emitted": ("remodulate",)
 def load_folder(folder: Path) -> Method:
     """The method in ``folder``.  Raises MethodError, which lists all errors with TOML key or file and line."""
     path = folder / FILE
-    raw = read_toml(path, fault=MethodError, max_bytes=_MAX_BYTES)
+    raw = read_toml(path, fault=MethodError, max_bytes=MAX_METHOD_BYTES)
     declared = _Folder(folder, raw)
     names = ("history", "buffers", "passes", "keyframe", "folder", "base", "structs")
     fields = {name: getattr(declared, name) for name in names}

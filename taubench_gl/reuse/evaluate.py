@@ -251,7 +251,8 @@ def evaluate_methods(
         scene, camera, reasons = opened.animated.scene, opened.animated.camera, opened.lighting.reasons
         settings = opened.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     with opened_gpu(settings) as owner:
-        inputs = InputRequest(owner.gpu, scene, camera, settings, kind, Poser(scene), options.mapping)
+        poser = Poser(scene, settings.sequence.fps)
+        inputs = InputRequest(owner.gpu, scene, camera, settings, kind, poser, options.mapping)
         evaluator = _Evaluator(owner, inputs, specs, options, announce)
         evaluator.run(progress, on_frame)
         owner.gpu.check("reuse evaluation")

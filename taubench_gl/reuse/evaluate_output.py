@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,13 +19,14 @@ from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import (
     csv_text,
     output_folder,
+    remove_files,
     write_atomically,
     write_png,
 )
 from taubench_gl.report.page import REPORT_FILE
-from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
+from taubench_gl.report.reuse import PLOTS, fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
 from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
-from taubench_gl.report.table import write_tables
+from taubench_gl.report.table import TABLE_FILES, write_tables
 from taubench_gl.report.video import CODECS, Video
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
 from taubench_gl.reuse.recorded import ResultWriter
@@ -130,6 +133,13 @@ SAVED = ("results",)
 """What ``save`` accepts.  results: linear EXR of input, methods and reference (``recorded.ResultWriter``)."""
 
 
+SHOWN_FILES = (
+    REPORT_FILE, *TABLE_FILES, *(f"{name}.{suffix}" for name in PLOTS for suffix in ("png", "svg")),
+    *(f"side_by_side.{suffix}" for suffix in ("png", *CODECS)),
+)  # fmt: skip
+"""Page, tables, plots, image and video of an evaluation: those of an earlier one would show other frames."""
+
+
 class ReuseFolder:
     """Records an evaluation while it runs (``on_frame``) and writes the results at the end (``finish``).
 
@@ -187,13 +197,14 @@ class ReuseFolder:
 
     def finish(self, evaluation: Evaluation) -> list[Path]:
         """Write all files, numbers before images in case the disk fills up.  -> the files.  Raises OutputError."""
-        out = self.out
+        out, evaluation = self.out, replace(evaluation, summary=finite(evaluation.summary))
         files = [out / "frames.csv", out / "reuse.json"]
         write_atomically(files[0], rows_csv(evaluation.rows, ROW_COLUMNS))
         summary = with_checksums(json.loads(as_json(evaluation.summary)), files[0])
         write_atomically(files[1], as_json(summary))
         self.written_frames = len({row["frame"] for row in evaluation.rows})
         self._rows.clear()  # all on disk: an interrupt from here on loses nothing
+        remove_files(out, SHOWN_FILES)
         files += write_tables(out, reuse_tables(evaluation.summary))
         if self._video is not None:
             files += [path for path in (self._video.close(),) if path is not None]
@@ -217,7 +228,7 @@ class ReuseFolder:
         if self._video is not None:
             self._video.discard()
         if isinstance(error[1], KeyboardInterrupt) and self._rows:
-            (self.out / "reuse.json").unlink(missing_ok=True)  # of an earlier evaluation
+            remove_files(self.out, ("reuse.json", *SHOWN_FILES))  # of an earlier evaluation
             write_atomically(self.out / "frames.csv", rows_csv(self._rows, ROW_COLUMNS))
             self.written_frames = len({row["frame"] for row in self._rows})
         self._lock.__exit__(*error)
@@ -227,6 +238,7 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
     """Write fit.json, curve.csv, tables and a plot to ``out``.  -> the files.  Raises OutputError."""
     out = Path(out)
     output_folder(out)
+    remove_files(out, ("curve.png", "curve.svg"))  # of an earlier search; this one may have too many settings for one
     files = [out / "curve.csv", out / "fit.json"]
     names = list(fit["settings"])
     rows = [p["settings"] | {fit["metric"]: p["value"], "failed": p["failed"]} for p in fit["points"]]
@@ -238,6 +250,24 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
 def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
     """CSV with full precision; None is an empty cell."""
     return csv_text([columns, *([row[name] for name in columns] for row in rows)])
+
+
+def finite(summary: dict[str, Any]) -> dict[str, Any]:
+    """``summary`` with None for every number that is not finite, and ``not_finite``, the places of these."""
+    places = []
+
+    def copied(value: Any, place: str) -> Any:
+        if isinstance(value, Mapping):
+            return {key: copied(each, f"{place}.{key}" if place else str(key)) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [copied(each, f"{place}.{index}") for index, each in enumerate(value)]
+        if isinstance(value, float) and not math.isfinite(value):
+            places.append(place)
+            return None
+        return value
+
+    out = copied(summary, "")
+    return out | {"not_finite": places} if places else out
 
 
 def as_json(value: dict[str, Any]) -> str:

@@ -72,7 +72,7 @@ class InputRequest:
     @property
     def animated(self) -> AnimatedScene:
         """``scene``, which there is, with its camera and poses."""
-        return AnimatedScene(self.scene, self.camera, self.poser)
+        return AnimatedScene(self.scene, self.camera, self.poser).at_rate(self.settings.sequence.fps)
 
 
 def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:

@@ -12,10 +12,11 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from taubench_gl.data_files import read_bytes
 from taubench_gl.errors import MethodError
 from taubench_gl.reuse.chain import LINK, chained
 from taubench_gl.reuse.contract import Method, suggestion
-from taubench_gl.reuse.declaration import BUILTIN, FILE, load_folder, method_from_class
+from taubench_gl.reuse.declaration import BUILTIN, FILE, MAX_METHOD_BYTES, load_folder, method_from_class
 
 __all__ = ["BUILTIN", "ENTRY_POINTS", "builtin_methods", "installed_methods", "load_method"]
 
@@ -82,7 +83,9 @@ def _from_entry_point(name: str) -> Method:
     where = f"entry point {name} = {point.value}"
     try:
         loaded = point.load()
-    except Exception as error:  # importing another package can raise anything
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # importing another package can raise anything
         raise MethodError(f"cannot be loaded: {type(error).__name__}: {error}", where=where) from error
     if isinstance(loaded, Method):
         return replace(loaded, name=name)
@@ -96,21 +99,24 @@ def _from_entry_point(name: str) -> Method:
 def _import(name: str, where: str) -> ModuleType:
     try:
         return importlib.import_module(name)
-    except (Exception, SystemExit) as error:  # an import runs unknown code
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # an import runs unknown code, which can raise anything and exit
         raise MethodError(f"module {name} cannot be imported: {type(error).__name__}: {error}", where=where) from error
 
 
 def _from_file(path: Path, name: str | None) -> Method:
-    if not path.is_file():
-        raise MethodError("no such file", where=str(path))
+    read_bytes(path, MethodError, max_bytes=MAX_METHOD_BYTES)  # refuses what the loader would read without a limit
     module_name = f"taubench_gl_method_{path.stem}_{abs(hash(str(path.resolve()))):x}"
     spec = importlib.util.spec_from_file_location(module_name, path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[module_name] = module  # dataclasses and pickle look up the module
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # user code can raise anything and exit
+    except BaseException as error:  # user code can raise anything and exit
         del sys.modules[module_name]
+        if isinstance(error, KeyboardInterrupt):
+            raise
         raise MethodError(f"cannot be run: {type(error).__name__}: {error}", where=str(path)) from error
     loaded = _class_in(module, name, str(path))
     method = method_from_class(loaded, f"{path}:{name}" if name else str(path))

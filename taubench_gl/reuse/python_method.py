@@ -102,9 +102,9 @@ class PythonSteps(GpuOwner):
     def _call(self, name: str, function):
         try:
             return function()
-        except MethodError:
+        except (MethodError, KeyboardInterrupt):
             raise
-        except (Exception, SystemExit) as error:  # user code can raise anything and exit; other methods continue
+        except BaseException as error:  # user code can raise anything and exit; other methods continue
             frames = traceback.extract_tb(error.__traceback__)
             at = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
             why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

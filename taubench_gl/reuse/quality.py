@@ -18,6 +18,7 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import metered_exposure
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 
@@ -28,6 +29,14 @@ SSIM_SIGMA, SSIM_SIDE = 1.5, 11
 """Wang et al. 2004: Gaussian window of standard deviation 1.5, 11 pixels wide."""
 
 FLIP_PERCENTILES = (50, 95, 99)
+FLIP_ACES = (0.6**2 * 2.51, 0.6 * 0.03, 0.6**2 * 2.43, 0.6 * 0.59, 0.14)
+"""Coefficients a, b, c, d, e of HDR-FLIP's tone map (a x^2 + b x) / (c x^2 + d x + e)."""
+
+FLIP_WHITE = 0.85
+"""Tone-mapped luminance that the largest (first exposure) and the median luminance (last one) of the reference get."""
+
+FLIP_DARK = float(np.finfo(np.float32).eps)
+"""Least median luminance, as FLIP has it: the last exposure of a reference that is mostly black."""
 TRIMMED_SHARE = 1e-3
 """Share of the pixels, those with the largest errors, that ``relmse_trimmed`` leaves out."""
 
@@ -90,7 +99,8 @@ MEASURES: dict[str, Measure] = {
         Measure("hdr_flip", "", "lower", 4, "mean HDR-FLIP of linear radiance (Andersson 2021)", "hdr_flip"),
         Measure("lpips", "", "lower", 4, "LPIPS of display colors, AlexNet (Zhang et al. 2018)", "lpips"),
         Measure(
-            "cvvdp_jod", "JOD", "higher", 3, "ColorVideoVDP of the sequence (Mantiuk et al. 2024); 10: no difference",
+            "cvvdp_jod", "JOD", "higher", 3,
+            "ColorVideoVDP of the sequence (Mantiuk et al. 2024), blind to overall brightness; 10: no difference",
             "cvvdp",
         ),
     )
@@ -217,13 +227,35 @@ def flip_map(shown: Array, reference: Array) -> Array:
     return np.asarray(error, dtype=np.float64)[..., 0]
 
 
-def hdr_flip(radiance: Array, reference: Array) -> float:
-    """Mean HDR-FLIP of linear radiance (h, w, 3), at the exposures that FLIP derives from the reference.
+def flip_exposures(reference: Array) -> tuple[float, float] | None:
+    """First and last exposure of HDR-FLIP in stops, from the reference (h, w, 3); None without light.
 
-    Negative values count as 0.  Raises ValueError for values that are not finite.
+    Source: Andersson et al. 2021, Visualizing Errors in Rendered High Dynamic Range Images, section 3.2.
     """
-    images = (np.maximum(x, 0.0) for x in _finite_images(reference, radiance))
-    error, _, _ = _flip().evaluate(*images, "HDR", applyMagma=False, computeMeanError=False)
+    luminance = np.asarray(reference, np.float64) @ LUMINANCE
+    most = float(luminance.max())
+    if most < float(np.finfo(np.float32).tiny):
+        return None
+    a, b, c, d, e = FLIP_ACES
+    p, q, r = a - FLIP_WHITE * c, b - FLIP_WHITE * d, -FLIP_WHITE * e
+    white = (-q + math.sqrt(q * q - 4.0 * p * r)) / (2.0 * p)
+    middle = min(max(float(np.median(luminance)), FLIP_DARK), most)
+    return math.log2(white / most), math.log2(white / middle)
+
+
+def hdr_flip(radiance: Array, reference: Array) -> float | None:
+    """Mean HDR-FLIP of linear radiance (h, w, 3); None for a reference without light, which gives no exposures.
+
+    Negative values count as 0.  Raises ValueError for values that are not finite.  FLIP's package ends the process
+    where it finds no exposures, so they are computed here.
+    """
+    images = [np.maximum(x, 0.0) for x in _finite_images(reference, radiance)]
+    exposures = flip_exposures(images[0])
+    if exposures is None:
+        return None
+    parameters = dict(zip(("startExposure", "stopExposure"), exposures, strict=True))
+    how = {"applyMagma": False, "computeMeanError": False, "parameters": parameters}
+    error, _, _ = _flip().evaluate(*images, "HDR", **how)
     return float(np.mean(error, dtype=np.float64))
 
 

@@ -313,6 +313,7 @@ class MethodRecord:
                 reasons = {"ssim": small, "flicker": nowhere, "warp_error": nowhere}
                 reasons["lpips"] = f"the image is smaller than {LPIPS_SIDE} pixels, the least for LPIPS"
                 reasons["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
+                reasons["hdr_flip"] = "no reference frame has light, which gives the exposures"
                 black = all(row["relmse"] is None for row in self.counted)
                 measured = BLACK if black else reasons.get(name, EQUAL)
                 out[name] = NOT_REQUESTED if metric and metric not in self.metrics else measured

@@ -12,6 +12,7 @@ from taubench_gl.errors import SceneError, printable
 from taubench_gl.scene.memory import within_memory
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.obj.reader import is_sequence, read_obj_sequence
+from taubench_gl.stage_log import lasting
 
 log = logging.getLogger(__name__)
 
@@ -52,9 +53,8 @@ def load_scene(
     else:
         source = Path(path)
         reader = _reader_of(source)
-    log.info("reading %s", printable(Path(path).name))
-    loaded = reader(source, scene, animation, strict)
-    return within_memory(loaded)
+    with lasting(log, "reading %s", printable(Path(path).name)):
+        return within_memory(reader(source, scene, animation, strict))
 
 
 def _reader_of(path: Path) -> Callable[..., Scene]:

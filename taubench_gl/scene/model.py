@@ -184,8 +184,9 @@ class Channel:
     index: int
     path: str
     interpolation: str  # STEP | LINEAR | CUBICSPLINE
-    times: Array  # (K,) float64 seconds, strictly increasing, K >= 1
+    times: Array  # (K,) float64 seconds, in order, K >= 1; two keys at one time are a jump
     values: Array
+    resampled: Array | None = None  # (K,) bool: keys that the reader added between those of the file; None: none
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,7 +163,8 @@ REMARKS: dict[str, Kind] = {
                               "keys in the unit of the light"),
     "blender-cone": Kind("spot light{s} whose cone Blender's exporter animates by its blend or by invalid pointers",
                          "read as cone angles"),
-    "repeated-key": Kind("key{s} with the same time as a later key", "the later key is used"),
+    "repeated-key": Kind("key{s} at the time of a later key",
+                         "a jump: the earlier ends what is before, the later begins what follows"),
 }  # fmt: skip
 """Kind of a remark -> its words."""
 

@@ -48,18 +48,18 @@ def _read(arrays: dict[str, Array], attributes: tuple[str, ...] = (), **document
 
 @case("duplicate-key-times", tolerance=1e-6, source="meters; float64 of float32 keys, sampled 1e-7 s before the key")
 def duplicate_key_times(bench: Bench) -> Outcome:
-    """Two keys at the same time (a teleport, as many exporters write it): positions at and after it, and a note.
+    """Two keys at the same time (a teleport, as many exporters write it): positions before, at and after, and a note.
 
     (t - t0) / (t1 - t0) is 0/0 at the key, and the object disappears for a frame.
     """
     keys = {"times": np.float32([0, 1, 1, 2]), "places": np.float32([[0] * 3, [0] * 3, [8, 0, 0], [8, 0, 0]])}
     channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
     scene = _read(keys, animations=[{"samplers": [{"input": 1, "output": 2}], "channels": [channel]}])
-    places = [sample(scene, t).world[0, 0, 3] for t in (1.0, 1.0 + 1e-7, 2.0)]
+    places = [sample(scene, t).world[0, 0, 3] for t in (0.5, 1.0 - 1e-3, 1.0, 1.0 + 1e-7, 2.0)]
     with np.errstate(invalid="ignore"):
         naive = float(np.float64(0.0) / np.float64(0.0))
-    off = worst(np.subtract(places, 8.0)) if scene.notes else np.inf
-    return Outcome("8, 8, 8 and a note", ", ".join(f"{p:g}" for p in places), off, Naive("0 / 0", naive, naive))
+    off = worst(np.subtract(places, [0.0, 0.0, 8.0, 8.0, 8.0])) if scene.notes else np.inf
+    return Outcome("0, 0, 8, 8, 8 and a note", ", ".join(f"{p:g}" for p in places), off, Naive("0 / 0", naive, naive))
 
 
 @case("weights-not-one", tolerance=1e-5, source="meters; float32 weights: 2 ulps of 10 m")

@@ -21,13 +21,13 @@ class LoadedScene:
         """Load ``path``, any argument of ``load_scene``, as ``settings`` say.  Raises SceneError."""
         self.path = path
         scene = load_scene(path, **settings.sequence.reading)
-        self.animated = AnimatedScene(scene, camera_of_run(scene, settings.sequence))
+        self.animated = AnimatedScene(scene, camera_of_run(scene, settings.sequence), fps=settings.sequence.fps)
 
     @classmethod
     def kept(cls, worker: Worker, path: str, settings: Settings, key: Hashable = None) -> Self:
         """The scene that ``worker`` has loaded; another one, or another ``key``, replaces it.  Raises SceneError."""
         sequence = settings.sequence
-        every = (cls, key, path, *sequence.reading.values(), sequence.camera)
+        every = (cls, key, path, *sequence.reading.values(), sequence.camera, sequence.fps)
         return worker.kept(every, lambda: cls(path, settings))
 
     def require_unchanged(self, sha256: str | None, settings: Settings, hint: str) -> None:

@@ -20,6 +20,7 @@ import msgspec
 import numpy as np
 
 from taubench_gl import __version__
+from taubench_gl.conventions import DEFINITIONS
 from taubench_gl.data_files import parse_json, read_bytes, read_json, read_text
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import write_atomically
@@ -32,6 +33,7 @@ MAX_RECORD_BYTES = 1 << 30
 class _Record(msgspec.Struct):
     sha256: str
     value: msgspec.Raw
+    definitions: int = 1
 
 
 def json_bytes(value: Any) -> bytes:
@@ -75,7 +77,8 @@ class Store:
 
     def write_about(self, values: Mapping[str, Any]) -> None:
         """Write ``values`` to study.json, with schema and version."""
-        self.write_json(self.out / STUDY_FILE, {"schema": self._schema, "version": __version__, **values})
+        head = {"schema": self._schema, "version": __version__, "definitions": DEFINITIONS}
+        self.write_json(self.out / STUDY_FILE, head | values)
 
     def about(self) -> dict[str, Any]:
         """The values of study.json.  Raises OutputError if there is none, and for one of another version."""
@@ -90,21 +93,28 @@ class Store:
         if schema != self._schema or version != __version__:
             message = f"was started by taubench-gl {version} ({schema}), this is {__version__} ({self._schema})"
             raise OutputError(message, where=str(path), hint="a study does not mix versions: give a new --out")
+        if (definitions := values.get("definitions", 1)) != DEFINITIONS:
+            message = f"holds numbers of definitions {definitions}, this version measures by {DEFINITIONS}"
+            raise OutputError(message, where=str(path), hint="give a new --out (docs/changes-of-numbers.md)")
         return values
 
     # ----------------------------------------------------------------------------------------------------- records
     def save(self, key: str, data: bytes) -> None:
         """Store the result of a unit, JSON, as the record ``key`` with a checksum.  Raises OutputError."""
         sha256 = hashlib.sha256(data).hexdigest().encode()
-        write_atomically(self._record(key), b'{"sha256":"' + sha256 + b'","value":' + data + b"}\n", parents=True)
+        head = b'{"definitions":%d,"sha256":"%s","value":' % (DEFINITIONS, sha256)
+        write_atomically(self._record(key), head + data + b"}\n", parents=True)
 
     def load(self, key: str, *, remove: bool = True) -> Any:
-        """The value of a record; None if it is missing or damaged.  ``remove``: whether a damaged file is removed."""
+        """The value of a record; None if it is missing, damaged or of other ``DEFINITIONS``, so that it is made again.
+
+        ``remove``: whether such a file is removed.
+        """
         path = self._record(key)
         try:
             record = msgspec.json.decode(read_bytes(path, max_bytes=MAX_RECORD_BYTES), type=_Record)
             data = bytes(record.value)
-            if hashlib.sha256(data).hexdigest() == record.sha256:
+            if hashlib.sha256(data).hexdigest() == record.sha256 and record.definitions == DEFINITIONS:
                 return parse_json(data)
         except (OutputError, OSError, ValueError, RecursionError):  # damaged by a disk error: files appear complete
             pass

@@ -148,6 +148,9 @@ class MethodComparison(Owner):
 
     def _start(self, feed: SceneFeed, state: ViewerState, scored: bool) -> None:
         method, kind = load_method(state.method), parse_input(state.method_input)
+        if scored and not state.has_exact_frames:
+            message = "ghosts and the bound are compared with exact frames, which path-traced input does not have"
+            raise SettingsError(message, hint="choose another input, or the result with another comparison")
         settings = feed.settings.replace(reprojection="motion", history="frame")
         request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
         reads = (*method.reads, "motion") if method.own_light else method.reads

@@ -54,8 +54,8 @@ class Shot:
 class KeptPoses(Poser):
     """A Poser that keeps the latest four poses, because several sources of one pair ask for the same times."""
 
-    def __init__(self, scene: Scene):
-        super().__init__(scene)
+    def __init__(self, scene: Scene, fps: float):
+        super().__init__(scene, fps)
         self._kept: dict[float, FrameState] = {}
 
     def sample(self, t: float) -> FrameState:
@@ -91,9 +91,8 @@ class SceneFeed(GpuOwner):
         self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
         one = {"history": "frame"} if settings.metrics.history == "both" else {}
-        opened = plan_scene(
-            scene, settings.replace(samples_per_pixel=1, **one), camera, poser=poser or KeptPoses(scene)
-        )
+        poser = poser or KeptPoses(scene, settings.sequence.fps)
+        opened = plan_scene(scene, settings.replace(samples_per_pixel=1, **one), camera, poser=poser)
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
         self.frames, self.animated, self.lighting = opened.frames, opened.animated, opened.lighting.reasons
         self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name

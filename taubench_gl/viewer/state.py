@@ -303,7 +303,7 @@ class ViewerState:
 
     # comparison
     comparison: str = control("off", Choice(
-        COMPARISONS, section="compare", label="mode", group="image", actions=(
+        lambda s: s.comparisons, section="compare", label="mode", group="image", actions=(
             Action("compare", "Y", f"comparison: {', '.join(COMPARISONS)}",
                    lambda s: _next(s, "comparison", "comparison")),
         ),
@@ -323,7 +323,9 @@ class ViewerState:
     methods: tuple[str, ...] = field(default_factory=builtin_methods)  # reuse methods to compare with
     method: str = control("taa_clamp", Choice(lambda s: s.methods, section="compare", visible=_with_method))
     method_input: str = control("noisy", Choice(METHOD_INPUTS, section="compare", label="input", visible=_with_method))
-    method_image: str = control("result", Choice(METHOD_IMAGES, section="compare", label="image", visible=_with_method))
+    method_image: str = control("result", Choice(
+        lambda s: s.method_images, section="compare", label="image", visible=_with_method,
+    ))  # fmt: skip
     gain: float = control(4.0, Number(  # factor of the difference image
         0.01, 1e4, slider=(0.1, 100.0), text="%.3g", logarithmic=True, section="compare", preference=True,
         visible=lambda s: s.beside or s.comparison in ("difference", "error", "ghost"),
@@ -548,6 +550,21 @@ class ViewerState:
         if math.isfinite(low) and math.isfinite(high):
             self.auto_range = False
             self.display_range = float(low), max(float(high), float(low) + 1e-6 * max(1.0, abs(low)))
+
+    @property
+    def has_exact_frames(self) -> bool:
+        """Whether the method's input has exact frames, with which ghosts and the bound are compared."""
+        return not self.method_input.startswith("path-traced")
+
+    @property
+    def comparisons(self) -> tuple[str, ...]:
+        """Those of COMPARISONS that the method's input allows."""
+        return COMPARISONS if self.has_exact_frames else tuple(name for name in COMPARISONS if name != "ghost")
+
+    @property
+    def method_images(self) -> tuple[str, ...]:
+        """Those of METHOD_IMAGES that the method's input allows."""
+        return METHOD_IMAGES if self.has_exact_frames else ("result",)
 
     def toggle_effect(self, effect: str) -> None:
         """Disable an enabled effect, or enable it again."""

@@ -46,7 +46,7 @@ def times_of(raw, animation):
 def test_world_matrices(data, raw, name, animation):
     file = raw(name)
     scene = load_scene(data / "khronos" / name, animation=[animation])
-    poser = Poser(scene)
+    poser = Poser(scene, fps=1e9)  # times beside keys do not move to them
     spec = file.json["animations"][animation]
     for t in times_of(file, spec):
         expected = np.array(file.world(spec, t))

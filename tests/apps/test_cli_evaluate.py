@@ -76,6 +76,15 @@ def test_a_run_without_a_pair_is_exit_code_2_with_the_way_out(taubench, evaluate
     assert code == 2 and way_out in err and err.strip().count("\n") == 0 and not out
 
 
+@pytest.mark.parametrize("options", [["--camera-file", "cameras.json"], ["--mapping", "blender"], ["--size", "64x36"]])
+def test_options_of_one_kind_of_scene_do_not_concern_the_other_beside_it(taubench, evaluate, tmp_path, options):
+    code, _, err = taubench("evaluate", "exr:renders", "walk.glb", "--out", tmp_path, *options)
+    assert code == 0 and "error" not in err and len(evaluate.calls) == 2
+    alone = "exr:renders" if options[0] == "--size" else "walk.glb"
+    code, _, err = taubench("evaluate", alone, *options)
+    assert code == 2 and options[0] in err and len(evaluate.calls) == 2
+
+
 def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
     monkeypatch.setenv("TAUBENCH_BACKEND", "osmesa")
     taubench("evaluate", "a.glb")

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import click
+import msgspec
 import pytest
 
 from taubench_gl.apps.cli import SECTIONS, cli
@@ -19,7 +20,7 @@ from taubench_gl.fields import REQUIRED, at_least, declared, one_of, setting, so
 from taubench_gl.option_groups import CostOptions, FitOptions, ReuseOptions
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse import EvaluationRequest, evaluate_methods, fit_setting
-from taubench_gl.settings import KEYS, Settings
+from taubench_gl.settings import KEYS, Settings, parse_size
 
 ADD_A_LINE = """
 import sys, types
@@ -257,3 +258,71 @@ def test_a_declaration_reads_what_people_and_programs_write():
     with pytest.raises(SettingsError) as caught:
         fields["needed"].checked(1)
     assert caught.value.setting == "needed" and caught.value.hint == "give 2 or more"
+
+
+def options_with_text() -> list[tuple[str, Option]]:
+    """Every option of every command that takes a value, with the command's name."""
+    made = [(m.name or "", p) for m in members(cli) for p in m.params if isinstance(p, Option) and not p.switch]
+    return made
+
+
+HOSTILE = (
+    "", "1", "24", "0", "-1", "2.5", "1,2", "24,60", "1,,2", ",", "nan", "inf", "-inf", "1e400", "1" + "0" * 400,
+    "0:2", ":", "1:2:3", "x", "all", "none", "auto", "yaw=0:12:7", "yaw=0:12", "normal=0.1", "normal=", "=", "640x360",
+    "x360", "90s", "5m", "1GiB", "true", "\u0663", "\udce9", " ", "a/b.toml",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "option", [option for _, option in options_with_text()], ids=[f"{n}{o.opts[0]}" for n, o in options_with_text()]
+)
+def test_every_option_is_read_from_text(option):
+    """A text is a value of the declared type, or a usage error; its default is a value."""
+    field = option.field
+
+    def parsed(text: str):
+        alone = click.Command("alone", params=[Option(dataclasses.replace(field, variable=""))])
+        return alone.make_context("alone", [option.opts[0], text]).params[option.name]
+
+    for text in HOSTILE:
+        try:
+            value = parsed(text)
+        except click.UsageError:
+            continue
+        if field.name in KEYS:  # Settings reads the value of the option again
+            assert field.checked(value) == value or value != value, text
+        if Path in field.kinds:
+            assert isinstance(value, Path | str)
+        else:
+            assert msgspec.convert(value, field.kind) == value or value != value, text
+    default = field.default
+    if default in (REQUIRED, None, (), "") or isinstance(default, dict) or default == (None, None):
+        return
+    if field.repeats or field.read is parse_size:
+        return  # one option for each element; a size is written with an x, which other tests read
+    text = ",".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    assert parsed(text) == default
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "value"),
+    [
+        ("paper --fps 24", "fps", (24.0,)), ("paper --fps 24,60", "fps", (24.0, 60.0)),
+        ("stress a.glb --out b.glb --motion 1", "motion", (1.0,)),
+        ("stress a.glb --out b.glb --yaw 3.4,8.9,20", "yaw", (3.4, 8.9, 20.0)),
+        ("reuse evaluate a.glb --methods ema --out b --cut 2 --cut 5", "cuts", (2, 5)),
+    ],
+)  # fmt: skip
+def test_a_sequence_of_numbers_is_one_number_or_several(words, name, value):
+    """One number stands for a sequence of one; commas separate several."""
+    member, words = cli, words.split()
+    while isinstance(member, click.Group):
+        member = member.commands[words.pop(0)]
+    assert member.make_context(member.name, words).params[name] == value
+
+
+@pytest.mark.parametrize("words", ["paper --fps 24,x", "paper --fps 24,24", "stress a --out b --motion 1,2,3,4"])
+def test_a_wrong_sequence_of_numbers_is_a_usage_error(words):
+    name, *rest = words.split()
+    with pytest.raises(click.UsageError):
+        cli.commands[name].make_context(name, rest)

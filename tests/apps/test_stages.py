@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import ClassVar
 
 import pytest
 
@@ -10,6 +11,7 @@ from taubench_gl.apps import progress, stages
 from taubench_gl.apps.cli import main
 from taubench_gl.apps.progress import ProgressBar, StudyScreen
 from taubench_gl.apps.stages import Stages
+from taubench_gl.stage_log import lasting
 
 
 @pytest.fixture
@@ -47,6 +49,48 @@ def test_a_stage_that_ends_says_nothing(logged, monkeypatch):
     for timer in (first, second):
         timer.join()
     assert said == [] and handler._timer is None
+
+
+class LaterTimer:
+    """A timer that the test fires."""
+
+    started: ClassVar[list[LaterTimer]] = []
+
+    def __init__(self, seconds, function):
+        self.seconds, self.fire = seconds, function
+        self.started.append(self)
+
+    def start(self):
+        pass
+
+    cancel = start
+
+
+def test_work_that_goes_on_is_a_line_again_until_it_ends(logged, monkeypatch):
+    """Lines after 1, 11 and 31 seconds of a clock that the timers move; none of a timer that fires too late."""
+    handler, logger, said = logged
+    clock = [100.0]
+    monkeypatch.setattr(stages.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(stages.threading, "Timer", LaterTimer)
+    LaterTimer.started.clear()
+    handler.begin()
+
+    def fire():
+        timer = LaterTimer.started[-1]
+        clock[0] += timer.seconds
+        timer.fire()
+
+    logger.setLevel(logging.DEBUG)
+    with lasting(logger, "reading %s", "a.glb"):
+        for _ in range(3):
+            fire()
+    assert said == ["reading a.glb ...", "reading a.glb ... 11 s", "reading a.glb ... 31 s"]
+    fire()
+    assert len(said) == 3 and handler._timer is None
+    logger.info("metering")  # at once: nothing was said for long
+    logger.debug("a detail")  # no stage
+    fire()
+    assert said[3:] == ["metering ..."] and len(LaterTimer.started) == 4
 
 
 @pytest.mark.parametrize(("bar", "name"), [(ProgressBar("a.glb"), "a.glb"), (StudyScreen(), "all pairs")])

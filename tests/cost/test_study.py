@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,8 @@ def test_a_study_from_units_to_page(tmp_path, names):
     assert all(name in page for name in points)
     for use in study["recommendations"]:
         assert use["reached"] and load_preset(tmp_path / use["preset"])["width"] == 8
+        command = tomllib.loads((tmp_path / use["preset"]).read_text())["measured"]["command"]
+        assert command == points[use["configuration"]]["command"] and "--frames" in command, "those of the study"
     with pytest.raises(OutputError):  # another table
         cost(DEMO, out=tmp_path, **TINY | {"columns": "direct"}, **OFF, **REQUEST)
 

@@ -236,6 +236,16 @@ def test_the_lecture_goes_on_with_the_next_demo(runs, gpu, opened, tmp_path):
     page.wait_for_url(re.compile(first.stem))
 
 
+def test_the_lecture_opens_at_an_address_that_is_typed(runs, gpu, opened):
+    """A page that is open already enters the lecture, and goes to another step of it."""
+    page = opened(runs.shown(find_demo("rotations"), gpu).page)
+    assert page.locator("html.lecture").count() == 0
+    for typed, place in (("#lecture-2", "2 /"), ("#lecture", "1 /")):
+        page.evaluate("hash => { location.hash = hash; }", typed)
+        page.wait_for_function("place => document.getElementById('place').textContent.startsWith(place)", arg=place)
+        page.wait_for_selector("html.lecture .step.now")
+
+
 def test_without_scripts_everything_is_shown(runs, gpu, browser):
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()

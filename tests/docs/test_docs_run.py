@@ -38,7 +38,7 @@ LEFT_OUT = {
 """Examples that do not run here (regular expressions of command lines), and what tests them."""
 
 SMALL = {
-    "--size": "64x36", "--frames": "0:3", "--reference-spp": "4", "--reference-samples": "4",
+    "--size": "64x36", "--frames": "0:3", "--reference-samples": "4",
     "--repeats": "1", "--shadow-size": "128",
 }  # fmt: skip
 """Values of options in place of those of the page and of the defaults."""
@@ -136,8 +136,6 @@ def reduced(words: list[str], kept: Collection[str]) -> list[str]:
         del small["--size"]
     if words[:2] in (["reuse", "evaluate"], ["reuse", "fit"]) and "--input" not in words:
         small["--reference"] = "path-traced@4"  # of path-traced input: as many samples as fit in two minutes
-    if words[0] == "export" and "--reference-spp" not in words:
-        del small["--reference-spp"]  # it asks for training pairs
     return [LESS.get(word, word) for word in words] + [
         text for name, value in small.items() if name in known - set(kept) for text in (name, value)
     ]

@@ -21,6 +21,7 @@ from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.histories import uses_other_eye
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reuse_rate import RATE_BITS
+from taubench_gl.metrics.sampled_light import PixelMasks
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -233,25 +234,25 @@ def test_decisions_of_two_histories_are_those_of_the_better_one_and_of_the_rarer
     traced = [np.flatnonzero(pair.traced[0]) for pair in both]
     assert [t.tolist() for t in traced] == [[0, 1, 2], [0, 1, 3]]
 
-    def found(end, first, audited, undecided):
-        ones = np.ones(3, np.int64)
-        values = np.array(end, np.uint32), {"direct": np.array([1.0, 2.0, 3.0])}, np.zeros(3), 64 * ones, 64 * ones
-        return Decisions(*values, np.array(undecided), np.array(first, np.uint32), np.array(audited))
+    def found(end, first, audited, undecided, half_words):
+        distances, ones = {"direct": np.array([1.0, 2.0, 3.0])}, 64 * np.ones(3, np.int64)
+        halves = np.array(half_words, np.uint32), {"direct": np.array([[1.0, 1.5], [2.0, 2.5], [3.0, 3.5]])}
+        masks = (PixelMasks(np.array(words, np.uint32), distances, *halves) for words in (first, end))
+        return Decisions(*masks, np.zeros(3), ones, ones, np.array(undecided), np.array(audited))
 
-    frame = found([lit, 0, 0], [lit, lit, 0], [0.1, 0.02, 0.0], [False, False, True])
-    eye = found([0, lit, lit], [lit, lit, lit], [0.02, 0.1, 0.1], [False, False, False])
+    halves = [[lit, lit], [lit, lit], [lit, 0]]
+    frame = found([lit, 0, 0], [lit, lit, 0], [0.1, 0.02, 0.0], [False, False, True], halves)
+    eye = found([0, lit, lit], [lit, lit, lit], [0.02, 0.1, 0.1], [False, False, False], [[lit, lit]] * 3)
     rows = np.zeros(5, np.int64), np.arange(5)
     got = merge_histories(both, (frame, eye), traced, rows)
-    assert got.words.tolist() == [0, 0, 0, lit, sky] and got.first.tolist() == [lit, lit, 0, lit, sky]
+    assert got.end.words.tolist() == [0, 0, 0, lit, sky] and got.first.words.tolist() == [lit, lit, 0, lit, sky]
+    assert got.first.half_words.tolist() == [[lit, lit], [lit, lit], [lit, 0], [lit, lit], [sky, sky]]
+    of_halves = [[1.0, 1.5], [2.0, 2.5], [3.0, 3.5], [3.0, 3.5], [9.0, 9.0]]
+    assert got.first.half_distances["direct"].tolist() == of_halves
     assert got.audited.tolist() == [0.02, 0.02, 0.0, 0.1, 0.0]
     assert got.undecided.tolist() == [False, False, True, False, False]
-    assert got.distances["direct"].tolist() == [1.0, 2.0, 3.0, 3.0, 9.0] and got.samples.tolist() == [
-        128,
-        128,
-        64,
-        64,
-        0,
-    ]
+    assert got.end.distances["direct"].tolist() == [1.0, 2.0, 3.0, 3.0, 9.0]
+    assert got.samples.tolist() == [128, 128, 64, 64, 0]
 
 
 def test_exact_reasons_of_the_other_eye_have_no_change_of_light():

@@ -54,9 +54,9 @@ def test_light_without_noise_is_decided_by_the_least_samples_as_the_preview_says
     assert (found.samples[found.audited == 0.0] == LEAST).all() and not found.undecided.any()
     preview = pair.words[at[:, 1], at[:, 0]]
     bit = np.uint32(FEATURE_BIT["direct"])
-    assert np.mean((preview ^ found.words) & bit != 0) < 0.02
-    assert np.mean(found.words & bit != 0) > 0.05
-    assert np.median(np.abs(found.distances["direct"] - pair.distances["direct"][at[:, 1], at[:, 0]])) < 1e-3
+    assert np.mean((preview ^ found.end.words) & bit != 0) < 0.02
+    assert np.mean(found.end.words & bit != 0) > 0.05
+    assert np.median(np.abs(found.end.distances["direct"] - pair.distances["direct"][at[:, 1], at[:, 0]])) < 1e-3
 
 
 @pytest.mark.parametrize("emits", [0.0, 40.0])
@@ -65,7 +65,7 @@ def test_a_still_pair_has_distances_of_zero(emits):
     with opened(lamp_over_floor(moves=False, emits=emits), camera=0, light_unit="candela") as session:
         _, at, found = decided(session, 1, 128)
     assert len(at) > 100
-    for name, distance in found.distances.items():
+    for name, distance in found.end.distances.items():
         assert not distance.any(), name
 
 
@@ -76,7 +76,7 @@ def test_decisions_are_those_of_many_more_samples():
     bits = np.uint32(sum(FEATURE_BIT[n] for n in ("direct", "indirect", "color")))
     clear = ~few.undecided
     assert clear.mean() > 0.8
-    assert np.mean(((few.words ^ many.words) & bits)[clear] != 0) < 0.01
+    assert np.mean(((few.end.words ^ many.end.words) & bits)[clear] != 0) < 0.01
     assert (many.samples >= few.samples).all() and (few.samples[few.undecided] == 512).all()
 
 
@@ -95,7 +95,7 @@ def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
         shares = []
         for frame in (1, 2):
             _, _, found = decided(session, frame, ALL.limit)
-            words = np.where(found.undecided, found.words, found.first)
+            words = np.where(found.undecided, found.end.words, found.first.words)
             shares.append(np.count_nonzero(words & np.uint32(FEATURE_BIT["indirect"])) / (32 * 18))
     monkeypatch.setattr("taubench_gl.evaluation.decided_pixels.AUDITED", (0.0, 0.0))
     settings = Settings(frames=(0, 3), spp=1, **SMALL)
@@ -194,10 +194,9 @@ def test_rounds_visit_other_pairs_until_all_had_a_visit():
 def test_records_of_visits_keep_every_bit():
     rng = np.random.default_rng(3)
     n = 5
-    words = [rng.integers(0, 2**16, n).astype(np.uint32) for _ in range(3)]
-    distances = [{"direct": rng.random(n)} for _ in range(2)]
-    visit = Visit(3, rng.integers(0, 9, 16), rng.integers(0, 16, n), *words, rng.random(n), rng.random(n) < 0.5,
-                  rng.integers(64, 512, n), *distances)  # fmt: skip
+    curves, discarded = {"direct": rng.random((3, 4))}, {"direct": rng.random()}
+    difference = rng.random((n, 3))
+    visit = Visit(3, rng.integers(0, 9, 16), rng.integers(0, 16, n), difference, curves, discarded, 1, 2, 1, 512)
     again = Visit.of_record(json.loads(json.dumps(visit.record())))
     for name in Visit.__slots__:
         a, b = (of["direct"] if isinstance(of, dict) else of for of in (getattr(visit, name), getattr(again, name)))

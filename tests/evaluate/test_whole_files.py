@@ -100,3 +100,37 @@ def test_arrays_appear_complete_or_not_at_all(tmp_path):
     write_arrays(tmp_path / "a.npz", {"values": values})
     with np.load(tmp_path / "a.npz") as arrays:
         np.testing.assert_array_equal(arrays["values"], values)
+
+
+SMALL = {"size": "64x36", "columns": "frustum,position"}
+
+
+def files_in(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_rerun_removes_what_it_makes_stale_and_nothing_else(tmp_path: Path) -> None:
+    """Pages, images, masks and channels of earlier pairs go, also those that no summary names; a user's files stay."""
+    run = evaluate(DEMO, **SMALL, frames=(0, 4), out=tmp_path / "run", save=("masks", "channels"), report=True)
+    (tmp_path / "run" / "masks" / "mask_00099.npz").write_bytes(b"of an interrupted run")
+    (tmp_path / "run" / "share.html").write_text("of share")
+    for mine in ("notes.txt", "masks/mine.png"):
+        (tmp_path / "run" / mine).write_text("mine")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "channels_00001.npz").write_text("of others")
+    evaluate(DEMO, **SMALL, frames=(0, 2), out=tmp_path / "run")
+    evaluate(DEMO, **SMALL, frames=(0, 2), out=tmp_path / "new")
+    assert files_in(tmp_path / "run") == files_in(tmp_path / "new") | {"notes.txt", "masks/mine.png"}
+    assert load_run(tmp_path / "run").summary["pairs"] == 1 and not (tmp_path / "run" / "channels").exists()
+    (tmp_path / "run" / "channels").symlink_to(tmp_path / "elsewhere")
+    evaluate(DEMO, **SMALL, frames=(0, 2), out=tmp_path / "run")
+    assert files_in(tmp_path / "elsewhere") == {"channels_00001.npz"} and run.summary["pairs"] == 3
+
+
+def test_a_run_without_a_pair_writes_nothing_and_keeps_an_earlier_one(tmp_path: Path) -> None:
+    assert evaluate(DEMO, **SMALL, frames=(3, 4), out=tmp_path / "none", report=True).out is None
+    assert not (tmp_path / "none").exists()
+    evaluate(DEMO, **SMALL, frames=(0, 3), out=tmp_path / "run")
+    before = {name: (tmp_path / "run" / name).read_bytes() for name in files_in(tmp_path / "run")}
+    assert evaluate(DEMO, **SMALL, frames=(3, 4), out=tmp_path / "run", save="masks").summary["pairs"] == 0
+    assert before == {name: (tmp_path / "run" / name).read_bytes() for name in files_in(tmp_path / "run")}

@@ -67,6 +67,23 @@ def test_bad_device_index(no_contexts) -> None:
         open_gpu("osmesa", device=0)
 
 
+def test_egl_without_a_device_gives_way_to_osmesa(no_contexts, monkeypatch) -> None:
+    """glcontext counts devices where none was asked for too: a container whose EGL has none still has OSMesa."""
+
+    def create(name, device):
+        if name == "egl":
+            raise Exception("requested device index 0, but found 0 devices")  # as glcontext does
+        return "an OSMesa context"
+
+    monkeypatch.setattr(context, "_create", create)
+    assert open_gpu() == "an OSMesa context"
+    context._open.by_name.clear()
+    with pytest.raises(GraphicsError, match="found 0 devices"):
+        open_gpu("egl")
+    with pytest.raises(GraphicsError, match="no EGL device has number 0"):
+        open_gpu(device=0)
+
+
 def test_unknown_backend(no_contexts, monkeypatch) -> None:
     with pytest.raises(GraphicsError, match="choose from auto, egl, osmesa"):
         open_gpu("vulkan")

@@ -15,7 +15,15 @@ from taubench_gl.metrics.counts import Counts, bin_of, edges
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.metrics.path_samples import LEAST, LIMIT, PARTS, part_table
 from taubench_gl.metrics.pixel_sample import NORMAL_95, PixelStrata, SampledPair, estimate_share, pair_differences
-from taubench_gl.metrics.sampled_light import STRATA, LightEstimate, Visit, draw_pixels, lobe_distance, strata_of
+from taubench_gl.metrics.sampled_light import (
+    STRATA,
+    LightEstimate,
+    PixelMasks,
+    SampledPixels,
+    draw_pixels,
+    lobe_distance,
+    strata_of,
+)
 
 Array = np.ndarray
 
@@ -199,11 +207,9 @@ def test_estimates_from_all_pixels_are_those_of_the_masks():
         none, whole = np.zeros(n), np.zeros(n, np.int64)
         strata = np.bincount(whole, minlength=STRATA)
         words, distances = truth[k]
-        estimate.add(
-            Visit(
-                k, strata, whole, preview[k][0], words, words, none, none > 0, whole + LEAST, preview[k][1], distances
-            )
-        )
+        masks = PixelMasks(words, distances, words[:, None], {name: of[:, None] for name, of in distances.items()})
+        pixels = SampledPixels(whole, *preview[k], masks, masks, none)
+        estimate.add(estimate.visit(k, strata, pixels, none > 0, whole + LEAST))
     found = estimate.intervals(sample_pairs(2, "all"))
     expected = _of_masks([words for words, _ in truth], [distances for _, distances in truth])
     assert {at: found[at].mean for at in expected} == pytest.approx(expected, abs=1e-9)
@@ -215,18 +221,20 @@ def test_estimates_from_all_pixels_are_those_of_the_masks():
 
 
 def test_an_audited_pixel_stands_for_all_that_were_not():
-    """The mean of differences over all audits is that of the last words."""
+    """The mean of differences over all audits is that of the last words; an undecided pixel counts 2 x 0 - 3 / 4."""
     bit = np.uint32(FEATURE_BIT["direct"])
     preview = np.array([0, 1, 0, 1, 0, 1], np.uint32) * bit
     first = np.array([1, 1, 0, 0, 1, 0], np.uint32) * bit
-    end = np.array([0, 1, 1, 0, 0, 1], np.uint32) * bit  # with the last pixel undecided
-    undecided = np.array([False] * 5 + [True])
+    end = np.array([0, 1, 1, 0, 0, 0], np.uint32) * bit
+    halves = np.repeat(first[:, None], 4, axis=1)
+    halves[5] = np.array([1, 0, 1, 1]) * bit
     none, one = {}, np.ones(6, np.int64)
 
     def differences(audited: Array) -> Array:
-        words = np.where((audited > 0) | undecided, end, first)
-        visit = Visit(0, one, one, preview, first, words, audited, undecided, one, none, none)
-        return visit.effective(lambda words, _: (words & bit) != 0)
+        words = np.where(audited > 0, end, first)
+        at_end = PixelMasks(words, none, np.repeat(words[:, None], 4, axis=1), none)
+        pixels = SampledPixels(one, preview, none, PixelMasks(first, none, halves, none), at_end, audited)
+        return pixels.difference(lambda words, _: (words & bit) != 0)
 
     share = np.array([0.25, 0.25, 0.5, 0.5, 0.25, 0.0])
     total = np.zeros(6)
@@ -234,5 +242,5 @@ def test_an_audited_pixel_stands_for_all_that_were_not():
         audited = np.array([*draws, False])
         chance = np.prod(np.where(audited, share, 1.0 - share))
         total += chance * differences(np.where(audited, share, 0.0))
-    expected = (end != 0).astype(float) - (preview != 0)
+    expected = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -0.75]) - (preview != 0)
     assert total == pytest.approx(expected, abs=1e-12)

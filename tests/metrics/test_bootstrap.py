@@ -46,6 +46,22 @@ def coverage(correlation: float, blocks: bool) -> float:
     return hits / TRIALS
 
 
+@pytest.mark.parametrize("length", [1, 3, 4])
+def test_small_values_beside_large_ones_keep_their_sums(length):
+    """Whole sums of drawn frames, for values from 1e-17 to 0.1; the small ones come last."""
+    x = np.array([0.15, 0.12, *[1.7e-17] * 9])
+    means = resampled_means(x[:, None], length, 500)[:, 0]
+    assert (means >= 1.7e-17 * (1.0 - 1e-12)).all()
+    smallest = means[means < 1e-3]
+    assert len(smallest) and smallest == pytest.approx(1.7e-17, rel=1e-12)
+
+
+def test_a_statistic_that_is_not_finite_has_no_interval():
+    x = np.array([1.0, 2.0, *[0.0] * 10])[:, None]
+    assert interval(x, lambda means: np.log10(means[..., 0]), 2) is None
+    assert interval(x, first, 2) is not None
+
+
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.8])
 def test_coverage_of_dependent_frames(correlation):
     # Of 200 intervals with 95 %: 0.95 +- 3 standard errors is 0.904 to 0.996; strong dependence of 96 frames, which

@@ -49,6 +49,7 @@ def test_an_own_folder(tmp_path):
         (TOML.replace("0.5", "-1"), GLSL),
         (TOML + "more = 1\n", GLSL),
         (TOML + "[settings]\nk = { default = 9.0, doc = 'd', max = 1.0 }\n", GLSL),
+        (TOML + "[settings]\nk = { default = 1e39, doc = 'd' }\n", GLSL),
         (TOML + "[settings]\npixel = { default = 9.0, doc = 'd' }\n", GLSL),
         (TOML, "float distance_of(Point a) { return 0.0; }"),
         (TOML, "// float difference(Point now, Point history, Pixel pixel)\n"),

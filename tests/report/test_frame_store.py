@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from page_tools import image_of
 from PIL import Image
 
@@ -77,14 +78,34 @@ def test_images_of_another_run_are_rejected(tmp_path):
     assert stored_frames(tmp_path / "run")[0] is None
 
 
-def test_missing_image_or_broken_index_is_the_reason(tmp_path):
+def test_a_broken_index_is_the_reason(tmp_path):
     stored, _ = record(tmp_path / "run", 2)
-    (stored.folder / "mask_00002.png").unlink()
-    found, why = stored_frames(tmp_path / "run")
-    assert found is None and "mask_00002.png" in why
     (stored.folder / "index.json").write_text("{")
     found, why = stored_frames(tmp_path / "run")
     assert found is None and "index.json" in why
+
+
+@pytest.mark.parametrize("damage", ["removed", "cut off", "changed"])
+def test_pairs_whose_images_are_missing_or_damaged_are_left_out(tmp_path, damage):
+    """The other pairs stay, and the reason names the first such file and the number of pairs."""
+    stored, _ = record(tmp_path / "run", 4, discarded=lambda i: i == 2)
+    assert stored.index.worst == 3 and stored.lost == ""
+
+    def spoil(name: str) -> None:
+        path = stored.folder / name
+        data = path.read_bytes()
+        path.write_bytes({"cut off": data[: len(data) // 2], "changed": data[:-9] + b"?" + data[-8:]}.get(damage, b""))
+        if damage == "removed":
+            path.unlink()
+
+    spoil("mask_00003.png")
+    found, why = stored_frames(tmp_path / "run")
+    assert found.index.frames == (1, 2, 4) and found.index.worst is None and why == ""
+    assert "mask_00003.png" in found.lost and "1 pair " in found.lost
+    for frame in (1, 2, 4):
+        spoil(f"frame_{frame:05d}.webp")
+    found, why = stored_frames(tmp_path / "run")
+    assert found is None and "frame_00001.webp" in why and "4 pairs" in why
 
 
 def test_reprojected_image_follows_motion_with_a_checkerboard_elsewhere():

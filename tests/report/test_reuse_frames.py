@@ -111,3 +111,13 @@ def test_why_there_are_no_images(tmp_path):
     assert reuse_images(out).data is None and "another evaluation" in reuse_images(out).text
     (out / "images" / "index.json").write_text('{"schema": 3}')
     assert reuse_images(out).data is None
+
+
+def test_frames_whose_images_are_damaged_are_left_out(tmp_path):
+    out = tmp_path / "run"
+    record(out, 3)
+    image = out / "images" / file_name("image", 0, 1)
+    image.write_bytes(image.read_bytes()[:40])
+    found = reuse_images(out)
+    assert [item["n"] for item in found.data["items"]] == [0, 2]
+    assert image.name in found.lost and image.name in found.text

@@ -93,3 +93,20 @@ def test_a_run_without_images_is_refused(recorded, tmp_path, capsys, lost):
         (recorded / FOLDER / "index.json").unlink()
     assert command("share", recorded if lost == "images" else tmp_path / "none") == 2
     assert capsys.readouterr().err.count("\n") == 1 and not list(tmp_path.rglob("share.html"))
+
+
+@pytest.mark.parametrize("made", ["report", "share"])
+def test_a_truncated_image_is_left_out_with_a_note(recorded, capsys, made):
+    """The page has the other pairs; standard error and the page name the file."""
+    image = recorded / FOLDER / "frame_00001.webp"
+    image.write_bytes(image.read_bytes()[:100])
+    assert command(made, recorded) == 0
+    assert image.name in capsys.readouterr().err
+    images = data_of((recorded / f"{made}.html").read_text())["runs"][0]["images"]
+    assert 1 not in [item["n"] for item in images["items"]] and images["items"] and image.name in images["summary"]
+
+
+def test_a_damaged_index_of_images_is_a_note(recorded, capsys):
+    (recorded / FOLDER / "index.json").write_text("{")
+    assert command("report", recorded) == 0 and "index.json" in capsys.readouterr().err
+    assert command("share", recorded) == 2

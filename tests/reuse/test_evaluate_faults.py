@@ -24,6 +24,27 @@ class NanFromThree:
         return frame["radiance"][..., :3] * (np.nan if frame["index"] >= 3 else 1.0)
 
 
+class Odd(BaseException):
+    """An error that no ``except Exception`` catches."""
+
+
+class RaisesOdd(NanFromThree):
+    def step(self, frame):
+        raise Odd("why")
+
+
+class Interrupts(NanFromThree):
+    def step(self, frame):
+        raise KeyboardInterrupt
+
+
+def test_a_method_that_raises_anything_fails_alone_and_an_interrupt_ends_all():
+    done = evaluate(passing_box(), [MethodSpec("odd", RaisesOdd), "none"], (0, 3))
+    assert set(done.failed) == {"odd"} and "Odd: why" in done.failed["odd"]
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(passing_box(), [MethodSpec("interrupts", Interrupts), "none"], (0, 3))
+
+
 def test_failing_method_does_not_affect_others(tmp_path):
     broken = tmp_path / "broken"
     broken.mkdir()

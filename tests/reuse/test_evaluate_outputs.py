@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import taubench_gl.reuse
 from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, side_by_side
+from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, finite, side_by_side
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
 
@@ -68,6 +69,17 @@ def test_numbers_are_written_before_images(written, tmp_path, monkeypatch, error
     assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
 
 
+def test_numbers_that_are_not_finite_are_null_and_named(written, tmp_path):
+    summary = written[1].summary | {"own": {"list": [1.0, float("inf")], "number": float("nan")}}
+    with ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
+        folder.on_frame(written[3][0])
+        folder.finish(replace(written[1], summary=summary))
+    stored = json.loads((tmp_path / "run" / "reuse.json").read_text())
+    assert stored["own"] == {"list": [1.0, None], "number": None}
+    assert stored["not_finite"] == ["own.list.1", "own.number"]
+    assert "not_finite" not in written[1].summary and finite(written[1].summary) == written[1].summary
+
+
 def test_video_has_every_frame_at_its_size(written):
     import imageio_ffmpeg
 
@@ -89,6 +101,15 @@ def test_detail_window_is_where_methods_differ(written):
     )
 
 
+def test_a_rerun_without_a_video_removes_that_of_the_earlier_one(written, tmp_path):
+    for name in ("side_by_side.mp4", "side_by_side.webm", "side_by_side.mine.mp4"):
+        (tmp_path / name).write_text("of an earlier evaluation, or of a user")
+    with ReuseFolder(tmp_path, 24.0, "none") as folder:
+        folder.on_frame(written[3][0])
+        files = folder.finish(written[1])
+    assert {f.name for f in files} | {"side_by_side.mine.mp4"} == {f.name for f in tmp_path.iterdir()}
+
+
 def test_no_incomplete_video_after_an_error(tmp_path):
     with pytest.raises(ZeroDivisionError), ReuseFolder(tmp_path / "run", 24.0) as folder:
 
@@ -103,7 +124,8 @@ def test_no_incomplete_video_after_an_error(tmp_path):
 
 def test_interrupt_keeps_the_rows_of_evaluated_frames(tmp_path):
     (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "reuse.json").write_text("of an earlier evaluation")
+    for name in ("reuse.json", "report.html", "tables.txt", "convergence.svg", "side_by_side.webm"):
+        (tmp_path / "run" / name).write_text("of an earlier evaluation")
     seen = []
     with pytest.raises(KeyboardInterrupt), ReuseFolder(tmp_path / "run", 24.0) as folder:
 

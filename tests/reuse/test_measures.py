@@ -82,6 +82,43 @@ def test_hdr_flip_sees_what_the_display_clips():
         quality.hdr_flip(image, reference)
 
 
+def test_hdr_flip_computes_its_exposures():
+    """The two radiances that ACES maps to 0.85, by bisection of the tone map."""
+    low, high = 0.0, 100.0
+    for _ in range(100):
+        x = 0.6 * 0.5 * (low + high)
+        low, high = (0.5 * (low + high), high) if x * (2.51 * x + 0.03) < 0.85 * (x * (2.43 * x + 0.59) + 0.14) else (
+            low, 0.5 * (low + high))  # fmt: skip
+    reference = np.full((H, W, 3), 0.5)
+    reference[0, 0] = 8.0
+    found = quality.flip_exposures(reference)
+    assert found == pytest.approx((np.log2(low / 8.0), np.log2(low / 0.5)), abs=1e-9)
+    mostly_black = np.zeros((H, W, 3))
+    mostly_black[0, 0] = 1e-9  # less than the least median of FLIP
+    first, last = quality.flip_exposures(mostly_black)
+    assert first == last == pytest.approx(np.log2(low / 1e-9))
+    assert quality.flip_exposures(np.zeros((H, W, 3))) is quality.flip_exposures(np.full((H, W, 3), 1e-42)) is None
+
+
+def test_a_frame_whose_reference_has_no_light_has_no_hdr_flip(monkeypatch):
+    """FLIP's package is not asked: it ends the process."""
+    black, gray = np.zeros((H, W, 3)), np.full((H, W, 3), 0.3)
+    asked, flip = [], quality._flip()
+
+    class Asked:
+        @staticmethod
+        def evaluate(reference, *rest, **how):
+            asked.append(reference)
+            return flip.evaluate(reference, *rest, **how)
+
+    monkeypatch.setattr(quality, "_flip", lambda: Asked)
+    record = record_of([(gray, gray), (gray, black), (gray, 2.0 * gray)], metrics=("hdr_flip",))
+    assert [row["hdr_flip"] is None for row in record.rows] == [False, True, False]
+    assert record.summary()["mean"]["hdr_flip"] > 0.0 and all(reference.any() for reference in asked)
+    summary = record_of([(gray, black)] * 3, metrics=("hdr_flip",)).summary()
+    assert summary["mean"]["hdr_flip"] is None and summary["reasons"]["hdr_flip"]
+
+
 def test_warping_error_of_still_and_changing_images():
     before, everywhere, still_px = RNG.random((H, W, 3)), np.ones((H, W), bool), np.zeros((H, W, 2))
     assert quality.warp_error(before, before, still_px, everywhere) == 0.0

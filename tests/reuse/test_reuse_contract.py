@@ -66,6 +66,10 @@ def error_of(tmp_path, toml: str, glsl: str = PLAIN_GLSL) -> str:
         (READS + '[settings]\nalpha = { default = 0.1, mim = 0.0 }\n' + PASS, ["settings.alpha.mim: "]),
         (READS + "[settings]\nfloat = 0.1\n" + PASS, ["settings: 'float'"]),
         ("reads = [\n", ["TOML"]),
+        (READS + "[settings]\nn = 2147483648\n" + PASS, ["settings.n.default: 2147483648 "]),
+        (READS + "[settings]\nn = -9223372036854775808\n" + PASS, ["settings.n.default: -9223372036854775808 "]),
+        (READS + "[settings]\nx = 1e39\n" + PASS, ["settings.x.default: 1e+39 "]),
+        (READS + "[settings]\nx = nan\n" + PASS, ["settings.x.default: nan "]),
         ('reads = ["x", "y"]\nbad = 1\n', ["'x'", "'y'", "bad: ", "pass: "]),
     ],
 )  # fmt: skip
@@ -126,6 +130,11 @@ def test_all_wrong_settings_are_reported_together():
     for value in (float("nan"), "0.1", None, True):
         with pytest.raises(MethodError):
             load_method("taa_clamp").values({"alpha": value})
+    for value in (2**31, -(2**31) - 1, 10**400):
+        with pytest.raises(MethodError):
+            load_method("taa_clamp").values({"alpha": 10.0 * value if value < 10**300 else value})
+        with pytest.raises(MethodError):
+            load_method("svgf").values({"levels": value})
     with pytest.raises(MethodError, match=r"setting levels: 2\.5"):
         load_method("svgf").settings["levels"].parse("2.5")
 
@@ -192,6 +201,8 @@ def test_entry_points(tmp_path, monkeypatch):
         ("import nothing_of_that_name\n", "ModuleNotFoundError"),
         ("def f(:\n", r"SyntaxError: .*line 1"),
         ("raise SystemExit(3)\n", "SystemExit: 3"),
+        ("class Odd(BaseException): pass\nraise Odd('why')\n", "Odd: why"),
+        ("#" * (1 << 20) + "\n" + FILE, "larger than"),
         ("x = 3\n", "step"),
         (FILE + "class Other(Mine): pass\n", r"Mine, Other"),
         ("class M:\n    reads = ('radiance',)\n    step = 3\n", "step"),

@@ -55,7 +55,7 @@ def test_keys_at_one_time(tmp_path: Path) -> None:
     gltf.animation({"node": 0, "path": "translation"}, [0, 1, 1, 2], np.arange(12).reshape(4, 3))
     scene = load_scene(gltf.save(tmp_path))
     (channel,) = scene.channels
-    assert channel.times.tolist() == [0, 1, 2] and channel.values[:, 0].tolist() == [0, 6, 9]
+    assert channel.times.tolist() == [0, 1, 1, 2] and channel.values[:, 0].tolist() == [0, 3, 6, 9]
     assert notes_about(scene, 1) == ["/animations/0/samplers/0/input"]
 
 

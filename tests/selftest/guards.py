@@ -112,8 +112,8 @@ def _current_pose_as_previous() -> Iterator[None]:
     """The current pose relative to the previous camera, as many engines have it."""
     run = deform.DeformPass.run
 
-    def posed(one: Any, now: tuple[FrameState, View], before: tuple[FrameState, View], pool: Any) -> Array:
-        return run(one, now, (now[0], before[1]), pool)
+    def posed(one: Any, now: tuple[FrameState, View], before: tuple[FrameState, View], *rest: Any) -> Array:
+        return run(one, now, (now[0], before[1]), *rest)
 
     with _replaced((deform.DeformPass, "run", posed)):
         yield

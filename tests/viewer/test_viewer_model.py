@@ -153,6 +153,23 @@ def kind_text(value: object) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
+@pytest.mark.parametrize("kind", ["path-traced", "path-traced+jittered"])
+def test_what_needs_exact_frames_is_not_offered_for_path_traced_input(kind):
+    """Ghosts and the bound are compared with exact frames, of which path-traced input has none."""
+    s = state(against="method", method_input="noisy")
+    set_variable(s, "comparison", "ghost")
+    set_variable(s, "method_image", "bound")
+    s = state(against="method", method_input=kind)
+    for name, text in (("comparison", "ghost"), ("method_image", "bound")):
+        with pytest.raises(SettingsError):
+            set_variable(s, name, text)
+    seen = set()
+    for _ in range(len(s.comparisons)):
+        ACTIONS["compare"].run(s)
+        seen.add(s.comparison)
+    assert seen == set(s.comparisons) and "ghost" not in seen
+
+
 @pytest.mark.parametrize(
     ("name", "text"),
     [

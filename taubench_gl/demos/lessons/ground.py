@@ -71,7 +71,7 @@ def run(stage: Stage) -> Result:
     sheet.panel(0, 0, painted(image, (position, DISCARDED)), "discarded by the distance of positions", text)
     text = f"{100.0 * (ground & ~visible & ((bits & Visibility.OCCLUDED) != 0)).mean():.1f} % of the image"
     sheet.panel(1, 0, painted(image, (ground & ((bits & Visibility.OCCLUDED) != 0), DISCARDED)), "hidden", text)
-    sheet.legend([("no history", DISCARDED)])
+    sheet.legend([("discarded on the left, hidden on the right", DISCARDED)])
     focal = 0.5 * height / np.tan(0.5 * YFOV)
     expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
     hidden = 100.0 * float((ground & ((bits & Visibility.OCCLUDED) != 0)).mean())

@@ -35,6 +35,7 @@ JOB = Struct(
     Field("first_morph", "uint", "first MorphUse"),
     Field("morph_count", "uint", "targets with a weight in either frame"),
     Field("mirror", "float", "-1 if the pose mirrors, else 1"),
+    Field("collapsed", "uint", "1: a vertex scaled to zero has no position in the frame before"),
 )
 MORPH = Struct(
     "MorphUse",
@@ -179,13 +180,18 @@ class DeformPass:
         now: tuple[FrameState, View],
         before: tuple[FrameState, View],
         pool: Mapping[str, moderngl.Buffer],
+        collapsed: bool = False,
     ) -> Array:
-        """Pose everything into ``pool``, as it is ``now`` and was ``before``.  (D_posed,) bool: which poses mirror."""
+        """Pose everything into ``pool``, as it is ``now`` and was ``before``.  (D_posed,) bool: which poses mirror.
+
+        ``collapsed``: as for ``Renderer.draw``.
+        """
         matrices, self._jobs["palette"], mirrored = self._palettes(*now)
         if self._previous:
             prev_matrices, first, _ = self._palettes(*before)
             self._jobs["prev_palette"] = len(matrices) + first
             matrices = np.concatenate([matrices, prev_matrices])
+        self._jobs["collapsed"] = collapsed
         self._jobs["mirror"] = np.where(mirrored, -1.0, 1.0)
         for name, rows in (
             ("palettes", matrices[:, :3].astype(np.float32)),

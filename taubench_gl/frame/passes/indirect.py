@@ -225,7 +225,7 @@ class Declarations:
         places = [f"{self._faces} reflective shadow map{'s' * (self._faces != 1)}"] * self.mapped
         places += [f"{self.patch_count} surface patches"] * bool(self.patch_count)
         what = f"{self.count} virtual point lights in {' and '.join(places)}"
-        return {"what": what, "hint": "lower --shadow-lights or indirect_samples"}
+        return {"what": what, "hint": "lower --shadow-lights or --vpls"}
 
     def voxels(self, name: str) -> RasterPass:
         """Occupancy bits, set by fragments, of what no animation moves (voxels_fixed) or of the rest."""
@@ -298,7 +298,7 @@ class Declarations:
         probes, words = _probe_count(self.layout), -(-self.count // 32)
         room = {
             "what": f"the visibility of {self._room()['what']} from {probes} probes",
-            "hint": "lower probes or indirect_samples",
+            "hint": "lower --probes or --vpls",
         }
         p = (
             self._compute("visibility")

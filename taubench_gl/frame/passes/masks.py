@@ -57,6 +57,7 @@ class MaskOptions:
     radiance: tuple[str, ...] = ()  # of LIGHT_FEATURES
     others: tuple[str, ...] = ()  # of OTHERS
     cuts: bool = False  # channel ``ids`` marks surfaces without history
+    absent: bool = False  # and surfaces that are ABSENT in the other frame, which are CUT too
     write_mask: bool = False
     write_motion: bool = False
     write_distances: bool = False  # channels ``distances`` and ``changes`` of masks.comp.glsl
@@ -75,8 +76,15 @@ class MaskOptions:
 
 
 _PLACES = [*(("distances", i) for i in range(4)), ("changes", 0), ("changes", 3)]
-PLACES = dict(zip((*GEOMETRY, *VALUES), _PLACES, strict=False))
-"""Texture and component into which the distance of each feature is written; a seventh needs another texture."""
+
+
+def _places(features: Sequence[str]) -> dict[str, tuple[str, int]]:
+    """Name of a feature -> its place.  Raises IndexError for a seventh, which needs another texture."""
+    return {name: _PLACES[i] for i, name in enumerate(features)}
+
+
+PLACES = _places((*GEOMETRY, *VALUES))
+"""Texture and component into which the distance of each feature is written."""
 
 
 def _each_value(features: Sequence[Feature]) -> str:
@@ -104,7 +112,7 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         .glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in Reason), *features)
         .glsl(f"#define VALUES {len(options.values)}", f"#define EACH_VALUE {_each_value(options.values)}")
         .glsl(*(f"const int VALUE_{f.name.upper()} = {i};" for i, f in enumerate(options.values)))
-        .glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
+        .glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY | conventions.ABSENT * options.absent}u;")
         .glsl(f"const int HISTOGRAM_BINS = {HISTOGRAM_BINS}, HISTOGRAM_MANTISSA_BITS = {HISTOGRAM_MANTISSA_BITS};")
         .glsl(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
         .constants("parameters", REPROJECTION, lambda record: record)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import NO_HISTORY, SCENE_LOBES
+from taubench_gl.conventions import ABSENT, NO_HISTORY, SCENE_LOBES
 from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment, seen_of
@@ -204,7 +204,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
 
     out = {"anchor": make("anchor").use(*spec.channels("position"))}
     if spec.glass["DIELECTRICS"]:
-        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint NO_HISTORY = {NO_HISTORY}u;")
+        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint MARKS = {NO_HISTORY | ABSENT}u;")
     if exact_punctual(spec):
         out["exact"] = make("exact").use(*spec.channels(*SURFACE))
     if spec.bidirectional:

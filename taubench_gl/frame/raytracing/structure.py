@@ -25,6 +25,7 @@ from taubench_gl.frame.raytracing.refit import PosedTrees
 from taubench_gl.frame.raytracing.texels import INSTANCE_TEXELS, ROW_BITS, Grid, PlacedTree, Texels
 from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, UPDATE, ComputePass, Resource, Use
 from taubench_gl.gpu.memory import require_memory
+from taubench_gl.stage_log import lasting
 
 if TYPE_CHECKING:
     from taubench_gl.frame.renderer import Renderer
@@ -70,12 +71,12 @@ class SceneStructure:
         """Textures and buffers that ``declare`` names."""
         self._moments = 1 + keep_previous
         self._posed = [PosedTrees(renderer, self.table.posed, self._alpha) for _ in range(self._moments)]
-        self._build()
+        with lasting(log, "building trees for rays: %s triangles", f"{self._stored_triangles:,}"):
+            self._build()
 
     # --- building
     def _build(self) -> None:
         total = self._stored_triangles
-        log.info("building trees for rays: %s triangles", f"{total:,}")
         require_memory(self._gpu, TRIANGLE_BYTES * total, f"the acceleration structure of {total} triangles", HINT)
         self._top_nodes = 2 * max(self.table.count, 1) - 1
         self._nodes = Texels(self._moments * self._top_nodes)

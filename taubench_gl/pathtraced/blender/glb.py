@@ -88,10 +88,8 @@ class Glb:
                 continue
             changes = {k for k in range(1, len(states)) if states[k] != states[k - 1]}
             keys = sorted({0, *changes, len(states) - 1})  # the last keeps the duration
-            exact = np.array(keys, dtype=np.float64) / fps
-            near = exact.astype(np.float32)  # rounded down, so that no key is later than its frame
-            near = np.where(near > exact, np.nextafter(near, np.float32(0)), near).astype(np.float32)
-            times = add_accessor(self.root, self.binary, near, bounds=True)
+            seconds = (np.array(keys, dtype=np.float64) / fps).astype(np.float32)
+            times = add_accessor(self.root, self.binary, seconds, bounds=True)
             values = add_accessor(self.root, self.binary, np.array([states[k] for k in keys], np.uint8))
             samplers.append({"input": times, "output": values, "interpolation": "STEP"})
             node = self.root["nodes"][nodes[name]]

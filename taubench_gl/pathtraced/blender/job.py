@@ -63,7 +63,7 @@ def make_job(
 
     Cameras and lights cover the neighbors of the rendered frames too: Cycles' Vector pass needs both.
     """
-    poser = Poser(scene)
+    poser = Poser(scene, fps)
     keyed = range(frames[0] - 1, frames[-1] + 2)
     states = {frame: poser.sample(frame / fps) for frame in keyed}
     views = {frame: camera.view_at(state) for frame, state in states.items()}
@@ -213,7 +213,7 @@ def _add_animation(root: dict[str, Any], channels: list[Channel], frames: range,
     clock = add_accessor(root, data, times.astype(np.float32), buffer=buffer, bounds=True)
     animation: dict[str, Any] = {"name": "taubench", "channels": [], "samplers": []}
     for channel in channels:
-        values = np.stack([sample_channel(channel, frame / fps) for frame in frames])
+        values = np.stack([sample_channel(channel, frame / fps, fps) for frame in frames])
         values = (values.ravel() if channel.path == "weights" else values).astype(np.float32)
         output = add_accessor(root, data, values, buffer=buffer)
         sampler = {"input": clock, "output": output, "interpolation": "LINEAR"}

@@ -151,7 +151,8 @@ Promise.all(p.plane ? [load(p.base), load(p.plane)] : p.images.map(load)).then((
 
 const steps = [...document.querySelectorAll(".step")], bar = document.querySelector(".steps");
 const asking = steps.findIndex((step) => step.id === "question");
-const opened = /^#lecture(?:-(\d+))?(?:@(\d+))?(n)?$/.exec(location.hash);
+const lectureIn = (hash) => /^#lecture(?:-(\d+))?(?:@(\d+))?(n)?$/.exec(hash);
+const opened = lectureIn(location.hash);
 let now = -1;  // index of the step; -1 outside a lecture
 let started = Number(opened?.[2] ?? 0);  // when the lecture began, milliseconds; the address takes it to the next lesson
 
@@ -234,3 +235,7 @@ setInterval(() => {
 
 setNotes(Boolean(opened?.[3]));
 if (opened) enter(Number(opened[1] ?? 1) - 1);
+addEventListener("hashchange", () => {  // typed, or a link: go() replaces the address without this event
+  const typed = lectureIn(location.hash);
+  if (typed) enter(Number(typed[1] ?? 1) - 1);
+});

@@ -183,11 +183,14 @@ class _Assembly:
             else:
                 path, interpolation = "translation" if kind == "transl" else "scale", "CUBICSPLINE"
                 keys = splines.position_keys(times, rows[:, 1:4], rows[:, 4:], self.window)
+            added = ~np.isin(keys[0], times - self.window[0]) if kind == "rot" else None
             for node in nodes:
                 if path != "visible":
                     setattr(self.file.nodes[node], path, keys[1][0, 1])
                 if self.plays:
-                    self._channel(node, path, interpolation, *keys)
+                    self._channel(node, path, interpolation, *keys, added)
 
-    def _channel(self, node: int, path: str, interpolation: str, times: Array, values: Array) -> None:
-        self.channels.append(Channel("node", node, path, interpolation, times, values))
+    def _channel(
+        self, node: int, path: str, interpolation: str, times: Array, values: Array, resampled: Array | None = None
+    ) -> None:
+        self.channels.append(Channel("node", node, path, interpolation, times, values, resampled))

@@ -65,7 +65,7 @@ class Segments:
 
 
 Keys = tuple[Array, Array]
-"""Times (K,) strictly increasing and values (K, 3, n): in-tangent, value, out-tangent, as CUBICSPLINE channels."""
+"""Times (K,) in order and values (K, 3, n): in-tangent, value, out-tangent, as CUBICSPLINE channels."""
 
 
 def position_keys(times: Array, values: Array, tcb: Array, window: tuple[float, float]) -> Keys:
@@ -126,7 +126,7 @@ def visible_keys(times: Array, values: Array, window: tuple[float, float]) -> tu
 
 
 def linear_keys(times: Array, values: Array, window: tuple[float, float]) -> tuple[Array, Array]:
-    """LINEAR keys clipped to the window, times relative to its start.  (K,) strictly increasing, (K, n) -> the same."""
+    """LINEAR keys clipped to the window, times relative to its start.  (K,) increasing, (K, n) -> (L,), (L, n)."""
     start, end = window
     inside = (times > start) & (times < end)
 
@@ -136,7 +136,7 @@ def linear_keys(times: Array, values: Array, window: tuple[float, float]) -> tup
     if not end > start:
         return np.zeros(1), at(start)[None]
     cut = np.concatenate([[start], times[inside], [end]])
-    return _increasing(cut - start), np.concatenate([at(start)[None], values[inside], at(end)[None]])
+    return cut - start, np.concatenate([at(start)[None], values[inside], at(end)[None]])
 
 
 def key_window(times: Array) -> tuple[float, float]:
@@ -311,7 +311,7 @@ def _cut(segments: Segments, count: Array) -> tuple[Array, Pieces, Array]:
 def _join(pieces: Pieces | None, origin: float, held: Array) -> Keys:
     """Pieces as keys with times relative to ``origin``.
 
-    A jump becomes two keys at adjacent float64 times.  ``held``: the value if there are no pieces.
+    A jump becomes two keys at one time.  ``held``: the value if there are no pieces.
     """
     if pieces is None or not pieces.t1[-1] > pieces.t0[0]:
         value = held if pieces is None else pieces.value0[0]
@@ -325,17 +325,7 @@ def _join(pieces: Pieces | None, origin: float, held: Array) -> Keys:
     times[start + 1], values[start + 1, 1] = pieces.t1, pieces.value1
     values[start, 2], values[start + 1, 0] = pieces.slope0, pieces.slope1
     times[start[jump]], values[start[jump], 1] = pieces.t1[np.flatnonzero(jump) - 1], pieces.value0[jump]
-    return _increasing(times - origin), values
-
-
-def _increasing(times: Array) -> Array:
-    """Times that are equal, also by rounding, separated to adjacent float64 values."""
-    if np.all(np.diff(times) > 0):
-        return times
-    for i in range(len(times) - 2, -1, -1):
-        if times[i] >= times[i + 1]:
-            times[i] = np.nextafter(times[i + 1], -np.inf)
-    return times
+    return times - origin, values
 
 
 def _inverse(q: Array) -> Array:

@@ -88,7 +88,7 @@ class AnimationReader:
 
     def __init__(self, document: Document, accessors: Accessors, meshes: tuple[Mesh, ...]):
         self.document, self.accessors, self.meshes = document, accessors, meshes
-        self._times: dict[int, tuple[Array, Array | None]] = {}
+        self._times: dict[int, tuple[Array, int]] = {}
         self._outputs: dict[tuple[int, ...], Array] = {}
 
     def read(self) -> tuple[Animation, ...]:
@@ -186,17 +186,16 @@ class AnimationReader:
 
     def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
         interpolation = self._interpolation(sampler, pointer)
-        times, last = self._key_times(sampler.input, f"{pointer}/input")
-        if last is not None:
-            dropped = len(last) - len(times)
-            self.document.remark("repeated-key", f"{pointer}/input", dropped)
+        times, repeated = self._key_times(sampler.input, f"{pointer}/input")
+        if repeated:
+            self.document.remark("repeated-key", f"{pointer}/input", repeated)
         values = self._values(sampler, target, interpolation, f"{pointer}/output")
         return Channel(target.kind, target.index, target.path, interpolation, times, values)
 
-    def _key_times(self, index: int, pointer: str) -> tuple[Array, Array | None]:
-        """Strictly increasing times (K,) float64, and a mask of the file's keys that are used (None: all)."""
+    def _key_times(self, index: int, pointer: str) -> tuple[Array, int]:
+        """Times in order (K,) float64, and the number of those that equal the next one."""
         if index not in self._times:
-            times, last = self.accessors.raw(index, pointer)[:, 0].astype(np.float64), None
+            times = self.accessors.raw(index, pointer)[:, 0].astype(np.float64)
             steps = times[1:] - times[:-1]
             if times[0] < 0 or (steps < 0).any():
                 at = 0 if times[0] < 0 else int(np.argmax(steps < 0)) + 1
@@ -204,18 +203,14 @@ class AnimationReader:
                 if (steps < 0).any():
                     raise self.document.error(message, pointer)
                 self.document.repair("negative-time", message, pointer, count=int((times < 0).sum()))
-            if (steps == 0).any():
-                last = np.append(steps > 0, True)
-                times = times[last]
             times.flags.writeable = False
-            self._times[index] = times, last
+            self._times[index] = times, int((steps == 0).sum())
         return self._times[index]
 
     def _values(self, sampler: schema.AnimationSampler, target: Target, interpolation: str, pointer: str) -> Array:
         """(K, n) float64, for CUBICSPLINE (K, 3, n); channels with a common sampler share the array."""
         document, accessors = self.document, self.accessors
-        times, last = self._times[sampler.input]
-        keys = len(times) if last is None else len(last)
+        keys = len(self._times[sampler.input][0])
         accessor = accessors.get(sampler.output, pointer)
         scalar = target.path == "weights" or target.size == 1
         kind = "SCALAR" if scalar else f"VEC{target.size}"
@@ -243,7 +238,6 @@ class AnimationReader:
             if rotation:
                 values[:, rows // 2] = check_quaternions(document, values[:, rows // 2], pointer)
             values = values if rows == 3 else values[:, 0]
-            values = values if last is None else values[last]
             values.flags.writeable = False
             self._outputs[key] = values
         return self._outputs[key]
