@@ -25,12 +25,6 @@ off screen."""
 DEFAULT_THRESHOLD = 32.0 / 255.0
 """The paper's threshold (section 3.2), in the unit of each feature; position: meters."""
 
-LOBES = ("diffuse", "glossy", "transmission", "volume")
-"""Lobes of direct and indirect that can be measured apart."""
-
-SCENE_LOBES = LOBES[:3]
-"""Those that rendered scenes can have; transmission where a surface lets light through."""
-
 
 class Reason(enum.IntFlag):
     """Reason bits of the mask word, one unsigned 32-bit integer per pixel (docs/conventions.md).

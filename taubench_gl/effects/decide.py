@@ -16,7 +16,6 @@ from taubench_gl.animation.pose import is_skinned
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import (
     GLASS,
-    NO_TRANSMISSION,
     REPLACED,
     cost_text,
     emissive_surfaces,
@@ -242,16 +241,9 @@ def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wante
 
 def _glass(scene: Scene, path_traced: Effect) -> dict[str, Effect]:
     """The effects of surfaces that path-traced light alone has."""
-    counts = glass_counts(drawn_materials(scene))
-    words = {
-        "dielectrics": ("primitive has a dielectric lobe of its own", "primitives have a dielectric lobe of their own"),
-        "transmission": ("primitive lets light through", "primitives let light through"),
-        "volume": ("primitive absorbs light inside", "primitives absorb light inside"),
-    }
-    none = {"transmission": NO_TRANSMISSION}
-    out = {}
-    for name in GLASS:
-        counted = none.get(name) if not counts[name] and name in none else _count(counts[name], *words[name])
+    counts, out = glass_counts(drawn_materials(scene)), {}
+    for name, effect in GLASS.items():
+        counted = _count(counts[name], effect.one, effect.many) if counts[name] else effect.absent
         on = path_traced.enabled and counts[name] > 0
         left_out = "" if on or not counts[name] else ", path-traced light alone has it"
         out[name] = Effect(on, f"{counted}{left_out}")

@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import HISTOGRAM_BINS, LOBES, SCENE_LOBES
-from taubench_gl.effects.path_tracing import NO_TRANSMISSION
+from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
 from taubench_gl.features import FEATURES
+from taubench_gl.lobes import BOUNCES, LOBE_EFFECT, LOBES, SCENE_LOBES, lobe_channels, lobes_with
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
     from taubench_gl.evaluation.session import Session
-
-BOUNCES = ("direct", "indirect")
 
 
 def require_lobes(lobes: Collection[str]) -> None:
@@ -33,15 +32,14 @@ def require_lobes(lobes: Collection[str]) -> None:
 
 def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
     """Channels of the ``lobes`` of a rendered scene."""
-    return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in SCENE_LOBES)
+    return lobe_channels([lobe for lobe in lobes if lobe in SCENE_LOBES])
 
 
 def scene_lobes(lobes: Collection[str], effects: Mapping[str, Any]) -> tuple[str, ...]:
-    """Those of ``lobes`` that a rendered scene has.  ``effects``: the block of its summary."""
-    own = [lobe for lobe in lobes if lobe in SCENE_LOBES]
-    if "transmission" in own and effects["transmission"]["reason"] == NO_TRANSMISSION:
-        own.remove("transmission")
-    return tuple(own)
+    """The part of ``lobes`` that a rendered scene has.  ``effects``: the block of its summary."""
+    absent = {name for name, effect in GLASS.items() if effects[name]["reason"] == effect.absent}
+    found = lobes_with(effects.keys() - absent)
+    return tuple(lobe for lobe in lobes if lobe in found)
 
 
 def missing_of_scene(
@@ -51,12 +49,14 @@ def missing_of_scene(
 
     ``unmeasured``: of its source; ``effects``: the block of its summary.
     """
-    own = scene_lobes(lobes, effects)
-    why = {lobe: "rendered scenes have no volumetric lobe" for lobe in lobes if lobe not in SCENE_LOBES}
-    transmission = effects["transmission"]
+    found = scene_lobes(lobes, effects)
+    why = {lobe: f"rendered scenes have no lobe {lobe}" for lobe in lobes if lobe not in SCENE_LOBES}
     # Where light is sampled or decided, the source is the preview, and its columns are those of path-traced light.
-    if "transmission" not in own or not (transmission["on"] or settings.lighting.light in ("auto", "path-traced")):
-        why["transmission"] = transmission["reason"]
+    traced = settings.lighting.light in ("auto", "path-traced")
+    for lobe in LOBE_EFFECT.keys() & set(lobes):
+        effect = effects[LOBE_EFFECT[lobe]]
+        if lobe not in found or not (effect["on"] or traced):
+            why[lobe] = effect["reason"]
     return {
         lobe: {b: why.get(lobe) or unmeasured[b] for b in BOUNCES if lobe in why or b in unmeasured} for lobe in lobes
     }

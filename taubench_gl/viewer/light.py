@@ -21,6 +21,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, PREVIEWED, Settings
 from taubench_gl.srgb import srgb_encode
+from taubench_gl.viewer.display import DIRECT_LOBES
 from taubench_gl.viewer.feeds import SceneFeed, Shot
 from taubench_gl.viewer.state import MAX_THRESHOLD, ViewerState
 
@@ -218,7 +219,7 @@ class Lights(GpuOwner):
     def choose(self, state: ViewerState, feed: Any, channel: str) -> Coarse | None:
         """Set and return ``active``: coarse light while the image moves, if it has ``channel``."""
         coarse = COARSE[state.moving_light] if state.moving and self.lit(feed) else None
-        if channel in ("indirect", "direct_diffuse", "direct_glossy", "direct_transmission"):
+        if channel in ("indirect", *DIRECT_LOBES):
             coarse = None
         self.active = coarse
         compared = state.comparison != "off" or state.beside

@@ -29,6 +29,7 @@ from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass,
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
+from taubench_gl.lobes import COMMON_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
@@ -56,7 +57,7 @@ VPL = Struct(
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
 """Channels of the reflective shadow maps, and those that indirect light reads."""
 
-LOBES = ("indirect_diffuse", "indirect_glossy")
+LOBES = lobe_channels(COMMON_LOBES, ("indirect",))
 
 VPL_ROW = 64
 """VPLs in a row of their texture, a texel for each of the four fields."""

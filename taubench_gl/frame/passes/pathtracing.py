@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import NO_HISTORY, SCENE_LOBES
+from taubench_gl.conventions import NO_HISTORY
 from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment, seen_of
@@ -29,6 +29,7 @@ from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, ComputePass, P
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute
+from taubench_gl.lobes import BOUNCES, lobe_channels, lobe_macros, lobes_with
 from taubench_gl.metrics.environment import CELLS, direction_choice
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.path_samples import (
@@ -51,8 +52,8 @@ PATH = Struct(
     Field("numbers", "uvec4", "x: frame, y: seed"),
     Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
 )
-LAYERS, SUBPATH_LAYERS, TRANSMISSION_LAYERS = 12, 4, 5
-"""Layers of the path state, and those that light subpaths and transmission add; dielectric lobes add one to each."""
+LAYERS, LOBE_LAYERS, SUBPATH_LAYERS = 4, 4, 4
+"""Layers of the path state of every path, of each lobe and of light subpaths (shaders/pathtracing/state.glsl)."""
 
 CANDIDATES = 8
 """Most lights that compete for one light sample.  As many lights are all evaluated at the camera's vertex."""
@@ -97,19 +98,19 @@ def path_lists(spec: FrameSpec) -> int:
 
 def path_lobes(spec: FrameSpec) -> tuple[str, ...]:
     """Lobes of path-traced light."""
-    return SCENE_LOBES if spec.glass["TRANSMISSION"] else SCENE_LOBES[:2]
+    return lobes_with([name for name in GLASS if spec.glass[name.upper()]])
 
 
 def listed_lobes(spec: FrameSpec) -> tuple[str, ...]:
     """Radiance of a sample of a listed pixel, in the order of ``listed_light``: lobes of direct, then of indirect."""
-    return tuple(f"{bounce}_{lobe}" for bounce in ("direct", "indirect") for lobe in path_lobes(spec))
+    return lobe_channels(path_lobes(spec))
 
 
 def state_layers(spec: FrameSpec) -> int:
     """Layers of the path state."""
-    glass = spec.glass
-    own = glass["DIELECTRICS"] + TRANSMISSION_LAYERS * glass["TRANSMISSION"]
-    return LAYERS + own + (SUBPATH_LAYERS + glass["DIELECTRICS"]) * spec.bidirectional
+    dielectrics, transmission = spec.glass["DIELECTRICS"], spec.glass["TRANSMISSION"]
+    path = LAYERS + dielectrics + transmission + LOBE_LAYERS * len(path_lobes(spec))
+    return path + (SUBPATH_LAYERS + dielectrics) * spec.bidirectional
 
 
 def exact_punctual(spec: FrameSpec) -> bool:
@@ -165,7 +166,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         spec.declare_directions(p)
         p.image("path_state", access=UPDATE, given=True)
         p.buffer("path_counts", "uint", access=UPDATE, given=True)
-        p.define(PIXEL_LIST=spec.pixel_list)
+        p.define(PIXEL_LIST=spec.pixel_list, **lobe_macros(path_lobes(spec)))
         if spec.pixel_list:
             p.buffer("pixel_list", "uvec4", given=True)
         p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
@@ -232,7 +233,6 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         for name, entry in (("pixel_list", 16), ("listed_light", 16 * lobes)):
             out["start"].allocate(Resource.buffer(name, entry * tile[0] * tile[1], label="paths"))
         out["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
-        out["resolve"].glsl(f"const int LISTED_LOBES = {lobes};")
     out["start"].allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
     return out
 
@@ -249,7 +249,7 @@ def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
     """Writes the channels, or adds to what the raster method wrote."""
     added = {"direct": spec.raster_direct, "indirect": spec.raster_indirect}
     p.define(**{f"ADD_TO_{name.upper()}": add for name, add in added.items()})
-    split = {bounce: [f"{bounce}_{lobe}" for lobe in path_lobes(spec)] for bounce in ("direct", "indirect")}
+    split = {bounce: lobe_channels(path_lobes(spec), (bounce,)) for bounce in BOUNCES}
     for name, lobes in split.items():
         wanted = bool(set(lobes) & set(spec.extra))
         p.define(**{f"SPLIT_{name.upper()}": wanted})
