@@ -7,7 +7,7 @@ dispatches the paths of a tile lie in one image, whose layers ``shaders/pathtrac
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -138,17 +138,31 @@ def tile_size(spec: FrameSpec) -> tuple[int, int]:
 
 
 def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
-    """Passes by name: anchor, exact, subpath, start, extend, resolve."""
-    sources = spec.path_traced_sources
-    if not sources:
-        return {}
-    image = "environment" in sources and spec.environment.kind == "image"
-    kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
-    tile, layers = tile_size(spec), state_layers(spec)
-    state = Resource.texture("path_state", (tile[0], layers * tile[1]), label="paths")
-    counts = Resource.buffer("path_counts", 4 * len(COUNTS), label="paths")
+    """Passes by name: anchor, exact, subpath, start, extend, resolve; none where no light is path-traced.
 
-    def values(frame: FrameContext) -> dict:
+    ``start``, which every frame has, owns what the passes share.
+    """
+    if not spec.path_traced_sources:
+        return {}
+    out = {"anchor": _traced_pass(spec, "anchor").use(*spec.channels("position"))}
+    if spec.glass["DIELECTRICS"]:
+        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint NO_HISTORY = {NO_HISTORY}u;")
+    if exact_punctual(spec):
+        out["exact"] = _traced_pass(spec, "exact").use(*spec.channels(*SURFACE))
+    if spec.bidirectional:
+        out["subpath"] = _traced_pass(spec, "subpath")
+    out["start"] = _traced_pass(spec, "start").use(*spec.channels(*SURFACE))
+    if vertices(spec):
+        out["extend"] = _traced_pass(spec, "extend")
+    out["resolve"] = _resolve(spec)
+    _share_state(spec, out)
+    return out
+
+
+def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
+    """Values of ``PATH`` for a frame."""
+
+    def values(frame: FrameContext) -> dict[str, Any]:
         candidates = min(len(spec.light_kinds), CANDIDATES)
         seed = spec.seed if frame.seed is None else frame.seed
         return {
@@ -160,81 +174,93 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
             "lights": (len(spec.light_kinds), candidates, 0, 0),
         }
 
-    def make(name: str, traced: bool = True) -> ComputePass:
-        p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
-        p.define(EXACT_PUNCTUAL=exact_punctual(spec), **spec.glass).constants("P", PATH, values)
-        spec.declare_directions(p)
-        p.image("path_state", access=UPDATE, given=True)
-        p.buffer("path_counts", "uint", access=UPDATE, given=True)
-        p.define(PIXEL_LIST=spec.pixel_list, **lobe_macros(path_lobes(spec)))
-        if spec.pixel_list:
-            p.buffer("pixel_list", "uvec4", given=True)
-        p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
-        if not traced:
-            return p.dispatch(tile, spec.tuning.shading_group)
-        p.define(
-            GLOSSY="glossy" in spec.enabled or spec.glass["TRANSMISSION"],
-            INDEPENDENT=spec.pattern == "independent",
-            PUNCTUAL="punctual" in sources,
-            BIDIRECTIONAL=spec.bidirectional,
-            EMITTERS="emitters" in sources,
-            ENVIRONMENT="environment" in sources,
-            SOURCES=len(kinds),
-            ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
-            **{name.upper(): name in spec.enabled for name in KINDS},
-        )
-        if spec.sun is not None:
-            p.define(DIRECTIONAL_LIGHTS=True)
-        p.glsl(
-            f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
-            f"const float LIGHT_GAP = {LIGHT_GAP};",
-            f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
-        )
-        if spec.bidirectional:
-            p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
-        if kinds:
-            p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
-        p.use(lookup(spec, "sample_table", "rgba32ui"))
-        if "punctual" in sources:
-            p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
-        if image:
-            declare_environment(p, spec.environment, lobes=False, owned=False)
-            p.use(lookup(spec, "environment_choice", "rg32f"))
-            p.glsl(f"const int ENVIRONMENT_CELLS = {cell_rows(spec)};")
-        return p.dispatch(tile, spec.tuning.shading_group)
+    return values
 
-    out = {"anchor": make("anchor").use(*spec.channels("position"))}
-    if spec.glass["DIELECTRICS"]:
-        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint NO_HISTORY = {NO_HISTORY}u;")
-    if exact_punctual(spec):
-        out["exact"] = make("exact").use(*spec.channels(*SURFACE))
+
+def _tile_pass(spec: FrameSpec, name: str) -> ComputePass:
+    """A pass over the pixels of a tile, or the entries of a list, with their path state."""
+    tile = tile_size(spec)
+    p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
+    p.define(EXACT_PUNCTUAL=exact_punctual(spec), **spec.glass).constants("P", PATH, _constants(spec))
+    spec.declare_directions(p)
+    p.image("path_state", access=UPDATE, given=True)
+    p.buffer("path_counts", "uint", access=UPDATE, given=True)
+    p.define(PIXEL_LIST=spec.pixel_list, **lobe_macros(path_lobes(spec)))
+    if spec.pixel_list:
+        p.buffer("pixel_list", "uvec4", given=True)
+    p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
+    return p.dispatch(tile, spec.tuning.shading_group)
+
+
+def _environment_image(spec: FrameSpec) -> bool:
+    """Whether paths sample an environment image."""
+    return "environment" in spec.path_traced_sources and spec.environment.kind == "image"
+
+
+def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
+    """A pass that traces rays and samples lights."""
+    sources, image, p = spec.path_traced_sources, _environment_image(spec), _tile_pass(spec, name)
+    kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
+    p.define(
+        GLOSSY="glossy" in spec.enabled or spec.glass["TRANSMISSION"],
+        INDEPENDENT=spec.pattern == "independent",
+        PUNCTUAL="punctual" in sources,
+        BIDIRECTIONAL=spec.bidirectional,
+        EMITTERS="emitters" in sources,
+        ENVIRONMENT="environment" in sources,
+        SOURCES=len(kinds),
+        ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
+        **{name.upper(): name in spec.enabled for name in KINDS},
+    )
+    if spec.sun is not None:
+        p.define(DIRECTIONAL_LIGHTS=True)
+    p.glsl(
+        f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
+        f"const float LIGHT_GAP = {LIGHT_GAP};",
+        f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
+    )
     if spec.bidirectional:
-        out["subpath"] = make("subpath")
-    out["start"] = make("start").use(*spec.channels(*SURFACE)).allocate(state, counts)
-    paths, group = tile[0] * tile[1], math.prod(spec.tuning.shading_group)
-    if vertices(spec):
-        out["extend"] = make("extend").dispatch(paths, group)
+        p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
+    if kinds:
+        p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
+    p.use(lookup(spec, "sample_table", "rgba32ui"))
+    if "punctual" in sources:
+        p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
+    if image:
+        declare_environment(p, spec.environment, lobes=False, owned=False)
+        p.use(lookup(spec, "environment_choice", "rg32f"))
+        p.glsl(f"const int ENVIRONMENT_CELLS = {cell_rows(spec)};")
+    return p
+
+
+def _share_state(spec: FrameSpec, passes: dict[str, ComputePass]) -> None:
+    """Allocate what several passes use, and declare the lists of paths that go on and of entries."""
+    start, (columns, rows), group = passes["start"], tile_size(spec), math.prod(spec.tuning.shading_group)
+    paths = columns * rows
+    start.allocate(
+        Resource.texture("path_state", (columns, state_layers(spec) * rows), label="paths"),
+        Resource.buffer("path_counts", 4 * len(COUNTS), label="paths"),
+    )
+    if "extend" in passes:
+        passes["extend"].dispatch(paths, group)
     sizes = f"const int PATH_GROUP = {group}, PATH_LISTS = {path_lists(spec)};"
     for name, words in {"going_on": 2 * paths, "going_on_counts": 8 * path_lists(spec)}.items():
-        out["start"].allocate(Resource.buffer(name, 4 * words, label="paths"))
-        for p in filter(None, (out["start"], out.get("extend"))):
+        start.allocate(Resource.buffer(name, 4 * words, label="paths"))
+        for p in filter(None, (start, passes.get("extend"))):
             p.buffer(name, "uint", access=UPDATE, given=True).glsl(sizes)
-    out["resolve"] = _resolve(spec, make("resolve", traced=False))
-    if image:
-        own = ComputePass("", ())
-        declare_environment(own, spec.environment, lobes=False, owned="color" not in spec.enabled)
-        choice = Resource.texture(
-            "environment_choice", (2 * cell_rows(spec) + 1, cell_rows(spec)), components=2, label="environment"
+    if _environment_image(spec):
+        maps = ComputePass("", ())
+        declare_environment(maps, spec.environment, lobes=False, owned="color" not in spec.enabled)
+        choice = (2 * cell_rows(spec) + 1, cell_rows(spec))
+        start.allocate(
+            *maps.resources, Resource.texture("environment_choice", choice, components=2, label="environment")
         )
-        out["start"].allocate(*own.resources, choice)
-    size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
     if spec.pixel_list:
-        lobes = 3 * len(path_lobes(spec))
-        for name, entry in (("pixel_list", 16), ("listed_light", 16 * lobes)):
-            out["start"].allocate(Resource.buffer(name, entry * tile[0] * tile[1], label="paths"))
-        out["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
-    out["start"].allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
-    return out
+        for name, entry in (("pixel_list", 16), ("listed_light", 3 * 16 * len(path_lobes(spec)))):
+            start.allocate(Resource.buffer(name, entry * paths, label="paths"))
+        passes["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
+    size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
+    start.allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
 
 
 def pixel_footprint(view: View, size: tuple[int, int]) -> tuple[float, float]:
@@ -245,8 +271,9 @@ def pixel_footprint(view: View, size: tuple[int, int]) -> tuple[float, float]:
     return (side, 0.0) if view.camera.parallel else (0.0, side)
 
 
-def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
-    """Writes the channels, or adds to what the raster method wrote."""
+def _resolve(spec: FrameSpec) -> ComputePass:
+    """The pass that writes the channels, or adds to what the raster method wrote."""
+    p = _tile_pass(spec, "resolve")
     added = {"direct": spec.raster_direct, "indirect": spec.raster_indirect}
     p.define(**{f"ADD_TO_{name.upper()}": add for name, add in added.items()})
     split = {bounce: lobe_channels(path_lobes(spec), (bounce,)) for bounce in BOUNCES}
