@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from taubench_gl.lobes import SCENE_LOBES, TABLE
 
 RADIANCE_UNIT = "W/(sr m2) or cd/m2"
-"""By the setting ``light_unit``, watt or candela; without exposure."""
+"""Unit of radiance channels: watt or candela by the setting ``light_unit``; exposure is not applied."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
-    """One channel."""
+    """One per-pixel value: its texture, its unit and its names in files."""
 
     name: str
     components: int  # of the GPU texture
@@ -29,7 +29,7 @@ class ChannelInfo:
 
     @property
     def bytes(self) -> int:
-        """Per pixel on the GPU."""
+        """Bytes of a pixel on the GPU."""
         return self.components * int(self.dtype[1])
 
 

@@ -72,7 +72,7 @@ class Visibility(enum.IntFlag):
 
 
 CHANGED_LIGHT = Visibility.BRIGHTENED | Visibility.DARKENED | Visibility.VIEW_DEPENDENT
-"""Of these, a pixel has at most one."""
+"""Bits of changed light; a pixel has at most one of them."""
 
 
 NO_HISTORY = 1 << 31

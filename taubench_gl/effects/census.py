@@ -133,12 +133,12 @@ class _Lights:
         self.on = state.visible[at] & np.any(world[:, :3, :3] != 0.0, axis=(1, 2)) & ~black
 
     def moved(self, later: _Lights) -> Array:
-        """Where the light shines from, or its direction (along local -Z), differs.  -> (L,) bool."""
+        """Which lights shine from another place, or in another direction (along local -Z), later.  -> (L,) bool."""
         position = self.has_position & _translated(self.world, later.world)
         return position | (self.has_direction & _differs(self.world[:, :3, 2], later.world[:, :3, 2]))
 
     def emission_differs(self, later: _Lights) -> Array:
-        """Color, intensity, range or cone differs.  -> (L,) bool."""
+        """Which lights have another color, intensity, range or cone later.  -> (L,) bool."""
         return np.any(self.parameters != later.parameters, axis=1)
 
 
@@ -156,7 +156,7 @@ def _translated(a: Array, b: Array) -> Array:
 
 
 def _differs(a: Array, b: Array) -> Array:
-    """By more than the tolerance times the larger magnitude.  (n, k), (n, k) -> (n,) bool."""
+    """Which rows differ by more than TOLERANCE times their larger magnitude.  (n, k), (n, k) -> (n,) bool."""
     return np.abs(a - b).max(axis=1) > TOLERANCE * _magnitude(a, b)
 
 

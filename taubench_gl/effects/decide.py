@@ -110,7 +110,7 @@ def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]
 
 
 def as_summary(effects: dict[str, Effect]) -> dict[str, Any]:
-    """The ``effects`` block of summary.json."""
+    """The ``effects`` block of summary.json: effect -> whether it is on, and the reason."""
     return {name: {"on": e.enabled, "reason": e.reason} for name, e in effects.items()}
 
 
@@ -258,7 +258,7 @@ def _not_traced(source: str, light: str, settings: Settings) -> str:
 
 
 def _indirect(effects: Mapping[str, Effect], traced: frozenset[str], lit: bool, settings: Settings) -> Effect:
-    """``lit``: punctual lights shine."""
+    """The effect of indirect light.  ``lit``: whether punctual lights shine."""
     if not {"indirect", "color"} & set(settings.metrics.columns):
         return Effect(False, "no column needs it")
     if settings.lighting.indirect == "none":

@@ -23,7 +23,7 @@ REPLACED = {
 
 
 def method_of(settings: Settings) -> str:
-    """raster, path-traced or auto."""
+    """The light method: raster, path-traced, preview or auto."""
     return settings.lighting.light
 
 
@@ -45,7 +45,7 @@ def emissive_surfaces(scene: Scene, settings: Settings) -> int:
 
 
 def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
-    """Those of ``SOURCES`` that are in the scene and path-traced by the method of ``settings``, which are resolved.
+    """Which ``SOURCES`` of light the scene has and the method of resolved ``settings`` traces paths for.
 
     The preview has raster light of an environment beside punctual lights: unoccluded, without noise, a better control
     of sampled light and faster than few samples.  Alone it would have no indirect light, so then it is path-traced.
@@ -64,8 +64,9 @@ def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
 
 def has_dielectric(material: Material) -> bool:
     """Whether its dielectric lobe has a color, a texture or an index of refraction, or light goes through."""
-    own = material.ior != 1.5 or material.specular_color != (1.0, 1.0, 1.0) or material.specular_texture is not None
-    lobe = material.specular > 0.0 and (own or material.specular_color_texture is not None)
+    textured = material.specular_texture is not None or material.specular_color_texture is not None
+    changed = textured or material.ior != 1.5 or material.specular_color != (1.0, 1.0, 1.0)
+    lobe = material.specular > 0.0 and changed
     return not material.unlit and (lobe or transmits(material))
 
 
@@ -114,7 +115,7 @@ def glass_counts(materials: Iterable[Material]) -> dict[str, int]:
 
 
 def traced_effects(enabled: Mapping[str, Any] | frozenset[str]) -> frozenset[str]:
-    """Those of ``enabled`` that trace paths."""
+    """Effects among ``enabled`` that trace paths."""
     return frozenset({"path_traced", "emitter_light", "environment_light"} & set(enabled))
 
 

@@ -98,9 +98,8 @@ class PairEvaluator:
             settings,
             reprojection=reprojection,
             radiance=radiance,
-            write_mask=images,
-            write_motion=images,
-            write_distances=distances,
+            images=images,
+            distances=distances,
         )
         self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
         self._pending: deque[EvaluatedPair] = deque()

@@ -69,7 +69,7 @@ class Renderer(Owner):
         self._gbuffer = self.own(GBufferPass(context, declaration, colored))
         self.history = self.own(self.new_history())
         self.frame: FrameContext | None = None
-        """The frame drawn last."""
+        """The frame that ``draw`` drew last; None before the first."""
         self._poses: dict[float, FrameState] = {}
         self._views: dict[float, View] = {}
 

@@ -58,10 +58,10 @@ TILE = 16
 """Pixels along a side of the tiles that have light lists."""
 
 SHADOW_BIAS = 0.5
-"""In texels of the map, along the light: for curved and creased surfaces; planes need none."""
+"""Bias of shadow tests in texels of the map, along the light: for curved and creased surfaces; planes need none."""
 
 SHADOW_REACH = 256.0
-"""In texels, along the light: how far a receiver's plane may run from a pixel to the texel beside it.  1/256 rad."""
+"""Texels of the map, along the light, by which a receiver's plane may differ from a pixel to the texel beside it."""
 
 
 def _tiles(spec: FrameSpec) -> tuple[int, int]:

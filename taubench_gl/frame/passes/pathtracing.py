@@ -81,7 +81,7 @@ COUNTS = ("non_finite",)
 """Counters of ``path_counts``: contributions that were not finite."""
 
 TRACED = ("anchor", "exact", "subpath", "start", "extend")
-"""Passes that trace rays."""
+"""Names of the passes that trace rays."""
 
 
 def vertices(spec: FrameSpec) -> int:
@@ -97,7 +97,7 @@ def path_lists(spec: FrameSpec) -> int:
 
 
 def path_lobes(spec: FrameSpec) -> tuple[str, ...]:
-    """Lobes of path-traced light."""
+    """Lobes of path-traced light in the scene of ``spec``."""
     return lobes_with([name for name in GLASS if spec.glass[name.upper()]])
 
 
@@ -107,7 +107,7 @@ def listed_lobes(spec: FrameSpec) -> tuple[str, ...]:
 
 
 def state_layers(spec: FrameSpec) -> int:
-    """Layers of the path state."""
+    """Number of layers of the path state."""
     dielectrics, transmission = spec.glass["DIELECTRICS"], spec.glass["TRANSMISSION"]
     path = LAYERS + dielectrics + transmission + LOBE_LAYERS * len(path_lobes(spec))
     return path + (SUBPATH_LAYERS + dielectrics) * spec.bidirectional
@@ -130,7 +130,7 @@ def subpath_choice(power: Array, kinds: Array, spots: Array) -> Array:
 
 
 def tile_size(spec: FrameSpec) -> tuple[int, int]:
-    """Pixels that are traced together."""
+    """(columns, rows) of pixels that are traced together."""
     if spec.pixel_list:
         return LIST_TILE
     columns, rows = spec.tuning.path_tile
@@ -378,7 +378,7 @@ class PathTracing(Owner):
             self._trace(frame, resources, where)
 
     def _tiles(self) -> Iterator[dict[str, Any]]:
-        """Uniforms that place each tile."""
+        """Uniforms that place each tile of the image."""
         width, height = self._spec.size
         for y in range(0, height, self._tile[1]):
             for x in range(0, width, self._tile[0]):

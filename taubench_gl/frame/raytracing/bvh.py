@@ -21,10 +21,10 @@ except ImportError as error:  # pragma: no cover - a broken installation
 Array = np.ndarray
 
 LEAF_TRIANGLES = 4
-"""Most triangles of a leaf."""
+"""Default of the most triangles of a leaf."""
 
 BINS = 16
-"""Candidate planes along each axis."""
+"""Bins along each axis: one more than candidate planes."""
 
 NODE_COST, TRIANGLE_COST = 1.0, 1.6
 """Time of a step to a node and of one triangle test, relative to each other (measured on llvmpipe)."""
