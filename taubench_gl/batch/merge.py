@@ -37,7 +37,7 @@ SCHEMA = "taubench-gl/batch/4"
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
 PROVENANCE_FILE = "provenance.json"
 WORKERS = ("version", "backend", "renderer", "driver", "git", "python", "machine")
-"""Entries of the provenance of a job: of all its workers together."""
+"""Entries of the provenance of a job, which combine those of all its workers."""
 
 
 def require_pyarrow() -> Any:
@@ -107,7 +107,7 @@ def write_job(
 ) -> None:
     """Write summary.json and frames.csv as ``evaluate`` does, and provenance.json beside them.
 
-    ``sampled``: with sampled light.
+    ``reports``: one per chunk; ``sampled``: whether the job has sampled light, which adds columns.
     """
     frames = range(*head["frames"])
     chunks = [
@@ -123,10 +123,10 @@ def write_job(
 
 
 def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
-    """Whether the files of a job are there, whole and of this head; if not, removes its summary.json, and the job is
-    written again.
+    """Whether the files of a job are there, undamaged and made with this head; removes its summary.json if not.
 
-    Files appear complete; a disk error or another program can damage them afterwards.
+    A job that is not written is written again.  Files appear complete; a disk error or another program can damage them
+    afterwards.
     """
     folder, frames = job_folder(store, job.id), range(*head["frames"])
     try:
@@ -141,7 +141,10 @@ def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
 
 
 def write_batch(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str, Any]:
-    """Write summary.json, frames.parquet and tables of the whole batch; returns the summary."""
+    """Write summary.json, frames.parquet and tables of the whole batch.  -> the values of summary.json.
+
+    ``failed``: job -> why it failed.
+    """
     jobs, frames, summaries = [], [], []
     for job in spec.jobs:
         entry: dict[str, Any] = {"id": job.id, "scene": job.scene, "sweep": dict(job.sweep)}
@@ -167,7 +170,7 @@ def labelled(job: Job, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[Any]:
-    """Write tables.txt, .md, .csv and .tex of these runs; returns the tables."""
+    """Write tables.txt, .md, .csv and .tex of these runs.  -> the tables."""
     tables = run_tables(list(summaries)) if summaries else []
     if tables:
         write_table_files(store.out, tables)
@@ -177,7 +180,7 @@ def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[A
 def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapping[str, Any]]]]) -> bytes:
     """A Parquet file of all pairs of all jobs: ``job``, ``scene``, swept settings (as text), and frames.csv.
 
-    A count that is not measured is null.
+    ``jobs``: id, name of the scene, swept settings and rows of each.  A count that is not measured is null.
     """
     pa = require_pyarrow()
     jobs = list(jobs)
@@ -202,6 +205,7 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
 
 
 def _text(value: Any) -> str | None:
+    """A swept setting, or a name that may not be UTF-8, as text; None for a setting that a job does not sweep."""
     if value is None:
         return None
     return plain_text(value) if isinstance(value, str) else json.dumps(value)

@@ -315,7 +315,7 @@ class Pair:
         return self._read(lambda evaluator: evaluator.explain(column, row))
 
     def add_eye(self, other: Pair, uses_other_eye: np.ndarray) -> None:
-        """Take explanations of the pixels ``uses_other_eye`` (h, w) from ``other``, the pair with the other eye."""
+        """Explain the pixels ``uses_other_eye`` (h, w) bool by ``other``, the pair with the other eye."""
         self._eye, self.uses_other_eye = other, uses_other_eye
 
     def replace(self, words: np.ndarray, distances: PixelDistances, counts: Counts) -> None:

@@ -28,21 +28,21 @@ from taubench_gl.paper.study import RUNS, SceneJobs
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
-from taubench_gl.study.estimate import Estimate
+from taubench_gl.study.progress import Estimate
 from taubench_gl.study.store import Store
 
 SMALLER = 8
 """Factor by which the images are smaller in which path-traced light is timed."""
 
 LEAST = (160, 90)
-"""They are no smaller than this, or than the images: in fewer pixels the time is that of starting the work."""
+"""Smallest size of timed images, unless the images are smaller: in fewer pixels the time is that of starting work."""
 
 PROBES = (4, 12)
-"""Samples per pixel at which it is timed: the difference is the time of the samples alone."""
+"""Samples per pixel at which path-traced light is timed: the difference is the time of the samples alone."""
 
 
 def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
-    """What is left of the images (Table 4).  Tables 1 to 3 take seconds and are left out.  Raises TaubenchError."""
+    """The time of the images (Table 4) that are left.  Tables 1 to 3 take seconds.  Raises TaubenchError."""
     store, estimates = batch_store(out / RUNS), []
     for scene in jobs:
         loaded: Scene | None = None
@@ -58,7 +58,7 @@ def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
 
 
 def _counted(store: Store, job: Job) -> tuple[int, float | None]:
-    """Pairs that are left, and the seconds of a counted one; None where none is counted."""
+    """Pairs of a job that are left, and the seconds of a counted pair; None where no pair is counted."""
     head = store.load(head_key(job.id))
     if head is None:
         return 0, None
@@ -96,8 +96,8 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
 def _of_a_sample(scene: Scene, settings: Settings) -> float:
     """Seconds of one sample of one pixel."""
     width, height = _probe_size(settings)
-    few, more = (_slowest(scene, settings.replace(spp=spp, width=width, height=height)) for spp in PROBES)
-    return max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
+    few, many = (_slowest(scene, settings.replace(spp=spp, width=width, height=height)) for spp in PROBES)
+    return max(many - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
 
 
 def _slowest(scene: Scene, settings: Settings) -> float:
@@ -109,5 +109,6 @@ def _slowest(scene: Scene, settings: Settings) -> float:
 
 
 def _probe_size(settings: Settings) -> tuple[int, int]:
+    """Width and height of the images in which path-traced light is timed."""
     width, height = settings.sequence.width, settings.sequence.height
     return max(width // SMALLER, min(width, LEAST[0])), max(height // SMALLER, min(height, LEAST[1]))

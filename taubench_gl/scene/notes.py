@@ -116,7 +116,8 @@ REPAIRS: dict[str, Kind] = {
 """Kind of a repair -> its words."""
 
 REMARKS: dict[str, Kind] = {
-    # OBJ and MTL
+    # OBJ, MTL and AFF
+    "polygon-crossing": Kind("polygon{s} whose outline crosses itself", "drawn as a fan around the first corner"),
     "library-missing": Kind("reference{s} to a material library that cannot be found", "drawn without it"),
     "texture-missing": Kind("texture{s} that cannot be found", "drawn without it"),
     "material-unknown": Kind("material{s} in no library", "replaced by the default material"),

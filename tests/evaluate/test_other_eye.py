@@ -22,7 +22,7 @@ from taubench_gl.metrics.histories import uses_other_eye
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.paths import ASSETS
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 YFOV, BASE = 1.0, 0.064

@@ -10,7 +10,7 @@ import pytest
 from taubench_gl.evaluation import evaluate_scene, plan_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.scene import load_scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")

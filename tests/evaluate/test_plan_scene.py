@@ -18,11 +18,11 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.option_groups import ExportOptions
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.selftest.scenes import SceneBuilder, sphere
+from taubench_gl.scene.builder import SceneBuilder, sphere
 from taubench_gl.settings import Settings
 from taubench_gl.study.unit import Worker
-from taubench_gl.viewer.engine import LiveTimer
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
+from taubench_gl.viewer.model import LiveTimer
 
 
 def _session(path, settings, out):
