@@ -18,7 +18,8 @@ PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
     "checksums", "conventions", "channels", "data_files", "errors", "features", "fields", "folder_lock", "glossary",
-    "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "settings", "srgb",
+    "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "setting_values",
+    "settings", "srgb",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (

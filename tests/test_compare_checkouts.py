@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import shutil
-import subprocess
 import sys
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -51,28 +49,8 @@ def test_exit_codes_are_compared(tool):
     assert found(tool, result(1), result(1)) == ["exit"], "an internal error is never expected"
 
 
-def test_expected_differences_are_named(tool, monkeypatch):
-    monkeypatch.setattr(tool, "EXPECTED", (("^exr:", r"summary/pairs", "another frame rate"),))
-    assert tool.expected_reason(tool.Case("exr:renders", ()), "summary/pairs") == "another frame rate"
-    assert tool.expected_reason(tool.Case("exr:renders", ()), "summary/fps") is None
-    assert tool.expected_reason(tool.Case("scene", ()), "summary/pairs") is None
-
-
 def test_text_and_volatile_values_are_not_compared(tool):
     old = result(summary__discard__color__reason="no light", summary__timing__passes__masks=1.0)
     new = result(summary__discard__color__reason="the scene has no light", summary__timing__passes__masks=2.0)
     assert found(tool, old, new) == []
     assert found(tool, old, result(summary__discard__color__reason="")) == ["summary/discard/color/reason"]
-
-
-@pytest.mark.long
-def test_a_checkout_equals_itself(tmp_path):
-    data = tmp_path / "data"
-    data.mkdir()
-    shutil.copy(ROOT / "assets" / "demo.glb", data / "demo.glb")
-    (data / "broken.glb").write_bytes(b"glTF")
-    command = [sys.executable, TOOL, ROOT, ROOT, "--data", data, "--variants", "default", "--fresh"]
-    command += ["--size", "32x18", "--frames", "0:3", "--cache", tmp_path / "cache"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-1].startswith("2 cases (1 refused")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import subprocess
@@ -97,28 +96,12 @@ def test_first_run_installs_second_does_not(machine):
     assert machine.pip_calls() == [] and machine.calls("apt-get") == []
 
 
-@pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt", "setup.py"])
-def test_changed_requirements_install_again(machine, name):
-    machine.has("gl")
-    machine.setup()
-    with open(machine.root / name, "a") as file:
-        file.write("# changed\n")
-    machine.setup()
-    assert machine.pip_calls()
-
-
 def test_failed_install_is_retried(machine):
     machine.has("gl", "no-network")
     done = machine.setup()
     assert done.returncode == 2 and "pip" in done.stderr
     (machine.state / "no-network").unlink()
     assert machine.setup().stdout == "ready\n" and machine.pip_calls()
-
-
-def test_no_compiler_is_a_note(machine):
-    machine.has("gl", "no-compiler")
-    done = machine.setup()
-    assert done.stdout == "ready\n" and "meshoptimizer" in done.stderr
 
 
 def test_user_without_rights_gets_the_command(machine):
@@ -145,14 +128,6 @@ def test_missing_gl_is_installed_after_fetching_lists(machine, way):
     assert "libosmesa6" not in done.stderr
 
 
-def test_setup_works_without_osmesa(machine):
-    machine.user(0)
-    machine.has("lists")
-    done = machine.setup()
-    assert done.stdout == "ready\n"
-    assert "libosmesa6" in done.stderr
-
-
 def test_probe_agrees_with_what_the_package_opens():
     """The probe reports a backend as usable if and only if a context opens."""
     import sys
@@ -173,25 +148,6 @@ def test_scripts_are_executable_and_parse():
         assert os.access(ROOT / name, os.X_OK), name
         subprocess.run(["bash", "-n", ROOT / name], check=True, timeout=60)
     assert "tools/test" in (ROOT / ".ci" / "run").read_text()
-
-
-@pytest.mark.skipif(shutil.which("flock") is None, reason="flock is not installed")
-def test_a_second_setup_waits_for_the_first(machine):
-    os.symlink(shutil.which("flock"), machine.bin / "flock")
-    machine.has("gl")
-    first = os.open(machine.root, os.O_RDONLY)
-    fcntl.flock(first, fcntl.LOCK_EX)
-    second = machine.start()
-    try:
-        assert second.stderr.readline(), "a note that it waits"
-        assert machine.calls("python") == [], "nothing runs before the lock is free"
-        os.close(first)  # the first setup has ended
-        out, err = second.communicate(timeout=60)
-    finally:
-        second.kill()
-    assert (second.returncode, out) == (0, "ready\n"), err
-    assert len(machine.pip_calls()) == 2
-    assert "waiting" not in machine.setup().stderr, "the lock was given back"
 
 
 def test_the_quick_loop_has_tests_of_every_package():

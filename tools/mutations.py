@@ -76,8 +76,7 @@ COST_ONLY = {
 }
 """Constants that change time or layout and no result, by file, and why.  No mutants are drawn from their values.
 
-``tests/test_mutation.py`` doubles all of them at once and compares the bits of images.  Limits above which something is
-refused or made smaller are not among them, nor are constants that only bound an error.
+Limits above which something is refused or made smaller are not among them, nor are constants that only bound an error.
 """
 
 

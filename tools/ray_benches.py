@@ -17,8 +17,8 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import WRITE, ComputePass
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Camera, MorphTarget, Primitive, Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
 
 SIZE = (480, 270)
 SAMPLES = 4

@@ -19,8 +19,9 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, quad, skinned, sphere, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad, skinned, sphere, turn_x
+from taubench_gl.selftest.scenes import lamp_field
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 SMALL = (320, 180)

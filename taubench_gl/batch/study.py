@@ -26,7 +26,7 @@ from taubench_gl.batch.merge import (
     labelled,
     merge_job,
     require_pyarrow,
-    sampled_light,
+    tally_job,
     write_batch,
     write_job,
     write_tables,
@@ -34,7 +34,7 @@ from taubench_gl.batch.merge import (
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
 from taubench_gl.batch.units import head_key, head_unit, light_key, light_unit, pairs_key, pairs_unit, resolved_job
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import SampledLight
+from taubench_gl.evaluation.tally import Tally
 from taubench_gl.folder_lock import lock_holder
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import SUMMARY_FILE, load_run
@@ -91,7 +91,7 @@ class BatchStudy(Study):
         super().__init__(store)
         self.spec, self._chunk = spec, chunk
         self._jobs = {job.id: job for job in spec.jobs}
-        self._light: dict[str, SampledLight | None] = {}
+        self._tallies: dict[str, Tally] = {}  # of the jobs whose pairs are all counted
         self._heads: dict[str, dict[str, Any] | None] = {}  # of jobs that were asked for; None: not yet there
 
     def jobs(self) -> Mapping[str, str]:
@@ -119,9 +119,9 @@ class BatchStudy(Study):
 
     def _missing_light(self, job: Job, head: Mapping[str, Any], reports: Any, pairs: Any) -> Sequence[Unit]:
         """Visits of the next round of sampled light that have no record."""
-        if job.id not in self._light:
-            self._light[job.id] = sampled_light(job, head, reports, pairs)
-        light = self._light[job.id]
+        if job.id not in self._tallies:
+            self._tallies[job.id] = tally_job(job, head, reports, pairs)
+        light = self._tallies[job.id].sampled
         while light is not None and not light.done:
             wanted = light.next_round()
             records = [self.store.load(light_key(job.id, visit, head)) for visit in wanted]
@@ -135,10 +135,9 @@ class BatchStudy(Study):
         head = self._heads[job]
         resolved = resolved_job(self._jobs[job], head)
         if not is_written(self.store, resolved, head):
-            reports, pairs = stored_pairs(self.store, job, head)
-            light = self._light[job]
-            run = merge_job(resolved, head, pairs, reports, light)
-            write_job(self.store, resolved, head, run, reports, light is not None)
+            reports, tally = stored_pairs(self.store, job, head)[0], self._tallies[job]
+            run = merge_job(head, tally, reports)
+            write_job(self.store, resolved, head, run, reports, tally.sampled is not None)
 
     def merge(self) -> Outcome:
         return Outcome(write_batch(self.store, self.spec, self.failed), self.failed)

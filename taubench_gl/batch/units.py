@@ -24,20 +24,21 @@ import numpy as np
 from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.evaluation import (
-    LightVisits,
-    ResolvedLighting,
-    SceneInput,
+    Readback,
+    ScenePlan,
     Session,
-    Wants,
-    checked_frames,
     environment_image,
     files_identity,
     frame_range,
     frame_schedule,
-    open_scene,
-    pair_schedule,
-    scene_facts,
+    light_plan,
+    plan_scene,
 )
+from taubench_gl.evaluation.brightness import checked_frames
+from taubench_gl.evaluation.lighting import ResolvedLighting
+from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.schedule import pair_schedule
+from taubench_gl.evaluation.summary import static_summary
 from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.provenance import provenance
@@ -104,7 +105,7 @@ class PairsUnit(_RenderedUnit):
     def _count(self, loaded: _JobScene, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         session, settings = loaded.session(self.of), self.of.settings
         session.timer.reset()
-        frames = session.given.frames
+        frames = session.plan.frames
         schedule = pair_schedule(frames, self.positions) if self.positions else frame_schedule(frames, settings)
         evaluated = []
         checked = checked_frames(frame_schedule(frames, settings))
@@ -113,7 +114,7 @@ class PairsUnit(_RenderedUnit):
             worker.done()
         pairs = [
             pair_record(position, pair.counts, pair.lobes, {name: row[name] for name in session.added_columns})
-            for position, pair, row in zip(self.positions, evaluated, session.rows, strict=True)
+            for position, pair, row in zip(self.positions, evaluated, session.tally.rows, strict=True)
         ]
         return pairs, _report(session)
 
@@ -185,8 +186,9 @@ class _JobScene(LoadedScene):
         """The session of a job whose lighting is resolved."""
         if self._session is None:
             frames = frame_range(self.animated.scene, self.animated.camera, job.settings)
-            scene_input = SceneInput(self.animated, frames, ResolvedLighting(job.settings))
-            self._session = Session(scene_input, Wants(lobes=job.lobes, sampled=True))
+            light = light_plan(job.settings, sampled=True)
+            plan = ScenePlan(self.animated, frames, ResolvedLighting(job.settings), light)
+            self._session = Session(plan, Readback(lobes=job.lobes))
         return self._session
 
     def light(self, job: Job) -> LightVisits:
@@ -206,15 +208,15 @@ def _head_record(loaded: _JobScene, settings: Settings, stamp: list[int] | None)
     ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job; ``stamp``: of the scene's file.
     """
     scene = loaded.animated.scene
-    opened = open_scene(scene, settings, loaded.animated.camera, sampled=True)
-    frames, animated, resolved = opened.frames, opened.animated, opened.lighting
+    plan = plan_scene(scene, settings, loaded.animated.camera, sampled=True)
+    frames, animated, resolved = plan.frames, plan.animated, plan.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
     one_file = scene.files == 1 and environment_image(resolved.settings) is None
     return {
         "stamp": stamp if one_file else None,
         "frames": [frames.start, frames.stop],
-        "facts": scene_facts(animated, frames, resolved),
+        "facts": static_summary(animated, frames, resolved),
         "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},
         "positions": [view.position for view in views],
         "rotations": [view.world_from_view for view in views],
@@ -233,8 +235,8 @@ def _report(session: Session) -> dict[str, Any]:
         session.gpu.check("a chunk of a batch")
         return {
             "source": session.source.describe(),
-            "brightness": session.brightness.as_dict(),
-            "depths": session.depths,
+            "brightness": session.tally.brightness.as_dict(),
+            "depths": session.tally.depths,
             "unmeasured": dict(session.source.unmeasured),
             "added": session.added_columns,
             "reprojection": session.source.reprojection,

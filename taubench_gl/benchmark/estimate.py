@@ -12,7 +12,7 @@ from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
 from taubench_gl.benchmark.unit import BenchmarkUnit, applicable
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.pathtraced.references import PART, References
@@ -124,7 +124,7 @@ def _tracing(case: Case) -> float:
     samples = reference_samples(case.request.reference)
     if samples is None:
         return 0.0
-    opened = open_scene(load_scene(scene_file(case.scene)), case.settings.replace(columns=COLUMNS))
+    opened = plan_scene(load_scene(scene_file(case.scene)), case.settings.replace(columns=COLUMNS))
     with opened_gpu(opened.settings) as owner:
         references = References.open(owner, opened.animated, opened.settings, samples, exact=True)
         return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0

@@ -36,7 +36,7 @@ from taubench_gl.cost.configurations import (
 )
 from taubench_gl.cost.unit import EvaluationUnit
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import SceneInput, file_hashes, files_identity, open_scene, sampled_pairs
+from taubench_gl.evaluation import ScenePlan, file_hashes, files_identity, plan_scene, sampled_pairs
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.fields import declared, from_values
 from taubench_gl.option_groups import CostOptions
@@ -77,8 +77,8 @@ def cost(
     _require_free(asked)
     if is_sequence(scene):
         raise SettingsError("path-traced files cannot be evaluated in other ways", where=str(scene))
-    opened = open_scene(scene, asked, sampled=True)
-    study = CostStudy(str(scene), asked, request, opened, Store(out, "cost", STUDY_SCHEMA))
+    plan = plan_scene(scene, asked, sampled=True)
+    study = CostStudy(str(scene), asked, request, plan, Store(out, "cost", STUDY_SCHEMA))
     return run_study(study, study.about, tuple(study.about), listener=listener)
 
 
@@ -98,7 +98,7 @@ def _require_free(asked: Settings) -> None:
 class CostStudy(Study):
     """A job per series of configurations; a unit is the evaluation of one configuration."""
 
-    def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: SceneInput, store: Store):
+    def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: ScenePlan, store: Store):
         """Compare ways to evaluate ``asked``; ``opened``: the scene with these settings, whose light all share."""
         super().__init__(store)
         self._scene, self._asked, self._request, self._frames = scene, asked, request, opened.frames

@@ -7,9 +7,9 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from taubench_gl.evaluation import Observers, Session, Wants, open_scene
+from taubench_gl.evaluation import Observers, Session, plan_scene
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.evaluation.session import evaluate
+from taubench_gl.evaluation.session import run_session
 from taubench_gl.features import COLUMNS
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
@@ -86,9 +86,9 @@ class _CostScene(LoadedScene):
         """A run, its seconds, and the seconds of all cores of the processor; without reading the file."""
         wall, processor = time.perf_counter(), time.process_time()
         with self._owner.gpu:
-            opened = open_scene(self.animated.scene, settings, self.animated.camera, owner=self._owner, sampled=True)
-            with Session(opened, Wants(sampled=True), shaders=self._owner.context.shaders) as session:
-                run = evaluate(session, Observers())
+            plan = plan_scene(self.animated.scene, settings, self.animated.camera, owner=self._owner, sampled=True)
+            with Session(plan, shaders=self._owner.context.shaders) as session:
+                run = run_session(session, Observers())
         return run, time.perf_counter() - wall, time.process_time() - processor
 
     def release(self) -> None:

@@ -19,7 +19,7 @@ from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation import evaluate_scene, open_scene
+from taubench_gl.evaluation import evaluate_scene, plan_scene
 from taubench_gl.features import COLUMNS
 from taubench_gl.outputs import csv_text, write_atomically
 from taubench_gl.report.paper import paper_numbers
@@ -127,7 +127,7 @@ def run_sweep(
     specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
     _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
     # The file records one exposure for all speeds; the number of samples is that of the first.
-    settings = open_scene(_posed(scene, specs[0], space), settings).settings
+    settings = plan_scene(_posed(scene, specs[0], space), settings).settings
     identity = [scene.sha256, __version__, settings.to_dict()]
     units = []
     for value, spec in zip(sweep.values, specs, strict=True):

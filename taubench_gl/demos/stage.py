@@ -26,9 +26,9 @@ from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.run import Run
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 Array = np.ndarray

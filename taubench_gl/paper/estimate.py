@@ -11,9 +11,17 @@ from taubench_gl.batch.merge import job_positions
 from taubench_gl.batch.spec import Job
 from taubench_gl.batch.study import batch_store, stored_pairs
 from taubench_gl.batch.units import head_key, resolved_job
-from taubench_gl.evaluation import Observers, decides_light, evaluate_scene, frame_range, frame_schedule, sampled_pairs
+from taubench_gl.evaluation import (
+    LightPlan,
+    Observers,
+    evaluate_scene,
+    frame_range,
+    frame_schedule,
+    light_plan,
+    sampled_pairs,
+)
 from taubench_gl.evaluation.decided_pixels import decided_light
-from taubench_gl.evaluation.sampled_light import PLAN, samples_light
+from taubench_gl.evaluation.sampled_light import PLAN
 from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.outputs import duration_text
 from taubench_gl.paper.study import RUNS, SceneJobs
@@ -62,7 +70,7 @@ def _counted(store: Store, job: Job) -> tuple[int, float | None]:
 
 def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
     """Pairs of a job, the seconds of one, how they were timed, and the seconds of all samples at random pixels."""
-    settings, light = job.settings, job.settings.lighting
+    settings, light, plan = job.settings, job.settings.lighting, light_plan(job.settings, sampled=True)
     if light.exposure == AUTO:  # metering takes as long as what is timed
         settings = settings.replace(exposure=1.0 if scene.exposure is None else scene.exposure)
     frames = frame_range(scene, camera_of_run(scene, settings.sequence), settings)
@@ -74,12 +82,12 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
     rounds = 0.0
     if light.light != "raster":
         samples = drawn * light.path_samples  # of a pixel and a pair
-        if decides_light(settings):  # at most, in two frames
+        if plan is LightPlan.DECIDED:  # at most, in two frames
             window, samples = decided_light(window), 2 * LIMIT
         seconds += _of_a_sample(scene, window) * settings.sequence.width * settings.sequence.height * samples
         width, height = _probe_size(settings)
         reason = f"timed at {width}x{height} with {PROBES[0]} and {PROBES[1]} samples"
-    if samples_light(settings):
+    if plan is LightPlan.SAMPLED:
         rounds = PLAN.samples * _of_a_sample(scene, decided_light(window))
         reason += f"; at most {duration_text(rounds)} of it at random pixels"
     return pairs, seconds, reason, rounds

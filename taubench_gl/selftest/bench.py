@@ -162,13 +162,6 @@ class Bench(GpuOwner):
                 out.append(Shot({n: source.read(n).astype(np.float64) for n in source.channels}, view))
             return out
 
-    def lit(self, scene: Scene, time: float = 0.0, **settings: Any) -> dict[str, Array]:
-        """``direct`` and ``color`` of one frame, shaded by the light stage.  ``settings``: fields of Settings."""
-        values = self._settings({"columns": ("direct", "color"), "fps": 1.0} | settings)
-        with self._opened(scene, values) as source:
-            source.advance(time)
-            return {n: source.read(n) for n in ("direct", "color")}
-
     def traced(self, scene: Scene, *, extra: Sequence[str] = (), **settings: Any) -> dict[str, Array]:
         """Path-traced ``direct``, ``indirect`` and ``extra`` of the first frame.  ``settings``: fields of Settings."""
         own = {"columns": ("direct", "indirect"), "fps": 1.0, "light": "path-traced", "indirect": "auto"}
@@ -176,12 +169,6 @@ class Bench(GpuOwner):
         with self._opened(scene, values, extra) as source:
             source.advance(0)
             return {n: source.read(n) for n in ("direct", "indirect", *extra)}
-
-    def lights_of_tiles(self, scene: Scene) -> list[Array]:
-        """Rows of the light table that each tile keeps in the first frame, tiles row by row from the bottom."""
-        with self._opened(scene, self._settings({"columns": ("direct",), "shadow_lights": 0})) as source:
-            source.advance(0)
-            return source.light.tile_lists()
 
     @contextlib.contextmanager
     def _opened(self, scene: Scene, settings: Settings, extra: Sequence[str] = ()) -> Iterator[RasterSource]:

@@ -9,9 +9,9 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.metrics import activity as act
+from taubench_gl.scene.builder import SceneBuilder, box, turn, turn_x, turn_y
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, field, scalar, worst
-from taubench_gl.selftest.scenes import SceneBuilder, box, turn, turn_x, turn_y
 
 Array = np.ndarray
 
@@ -24,30 +24,23 @@ def _activity(*quaternions: Array) -> act.Activity:
     return act.camera_activity(np.zeros((len(quaternions), 3)), _rotations(*quaternions))
 
 
-@case(
-    "angle-wrap",
-    description="yaw from 359 to 1 degree in one frame, and from 179 to 181",
-    elsewhere="the difference of the angles is 358 degrees at the end of their range",
-    here="differences are wrapped to (-180, 180] before the absolute value is taken",
-    tolerance=1e-12,
-    source="float64: 32 ulps of an angle near 360 degrees",
-)
+@case("angle-wrap", tolerance=1e-12, source="float64: 32 ulps of an angle near 360 degrees")
 def angle_wrap(bench: Bench) -> Outcome:
+    """Yaw from 359 to 1 degree in one frame, and from 179 to 181: its change is 2 degrees.
+
+    The difference of the angles is 358 degrees at the end of their range.
+    """
     turns = [_activity(turn_y(a), turn_y(a + 2.0)).yaw[0] for a in (359.0, 179.0)]
     furthest = max(turns, key=lambda turned: abs(turned - 2.0))
     return scalar(2.0, furthest, Naive("|359 - 1|", 358.0, 356.0))
 
 
-@case(
-    "pitch-through-90",
-    description="a camera that pitches from 85 to 95 degrees in steps of 1, and one with yaw and roll from 75 to 105 "
-    "in steps of 5: total change of yaw and roll",
-    elsewhere="yaw and roll each jump by 180 degrees at the pole",
-    here="near the pole roll is held, the branch nearest the previous frame is taken, and the pair is flagged",
-    tolerance=1e-9,
-    source="float64: atan2 of a cosine of 0.017 to 1e-16, ten times",
-)
+@case("pitch-through-90", tolerance=1e-9, source="float64: atan2 of a cosine of 0.017 to 1e-16, ten times")
 def pitch_through_90(bench: Bench) -> Outcome:
+    """A camera that pitches through 90 degrees, without and with yaw and roll: total change of yaw and roll.
+
+    Yaw and roll each jump by 180 degrees at the pole.
+    """
     rotations = _rotations(*(turn_x(p) for p in np.arange(85.0, 96.0)))
     measured = act.camera_activity(np.zeros((11, 3)), rotations)
     rolled = (math3d.quat_multiply(turn_x(p), turn((0, 0, 1), 20.0)) for p in np.arange(75.0, 106.0, 5.0))
@@ -61,27 +54,13 @@ def pitch_through_90(bench: Bench) -> Outcome:
 
 
 @case(
-    "still-at-the-pole",
-    description="a still camera that looks straight down",
-    elsewhere="atan2(0, 0) of rounding noise gives an arbitrary yaw",
-    here="equal rotations have a change of exactly 0, near the pole too",
-    source="exact: the same rotation twice",
-)
-def still_at_the_pole(bench: Bench) -> Outcome:
-    q = math3d.quat_multiply(turn_y(31.0), turn_x(-90.0))
-    a = _activity(q, q, q)
-    return field("0 degrees", np.concatenate([a.yaw, a.pitch, a.roll, a.angle]))
-
-
-@case(
-    "tiny-rotation",
-    description="a camera that turns by 1e-5 degrees a frame: relative error of the geodesic angle",
-    elsewhere="2 acos(q1 . q2): the dot product rounds to 1, so the angle is 0 or wrong by 10 %",
-    here="4 atan2(|q1 - q2|, |q1 + q2|) in float64",
-    tolerance=1e-8,
-    source="float64: an angle of 1.7e-7 rad from unit quaternions rounded to 1.1e-16",
+    "tiny-rotation", tolerance=1e-8, source="float64: an angle of 1.7e-7 rad from unit quaternions rounded to 1.1e-16"
 )
 def tiny_rotation(bench: Bench) -> Outcome:
+    """A camera that turns by 1e-5 degrees a frame: relative error of the geodesic angle.
+
+    2 acos(q1 . q2): the dot product rounds to 1, so the angle is 0 or wrong by 10 %.
+    """
     step = 1e-5
     quaternions = [turn_y(33.0 + i * step) for i in range(8)]
     measured = _activity(*quaternions).angle
@@ -92,26 +71,12 @@ def tiny_rotation(bench: Bench) -> Outcome:
     return Outcome(step, float(measured[0]), off, Naive("2 acos(q1 . q2)", naive[0], naive_off))
 
 
-@case(
-    "half-turn-angle",
-    description="a turn of exactly 180 degrees about a skew axis",
-    elsewhere="acos of a trace below -1 is NaN; the quaternion's w is 0 with a random sign",
-    here="quaternions on one hemisphere, atan2 of chords",
-    tolerance=1e-12,
-    source="float64: 32 ulps of 180",
-)
-def half_turn_angle(bench: Bench) -> Outcome:
-    return scalar(180.0, _activity(turn_y(0.0), turn((1.0, 2.0, 3.0), 180.0)).angle[0])
-
-
-@case(
-    "tiny-step-far-away",
-    description="a camera 1e6 m from the origin that moves by 2^-20 m a frame (Eq. 1)",
-    elsewhere="float32 positions have a step of 6 cm there: the camera is still, then jumps",
-    here="camera positions stay float64 until they are subtracted",
-    source="exact: dyadic numbers within 53 bits",
-)
+@case("tiny-step-far-away", source="exact: dyadic numbers within 53 bits")
 def tiny_step(bench: Bench) -> Outcome:
+    """A camera 1e6 m from the origin that moves by 2^-20 m a frame: its translation per frame (Eq. 1).
+
+    Float32 positions have a step of 6 cm there: the camera is still, then jumps.
+    """
     step = 2.0**-20
     positions = np.array([(1e6 + i * step, 1e6, -1e6) for i in range(5)])
     measured = act.translation(positions)
@@ -120,48 +85,12 @@ def tiny_step(bench: Bench) -> Outcome:
     return Outcome(step, float(measured[0]), worst(measured - step), naive)
 
 
-@case(
-    "underflowing-step",
-    description="a step of (3, 4, 0) times 1e-170 m",
-    elsewhere="the squares underflow and the step is 0",
-    here="the vector is scaled by its largest component before squaring",
-    tolerance=1e-15,
-    source="relative; float64: 4 ulps",
-)
-def underflowing_step(bench: Bench) -> Outcome:
-    step = np.array([[0.0, 0.0, 0.0], [3e-170, 4e-170, 0.0]])
-    squared = float(np.sqrt(np.sum(step[1] ** 2)))
-    naive = Naive("sqrt(x^2 + y^2 + z^2)", squared, difference(5e-170, squared, relative=True))
-    return scalar(5e-170, act.translation(step)[0], naive, relative=True)
-
-
-@case(
-    "teleport",
-    description="a head-mounted camera with small steps and one jump of 7.163 m (the paper's VR row): pairs that are "
-    "cuts",
-    elsewhere="a fixed limit detects cuts in a running camera, or misses the jump, which then dominates the mean",
-    here="a step is compared with the medians around it; every statistic is given with and without cuts",
-    source="exact: the list of pairs",
-)
-def teleport(bench: Bench) -> Outcome:
-    frames, jump = 120, 71
-    t = np.arange(frames)
-    positions = np.stack([0.02 * np.sin(0.3 * t), 1.7 + 0.01 * np.sin(0.9 * t), 0.03 * np.cos(0.2 * t)], axis=-1)
-    positions[jump:] += [7.163, 0.0, 0.0]
-    rotations = _rotations(*(turn_y(8.0 * np.sin(0.2 * i)) for i in t))
-    cuts = np.flatnonzero(act.detect_cuts(act.camera_activity(positions, rotations))) + 1
-    wrong = set(cuts.tolist()) ^ {jump}
-    return Outcome(str([jump]), str(cuts.tolist()), float(len(wrong)))
-
-
-@case(
-    "running-is-not-a-cut",
-    description="a game camera with the paper's largest steps (mean 1.9 m, maximum 5.5 m per frame): cuts detected",
-    elsewhere="every step above a fixed limit of 1 or 2 m is a cut",
-    here="a step is compared with the quartile and the medians of the other steps",
-    source="exact: the number of pairs",
-)
+@case("running-is-not-a-cut", source="exact: the number of pairs")
 def running(bench: Bench) -> Outcome:
+    """A game camera with the paper's largest steps (mean 1.9 m, maximum 5.5 m per frame): cuts detected.
+
+    Every step above a fixed limit of 1 or 2 m is a cut.
+    """
     t = np.arange(1, 200)
     steps = np.clip(1.9 + 1.2 * np.sin(0.37 * t) + 0.9 * np.sin(1.7 * t), 0.1, None)
     steps[100] = 5.475
@@ -172,15 +101,12 @@ def running(bench: Bench) -> Outcome:
     return count(0, int(cuts.sum()), Naive("step > 2 m", naive, naive))
 
 
-@case(
-    "scaled-camera-node",
-    description="a camera below nodes with scale (3, 0.5, -2): deviation of its view from a rotation",
-    elsewhere="the inverse of the node's matrix stretches or mirrors the image",
-    here="the view keeps the direction of -Z and is orthonormal; scale, shear and mirroring are removed",
-    tolerance=1e-14,
-    source="float64: 64 ulps of 1 in R R^T and det R",
-)
+@case("scaled-camera-node", tolerance=1e-14, source="float64: 64 ulps of 1 in R R^T and det R")
 def scaled_camera_node(bench: Bench) -> Outcome:
+    """A camera below nodes with scale (3, 0.5, -2): deviation of its view from a rotation.
+
+    The inverse of the node's matrix stretches or mirrors the image.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(box()))
     parent = b.node(rotation=turn((1.0, 1.0, 0.0), 40.0), scale=(3.0, 0.5, -2.0))
@@ -194,16 +120,3 @@ def scaled_camera_node(bench: Bench) -> Outcome:
 
     raw = worst(deviation(state.world[-1][:3, :3]))
     return field("a proper rotation", deviation(rotation), Naive("the node's own matrix", f"off by {raw:.3g}", raw))
-
-
-@case(
-    "gimbal-flag",
-    description="a pair within 1 degree of straight up is flagged, one at 80 degrees is not",
-    elsewhere="yaw and roll near the pole are reported although they are ill-defined",
-    here="flagged pairs are listed, with the geodesic angle",
-    source="exact: the flags",
-)
-def gimbal_flag(bench: Bench) -> Outcome:
-    flags = _activity(turn_x(80.0), turn_x(81.0), turn_x(89.5), turn_x(89.6)).gimbal
-    expected = [False, True, True]
-    return Outcome(str(expected), str(flags.tolist()), float(np.sum(flags != expected)))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
 import numbers
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +17,9 @@ if TYPE_CHECKING:
 
 Value = float | int | str
 GROUPS = (
-    "projection", "depth", "camera", "offsets", "animation", "geometry",
-    "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "sampling",
-    "statistics", "storage", "files", "encodings", "arithmetic", "formulas", "tables", "cross_checks", "pictures",
+    "projection", "depth", "camera", "offsets", "animation", "geometry", "skinning", "materials", "lighting", "direct",
+    "shadows", "indirect", "path_tracing", "radiance", "sampling", "statistics", "storage", "files", "cross_checks",
+    "pictures",
 )  # fmt: skip
 """Groups in the order in which they run; each is a module of the same name."""
 
@@ -45,15 +47,14 @@ class Outcome:
 class Case:
     """One hard case with a known answer.
 
-    ``description``: the test.  ``elsewhere``: the common failure.  ``here``: the approach of this package.
+    ``description``: the test.  ``common_failure``: how other programs fail it.
     ``tolerance``: the largest accepted error; ``source``: where the tolerance comes from.
     """
 
     name: str
     group: str
     description: str
-    elsewhere: str
-    here: str
+    common_failure: str
     tolerance: float
     source: str
     run: Callable[[Bench], Outcome]
@@ -104,20 +105,33 @@ REGISTRY: dict[str, Case] = {}
 
 
 def case(
-    name: str, *, description: str, elsewhere: str, here: str, source: str, tolerance: float = 0.0
-) -> Callable[[Callable[[Bench], Outcome]], Callable[[Bench], Outcome]]:
-    """Register a function as the case ``name``; its group is the name of its module."""
+    name: str, *, source: str, tolerance: float = 0.0, each: Sequence[tuple[Any, ...]] = ((),)
+) -> Callable[[Callable[..., Outcome]], Callable[..., Outcome]]:
+    """Register a function of a bench as the case ``name``; its group is the name of its module.
 
-    def register(function: Callable[[Bench], Outcome]) -> Callable[[Bench], Outcome]:
+    The first paragraph of the function's docstring is the description, the second one the common failure.
+    ``each``: one case per tuple, which the function takes after the bench; the name, both paragraphs and the source
+    hold its values as fields of ``str.format``, such as {0:g}.
+    """
+
+    def register(function: Callable[..., Outcome]) -> Callable[..., Outcome]:
         group = function.__module__.rpartition(".")[2]
         if group not in GROUPS:
             raise ValueError(f"{group} is not a group of cases")
-        if name in REGISTRY:
-            raise ValueError(f"two cases are named {name}")
-        REGISTRY[name] = Case(name, group, description, elsewhere, here, tolerance, source, function)
+        paragraphs = [" ".join(part.split()) for part in inspect.getdoc(function).split("\n\n")]
+        for values in each:
+            title, description, failure, why = (text.format(*values) for text in (name, *paragraphs, source))
+            if title in REGISTRY:
+                raise ValueError(f"two cases are named {title}")
+            run = functools.partial(_run, function, values)
+            REGISTRY[title] = Case(title, group, description, failure, tolerance, why, run)
         return function
 
     return register
+
+
+def _run(function: Callable[..., Outcome], values: tuple[Any, ...], bench: Bench) -> Outcome:
+    return function(bench, *values)
 
 
 def count(expected: int, measured: int, naive: Naive | None = None) -> Outcome:

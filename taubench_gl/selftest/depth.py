@@ -7,56 +7,49 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
+from taubench_gl.scene.builder import SceneBuilder, quad, turn
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, pixel_grid, to_pixels
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
-from taubench_gl.selftest.scenes import SceneBuilder, quad, turn
 
 RIGHT_ANGLE = np.radians(90.0)
 EXACT = "exact: an unsigned count on the GPU"
 
 
-def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
-    @case(
-        name,
-        description=f"near {znear:g}, far {zfar:g}: two walls at {distance:g} m, 2e-6 of that apart, nearer one drawn "
-        "last",
-        elsewhere="both walls have the same 24-bit fixed-point depth, and the one drawn first stays visible",
-        here="reversed Z in [0, 1] in a 32-bit float depth texture: constant relative precision",
-        source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
-    )
-    def depth(bench: Bench) -> Outcome:
-        b = SceneBuilder()
-        camera = Camera(yfov=RIGHT_ANGLE)
-        for far_away in (distance * (1 + 2e-6), distance):
-            half = 1.5 * far_away * bench.size[0] / bench.size[1]
-            b.node(translation=(0.0, 0.0, -far_away), mesh=b.mesh(quad(half, 1.5 * far_away)))
-        b.camera(yfov=camera.yfov, znear=znear, zfar=zfar)
-        frame, _ = bench.frame(b.build(), extra=("ids",))
-        right = int((frame["ids"][..., 0] == 2).sum())
-        standard = [
-            np.round((zfar / (zfar - znear) if np.isfinite(zfar) else 1.0) * (1 - znear / z) * (2**24 - 1))
-            for z in (distance, distance * (1 + 2e-6))
-        ]
-        drawn = right if standard[0] < standard[1] else 0
-        pixels = frame["ids"][..., 0].size
-        return count(pixels, right, Naive("24-bit standard Z", drawn, pixels - drawn))
-
-
-_depth_case("depth-1m", 1.0, 1e-4, 1e6)
-_depth_case("depth-1km", 1e3, 1e-4, 1e6)
-_depth_case("depth-100km", 1e5, 1e-4, 1e6)
-_depth_case("depth-infinite-far", 1e7, 1e-4, np.inf)
-
-
 @case(
-    "far-plane",
-    description="near 1e-4, far 1e6: a wall at 0.9999 far is visible, a wall at 1.0001 far is not",
-    elsewhere="far / (far - near) rounds to 1, so nothing or everything is clipped",
-    here="both terms of the reversed-Z matrix are computed in float64",
-    source=EXACT,
+    "depth-{0}",
+    source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
+    each=(("1m", 1.0, 1e6), ("1km", 1e3, 1e6), ("100km", 1e5, 1e6), ("infinite-far", 1e7, np.inf)),
 )
+def depth(bench: Bench, name: str, distance: float, zfar: float) -> Outcome:
+    """Near 1e-4, far {2:g}: pixels of the nearer of two walls at {1:g} m, 2e-6 of that apart, drawn last.
+
+    Both walls have the same 24-bit fixed-point depth, and the one drawn first stays visible.
+    """
+    znear = 1e-4
+    b = SceneBuilder()
+    camera = Camera(yfov=RIGHT_ANGLE)
+    for far_away in (distance * (1 + 2e-6), distance):
+        half = 1.5 * far_away * bench.size[0] / bench.size[1]
+        b.node(translation=(0.0, 0.0, -far_away), mesh=b.mesh(quad(half, 1.5 * far_away)))
+    b.camera(yfov=camera.yfov, znear=znear, zfar=zfar)
+    frame, _ = bench.frame(b.build(), extra=("ids",))
+    right = int((frame["ids"][..., 0] == 2).sum())
+    standard = [
+        np.round((zfar / (zfar - znear) if np.isfinite(zfar) else 1.0) * (1 - znear / z) * (2**24 - 1))
+        for z in (distance, distance * (1 + 2e-6))
+    ]
+    drawn = right if standard[0] < standard[1] else 0
+    pixels = frame["ids"][..., 0].size
+    return count(pixels, right, Naive("24-bit standard Z", drawn, pixels - drawn))
+
+
+@case("far-plane", source=EXACT)
 def far_plane(bench: Bench) -> Outcome:
+    """Near 1e-4, far 1e6: a wall at 0.9999 far is visible, a wall at 1.0001 far is not.
+
+    The quotient far / (far - near) rounds to 1, so nothing or everything is clipped.
+    """
     seen = []
     for factor in (0.9999, 1.0001):
         b = SceneBuilder()
@@ -79,42 +72,36 @@ def _grazing(bench: Bench, degrees: float):
     return normal, anchor, frame["position"].astype(np.float64), frame
 
 
-def _grazing_case(name: str, degrees: float) -> None:
-    @case(
-        name,
-        description=f"a plane seen at {degrees:g} degrees from its normal: distance of the stored points from the "
-        "plane",
-        elsewhere="points stored as half floats or reconstructed from 24-bit depth do not lie on the plane",
-        here="the interpolated position is stored as float32 relative to the camera",
-        tolerance=1e-6,
-        source="relative to the distance from the camera: 16 float ulps (transform, clipping, interpolation)",
-    )
-    def grazing(bench: Bench) -> Outcome:
-        normal, anchor, position, _ = _grazing(bench, degrees)
-        surface = position[..., 3] > 0
-        points = position[surface][:, :3]
-        off = (points - anchor) @ normal / np.linalg.norm(points, axis=-1)
-        half = points.astype(np.float16).astype(np.float64)
-        naive = worst((half - anchor) @ normal / np.linalg.norm(points, axis=-1))
-        return field(
-            f"{int(surface.sum())} points on the plane", off, Naive("half floats", f"off by {naive:.3g}", naive)
-        )
+@case(
+    "grazing-{0:g}",
+    tolerance=1e-6,
+    source="relative to the distance from the camera: 16 float ulps (transform, clipping, interpolation)",
+    each=((80.0,), (89.0,), (89.9,)),
+)
+def grazing(bench: Bench, degrees: float) -> Outcome:
+    """A plane seen at {0:g} degrees from its normal: distance of the stored points from the plane.
 
-
-_grazing_case("grazing-80", 80.0)
-_grazing_case("grazing-89", 89.0)
-_grazing_case("grazing-89.9", 89.9)
+    Points stored as half floats or reconstructed from 24-bit depth do not lie on the plane.
+    """
+    normal, anchor, position, _ = _grazing(bench, degrees)
+    surface = position[..., 3] > 0
+    points = position[surface][:, :3]
+    off = (points - anchor) @ normal / np.linalg.norm(points, axis=-1)
+    half = points.astype(np.float16).astype(np.float64)
+    naive = worst((half - anchor) @ normal / np.linalg.norm(points, axis=-1))
+    return field(f"{int(surface.sum())} points on the plane", off, Naive("half floats", f"off by {naive:.3g}", naive))
 
 
 @case(
     "grazing-own-pixel",
-    description="points of a plane seen at 89.9 degrees, projected again: distance from their pixel centers",
-    elsewhere="mixed pixel-center conventions: every point is off by half a pixel",
-    here="one convention: the center of pixel i is at i",
     tolerance=1.0 / 64.0,
     source="raster rule: corners snapped to 1/256 px, and again after clipping; the other half is float rounding",
 )
 def grazing_own_pixel(bench: Bench) -> Outcome:
+    """Points of a plane seen at 89.9 degrees, projected again: distance from their pixel centers.
+
+    Mixed pixel-center conventions: every point is off by half a pixel.
+    """
     _, _, position, _ = _grazing(bench, 89.9)
     surface = position[..., 3] > 0
     at = to_pixels(position[..., :3], bench.size, Camera(yfov=RIGHT_ANGLE))
@@ -122,15 +109,13 @@ def grazing_own_pixel(bench: Bench) -> Outcome:
     return field("own pixel center, px", (at - pixel_grid(bench.size))[surface], half)
 
 
-@case(
-    "previous-near-plane",
-    description="a wall at 1 m, near plane 0.1 now and 2 before, then 0.1 before: pixels that were behind the "
-    "previous camera",
-    elsewhere="the near plane of the current camera decides: history that was clipped is read",
-    here="each camera has its own near plane",
-    source=EXACT,
-)
+@case("previous-near-plane", source=EXACT)
 def previous_near_plane(bench: Bench) -> Outcome:
+    """A wall at 1 m, near plane 0.1 now and 2 before, then 0.1 before: pixels that were behind the previous camera.
+
+    The near plane of the current camera decides: history that was clipped is read.
+    """
+
     def behind(previous_near: float) -> int:
         now, then = (View(np.zeros(3), np.eye(3), Camera(znear=near)) for near in (0.1, previous_near))
         pair = reprojection(now, then, *bench.size)

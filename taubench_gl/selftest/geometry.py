@@ -6,10 +6,10 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn, turn_x, turn_y
 from taubench_gl.scene.model import Camera, Primitive, Scene
 from taubench_gl.selftest.bench import Bench, pixel_grid, to_pixels
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn, turn_x, turn_y
 
 Array = np.ndarray
 RASTER = "exact raster rule: a pixel is covered if its center is inside; edges lie on pixel borders"
@@ -28,26 +28,22 @@ def _show(bench: Bench, primitive: Primitive, **node) -> Scene:
     return b.build()
 
 
-@case(
-    "zero-scale",
-    description="a box with scale 0 in front of the sky: pixels that are not sky in both frames",
-    elsewhere="the inverse of a singular matrix is NaN, or the object is drawn as a dot",
-    here="no matrix is inverted; triangles of area 0 cover no pixel center",
-    source=RASTER,
-)
+@case("zero-scale", source=RASTER)
 def zero_scale(bench: Bench) -> Outcome:
+    """A box with scale 0 in front of the sky: pixels that are not sky in both frames.
+
+    The inverse of a singular matrix is NaN, or the object is drawn as a dot.
+    """
     images = bench.pair(_show(bench, box((10, 10, 10)), scale=(0, 0, 0)), (0.0, 0.0), reprojection="motion")
     return count(0, int((images.mask != (Reason.SKY | Reason.HISTORY_SKY)).sum()))
 
 
-@case(
-    "zero-scale-to-visible",
-    description="a 20 x 20 m wall that jumps from scale 0 to 1: pixels that now cover sky (reason OCCLUDING)",
-    elsewhere="all previous positions coincide, and history is read at that point",
-    here="history is sky: POSITION, NORMAL, OCCLUDING, as camera reprojection reads the same pixel",
-    source=RASTER,
-)
+@case("zero-scale-to-visible", source=RASTER)
 def zero_scale_to_visible(bench: Bench) -> Outcome:
+    """A 20 x 20 m wall that jumps from scale 0 to 1: pixels that now cover sky (reason OCCLUDING).
+
+    All previous positions coincide, and history is read at that point.
+    """
     b = SceneBuilder()
     wall = b.node(mesh=b.mesh(quad(10, 10)), translation=(0.0, 0.0, -100.0))
     one_metre_per_pixel(b, bench)
@@ -60,12 +56,13 @@ def zero_scale_to_visible(bench: Bench) -> Outcome:
 
 @case(
     "negative-scale",
-    description="a box with scale (-1, 1, 1): pixels whose position or normal differ from those of the plain box",
-    elsewhere="mirroring swaps front and back faces: culling shows the inside of the box",
-    here="the sign of the determinant selects the front face; normals still point outwards",
     source="exact count; the box is its own mirror image, values within 1e-5 (16 float ulps of 5 m) are equal",
 )
 def negative_scale(bench: Bench) -> Outcome:
+    """A box with scale (-1, 1, 1): pixels whose position or normal differ from those of the plain box.
+
+    Mirroring swaps front and back faces: culling shows the inside of the box.
+    """
     frames = []
     for sign in (1.0, -1.0):
         b = SceneBuilder()
@@ -97,15 +94,12 @@ def _placed(mat3: Array) -> Array:
     return math3d.affine(mat3, np.array([0.0, 0.0, -5.0]))
 
 
-@case(
-    "sheared-normal",
-    description="a wall below a rotated node with scale (1, 4, 1): its normal against that of its plane",
-    elsewhere="normals are transformed as points and are not perpendicular to the surface",
-    here="normals are transformed by the cofactor matrix and normalized",
-    tolerance=2e-6,
-    source=FLOAT_NORMAL,
-)
+@case("sheared-normal", tolerance=2e-6, source=FLOAT_NORMAL)
 def sheared_normal(bench: Bench) -> Outcome:
+    """A wall below a rotated node with scale (1, 4, 1): its normal against that of its plane.
+
+    Normals are transformed as points and are not perpendicular to the surface.
+    """
     mat3 = np.diag([1.0, 4.0, 1.0]) @ math3d.mat3_from_quat(turn((1.0, 1.0, 0.0), 40.0))
     normal = math3d.normalize(np.cross(mat3[:, 0], mat3[:, 1]))
     error, shown = _normal_error(bench, _placed(mat3), quad(), normal)
@@ -114,15 +108,12 @@ def sheared_normal(bench: Bench) -> Outcome:
     return field(f"the plane's normal at {shown} pixels", error if shown else np.nan, plain)
 
 
-@case(
-    "flattened-normal",
-    description="a sphere with scale (1, 1, 0): normals of the resulting disk",
-    elsewhere="the inverse of a singular matrix is Inf, and products with it NaN",
-    here="cofactors need no inverse and give the normal of the disk",
-    tolerance=2e-6,
-    source=FLOAT_NORMAL,
-)
+@case("flattened-normal", tolerance=2e-6, source=FLOAT_NORMAL)
 def flattened_normal(bench: Bench) -> Outcome:
+    """A sphere with scale (1, 1, 0): normals of the resulting disk.
+
+    The inverse of a singular matrix is Inf, and products with it NaN.
+    """
     mat3 = np.diag([1.0, 1.0, 0.0])
     normal = np.array([0.0, 0.0, 1.0])
     error, shown = _normal_error(bench, _placed(mat3), sphere(), normal)
@@ -134,15 +125,12 @@ def flattened_normal(bench: Bench) -> Outcome:
     return field(f"(0, 0, 1) at {shown} pixels", error if shown else np.nan, naive)
 
 
-@case(
-    "tiny-scale-normal",
-    description="a wall of 1e25 units at scale 1e-25: its normal",
-    elsewhere="products of two scales underflow to 0 in float32, and so does the normal",
-    here="matrix rows are divided by their largest element before multiplication",
-    tolerance=2e-6,
-    source=FLOAT_NORMAL,
-)
+@case("tiny-scale-normal", tolerance=2e-6, source=FLOAT_NORMAL)
 def tiny_scale_normal(bench: Bench) -> Outcome:
+    """A wall of 1e25 units at scale 1e-25: its normal.
+
+    Products of two scales underflow to 0 in float32, and so does the normal.
+    """
     turned = math3d.mat3_from_quat(turn_y(20.0))
     error, shown = _normal_error(bench, _placed(1e-25 * turned), quad(1e25, 1e25), turned[:, 2])
     cofactors = np.cross(np.float32(1e-25 * turned[:, 0]), np.float32(1e-25 * turned[:, 1]))
@@ -153,14 +141,12 @@ def tiny_scale_normal(bench: Bench) -> Outcome:
     return field(f"the wall's normal at {shown} pixels", error if shown else np.nan, plain)
 
 
-@case(
-    "zero-normals",
-    description="a wall whose vertex normals have length 0: invalid pixels",
-    elsewhere="0 / 0 is NaN, which spreads through every blend",
-    here="normalizing a vector of length 0 gives 0",
-    source="exact: an unsigned count on the GPU",
-)
+@case("zero-normals", source="exact: an unsigned count on the GPU")
 def zero_normals(bench: Bench) -> Outcome:
+    """A wall whose vertex normals have length 0: invalid pixels.
+
+    0 / 0 is NaN, which spreads through every blend.
+    """
     wall = quad(10, 10)
     wall = Primitive(wall.positions, wall.triangles, normals=np.zeros_like(wall.positions))
     images = bench.pair(_show(bench, wall), (0.0, 0.0))
@@ -170,15 +156,12 @@ def zero_normals(bench: Bench) -> Outcome:
     return count(0, images.counts["invalid"] + missing, Naive("n / |n|", naive, naive))
 
 
-@case(
-    "degenerate-triangles",
-    description="a 20 x 20 m wall among triangles of area 0 (points, lines, repeated corners), flat-shaded: pixels "
-    "drawn",
-    elsewhere="the face normal of a degenerate triangle is NaN",
-    here="its normal is 0, and it covers no pixel center",
-    source=RASTER,
-)
+@case("degenerate-triangles", source=RASTER)
 def degenerate_triangles(bench: Bench) -> Outcome:
+    """A 20 x 20 m wall among triangles of area 0 (points, lines, repeated corners), flat-shaded: pixels drawn.
+
+    The face normal of a degenerate triangle is NaN.
+    """
     wall = quad(10, 10, normals=False)
     bad = np.uint32([[0, 0, 0], [0, 1, 1], [2, 2, 3], [0, 2, 0]])
     mixed = Primitive(wall.positions, np.concatenate([bad, wall.triangles, bad]))
@@ -187,34 +170,32 @@ def degenerate_triangles(bench: Bench) -> Outcome:
     return count(400, int(images.surface.sum()) if finite else -1)
 
 
-def _cut(name: str, cells: tuple[int, int], words: str) -> None:
-    @case(
-        name,
-        description=f"a 40 x 20 m wall cut into {cells[0]} x {cells[1]} cells, {words}: pixels that show the wall",
-        elsewhere="cracks or double coverage along shared edges; normals from derivatives are NaN",
-        here="the same vertex arithmetic in all draws; a zero derivative falls back to the vertex normal",
-        source=RASTER + "; depth is exact, as the wall is parallel to the image plane",
-    )
-    def cut(bench: Bench) -> Outcome:
-        frame, _ = bench.frame(_show(bench, quad(20, 10, cells=cells)), extra=("geometric_normal",))
-        right = np.abs(frame["position"][..., 3] - 100.0) < 1e-3
-        normal = frame["geometric_normal"][..., :3].astype(np.float64)
-        right &= np.abs(normal - [0.0, 0.0, 1.0]).max(axis=-1) < 1e-2
-        return count(800, int(right.sum()))
-
-
-_cut("sliver-triangles", (4000, 1), "slivers of 1/100 px")
-_cut("sub-pixel-triangles", (160, 80), "triangles of a quarter pixel")
-
-
 @case(
-    "many-vertices",
-    description="a wall of 90,601 vertices that fills the image: pixels that show the right point of it",
-    elsewhere="16-bit indices wrap at 65,536 and triangles stretch across the image",
-    here="32-bit indices throughout",
-    source="exact count of pixels within 1/16 px",
+    "{0}-triangles",
+    source=RASTER + "; depth is exact, as the wall is parallel to the image plane",
+    each=(
+        ("sliver", (4000, 1), "slivers of 1/100 px"),
+        ("sub-pixel", (160, 80), "triangles of a quarter pixel"),
+    ),
 )
+def tiny_triangles(bench: Bench, name: str, cells: tuple[int, int], words: str) -> Outcome:
+    """A 40 x 20 m wall of {1[0]} x {1[1]} cells, {2}: pixels that show the wall.
+
+    Cracks or double coverage along shared edges, or normals from derivatives that are NaN.
+    """
+    frame, _ = bench.frame(_show(bench, quad(20, 10, cells=cells)), extra=("geometric_normal",))
+    right = np.abs(frame["position"][..., 3] - 100.0) < 1e-3
+    normal = frame["geometric_normal"][..., :3].astype(np.float64)
+    right &= np.abs(normal - [0.0, 0.0, 1.0]).max(axis=-1) < 1e-2
+    return count(800, int(right.sum()))
+
+
+@case("many-vertices", source="exact count of pixels within 1/16 px")
 def many_vertices(bench: Bench) -> Outcome:
+    """A wall of 90,601 vertices that fills the image: pixels that show the right point of it.
+
+    16-bit indices wrap at 65,536 and triangles stretch across the image.
+    """
     b = SceneBuilder()
     wall = quad(8.0, 6.0, cells=(300, 300))
     b.node(mesh=b.mesh(wall), translation=(0.0, 0.0, -5.0))
@@ -235,40 +216,34 @@ def _moved_wall(bench: Bench, reprojection: str):
     return bench.pair(b.build(), reprojection=reprojection)
 
 
-@case(
-    "silhouette-camera",
-    description="a wall moves by 4 px in front of the sky, camera reprojection: sky uncovered plus sky covered",
-    elsewhere="sky pixels are excluded from the masks, so the outline of every moving object is reusable",
-    here="sky against surface is always a discard: uncovered sky is DISOCCLUDED, covered sky OCCLUDING",
-    source=RASTER,
-)
+@case("silhouette-camera", source=RASTER)
 def silhouette_camera(bench: Bench) -> Outcome:
+    """A wall moves by 4 px in front of the sky, camera reprojection: sky uncovered plus sky covered.
+
+    Sky pixels are excluded from the masks, so the outline of every moving object is reusable.
+    """
     c = _moved_wall(bench, "camera").counts
     wrong = abs(c["disoccluded"] - 80) + abs(c["occluding"] - 80) + abs(c["position"] - 160)
     return Outcome(160, c["disoccluded"] + c["occluding"], float(wrong))
 
 
-@case(
-    "silhouette-motion",
-    description="the same with motion reprojection: only uncovered sky is discarded",
-    elsewhere="sky pixels use the motion of the wall",
-    here="history of the wall is the wall, 4 px to the left; history of uncovered sky is the wall",
-    source=RASTER,
-)
+@case("silhouette-motion", source=RASTER)
 def silhouette_motion(bench: Bench) -> Outcome:
+    """A wall moves by 4 px in front of the sky, motion reprojection: only uncovered sky is discarded.
+
+    Sky pixels use the motion of the wall.
+    """
     c = _moved_wall(bench, "motion").counts
     wrong = abs(c["disoccluded"] - 80) + c["occluding"] + abs(c["position"] - 80)
     return Outcome(80, c["position"], float(wrong))
 
 
-@case(
-    "back-of-a-wall",
-    description="a two-sided wall seen from behind: normals that point away from the viewer",
-    elsewhere="the normal of the front face is used, so back faces are lit from the wrong side",
-    here="normals of back faces are negated",
-    source="exact: a count",
-)
+@case("back-of-a-wall", source="exact: a count")
 def back_of_a_wall(bench: Bench) -> Outcome:
+    """A two-sided wall seen from behind: normals that point away from the viewer.
+
+    The normal of the front face is used, so back faces are lit from the wrong side.
+    """
     b = SceneBuilder()
     two_sided = b.material(double_sided=True)
     b.node(mesh=b.mesh(quad(10, 10, material=two_sided)), translation=(0.0, 0.0, -8.0), rotation=turn_y(180.0))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
+from taubench_gl.scene.builder import IDENTITY, SceneBuilder, box, quad, turn, turn_x, turn_y
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
+from taubench_gl.selftest.case import Naive, Outcome, case, field, scalar
 from taubench_gl.selftest.direct import lambert
-from taubench_gl.selftest.scenes import IDENTITY, SceneBuilder, box, quad, turn, turn_x, turn_y
 
+Array = np.ndarray
 ALBEDO = 0.5
 FLUX = 4.0 * np.pi
 """Lumens of a lamp of 1 cd."""
@@ -48,41 +53,36 @@ def _bounced(bench: Bench, lamps: int = 1, cone: float = 0.0, **settings) -> flo
     return float(np.mean(means))
 
 
-def _box_case(name: str, what: str, bounces: int, **how) -> None:
-    @case(
-        name,
-        description=f"{what} in a closed box of albedo 0.5: mean indirect irradiance of its walls",
-        elsewhere="a factor pi, a lost cosine, bounces counted twice, lights without shadow maps that bounce nothing",
-        here=f"flux (a + .. + a^{bounces}) / area, to which every light adds, whatever has shadow maps",
-        tolerance=0.06,
-        source="relative; probes between which irradiance is interpolated, a finite number of virtual point lights",
-    )
-    def closed_box(bench: Bench) -> Outcome:
-        flux = 2.0 * np.pi * (1.0 - np.cos(how["cone"])) if "cone" in how else FLUX
-        expected = flux * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
-        once = flux * ALBEDO / 24.0
-        naive = Naive("one bounce", once, 1.0 - once / expected) if bounces > 1 else None
-        return scalar(expected, _bounced(bench, **how), naive, relative=True)
-
-
-_box_case("box-by-probes", "a lamp, method probes,", 4, indirect="probes")
-_box_case("box-by-rsm", "a lamp, method rsm,", 1, indirect="rsm")
-_box_case("box-by-rsm-of-a-spot", "a spot of 34 degrees, method rsm,", 1, cone=0.6, indirect="rsm")
-_box_case("box-without-shadow-maps", "three lamps without shadow maps,", 4, lamps=3, shadow_lights=0)
-_box_case(
-    "box-with-some-shadow-maps", "three lamps, one with a shadow map,", 4, lamps=3, shadow_lights=1, indirect="probes"
-)
-
-
 @case(
-    "indirect-of-a-still-box",
-    description="the box in two frames with two cameras that look the same way: largest difference of indirect "
-    "radiance",
-    elsewhere="random rays, or probes that follow the camera, change a still image",
-    here="nothing is random; what stands still keeps its light bit for bit",
-    source="exact: the same texels",
+    "box-{0}",
+    tolerance=0.06,
+    source="relative; probes between which irradiance is interpolated, a finite number of virtual point lights",
+    each=(
+        ("by-probes", "a lamp, method probes,", 4, {"indirect": "probes"}),
+        ("by-rsm", "a lamp, method rsm,", 1, {"indirect": "rsm"}),
+        ("by-rsm-of-a-spot", "a spot of 34 degrees, method rsm,", 1, {"cone": 0.6, "indirect": "rsm"}),
+        ("without-shadow-maps", "three lamps without shadow maps,", 4, {"lamps": 3, "shadow_lights": 0}),
+        ("with-some-shadow-maps", "three lamps, one with a shadow map,", 4, {"lamps": 3, "shadow_lights": 1}),
+    ),
 )
+def closed_box(bench: Bench, name: str, lights: str, bounces: int, options: dict[str, Any]) -> Outcome:
+    """Indirect light of {1} in a closed box of albedo 0.5: mean irradiance of its walls.
+
+    A factor pi, a lost cosine, bounces counted twice, or lights without shadow maps that bounce nothing.
+    """
+    flux = 2.0 * np.pi * (1.0 - np.cos(options["cone"])) if "cone" in options else FLUX
+    expected = flux * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
+    once = flux * ALBEDO / 24.0
+    naive = Naive("one bounce", once, 1.0 - once / expected) if bounces > 1 else None
+    return scalar(expected, _bounced(bench, **options), naive, relative=True)
+
+
+@case("indirect-of-a-still-box", source="exact: the same texels")
 def indirect_of_a_still_box(bench: Bench) -> Outcome:
+    """The box in two frames with two cameras that look the same way: largest difference of indirect radiance.
+
+    Random rays, or probes that follow the camera, change a still image.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
     for i in range(2):
@@ -127,14 +127,14 @@ def light_of_the_wall(x: float, lamp: np.ndarray, points: np.ndarray) -> float:
 
 @case(
     "lamp-beside-a-wall",
-    description="a lamp 1 m, 0.1 m and 0.05 m from a wall: irradiance of a screen 7 m away, method probes, over its "
-    "integral",
-    elsewhere="points just above the lit wall are inside its voxels or not: its light goes on and off between frames",
-    here="beside a lamp its own map tells what hides the wall, and voxels only what is farther away",
     tolerance=0.07,
     source="relative; probes between which irradiance is interpolated, a finite number of virtual point lights",
 )
 def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
+    """A lamp 1 m, 0.1 m and 0.05 m from a wall: irradiance of a screen 7 m away, method probes, over its integral.
+
+    Points just above the lit wall are inside its voxels or not: its light goes on and off between frames.
+    """
     x = -3.89
     places = np.array([[x + distance, 1.3, 0.1] for distance in (1.0, 0.1, 0.05)])
     own = {"columns": ("indirect",), "indirect": "probes", "indirect_samples": 2400, "probes": 1000}
@@ -146,51 +146,6 @@ def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
         measured = shot["indirect"][..., 0].mean() * np.pi / SCREEN_ALBEDO
         ratios.append(measured / light_of_the_wall(x, place, points))
     return field("1", np.array(ratios) - 1.0)
-
-
-@case(
-    "exposure-of-thresholds",
-    description="direct and indirect change by 1/16 at exposure 4, threshold 1/8: pixels discarded by each",
-    elsewhere="the exposure is applied to one of the radiances, or only to color",
-    here="both differences are multiplied by the exposure before they are compared",
-    source="exact: powers of two",
-)
-def exposure_of_thresholds(bench: Bench) -> Outcome:
-    width, height = bench.size
-    before = np.zeros((height, width, 3))
-    now = before + [0.0, 1 / 16, 0.0]
-    wrong = 0
-    for exposure, expected in ((4.0, width * height), (2.0, 0), (1.0, 0)):
-        limits = {"direct": 0.125, "indirect": 0.125}
-        changed, then = {"direct": now, "indirect": now}, {"direct": before, "indirect": before}
-        counts = bench.compare(changed, then, thresholds=limits, exposure=exposure).counts
-        wrong += sum(abs(counts[name] - expected) for name in limits)
-    return count(0, wrong, Naive("exposure ignored", 2 * width * height, 2 * width * height))
-
-
-@case(
-    "color-with-indirect",
-    description="the box at exposure 2: color against sRGB of direct + indirect",
-    elsewhere="indirect light is measured but not seen",
-    here="color is the sum of all light",
-    tolerance=1e-5,
-    source="float32: 80 ulps of 1",
-)
-def color_with_indirect(bench: Bench) -> Outcome:
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
-    b.light(intensity=1.0)
-    b.camera(yfov=np.radians(90.0), znear=0.01)
-    own = {"indirect": "probes", "indirect_samples": 300, "probes": 100, "shadow_size": 32, "exposure": 2.0}
-    shot = bench.shots(b.build(), columns=("direct", "indirect", "color"), **own)[0]
-
-    def encoded(radiance: np.ndarray) -> np.ndarray:
-        x = np.clip(2.0 * radiance, 0.0, 1.0)
-        return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
-
-    expected = encoded(shot.direct + shot["indirect"][..., :3])
-    without = worst(encoded(shot.direct) - expected)
-    return field("sRGB of the sum", shot["color"][..., :3] - expected, Naive("direct alone", f"{without:.3g}", without))
 
 
 def _furnished_room(
@@ -222,63 +177,58 @@ PERMUTED = (0.5, 0.5, 0.5, 0.5)
 """The rotation that takes +X to +Y, +Y to +Z and +Z to +X."""
 
 
-def _turned_case(what: str, tolerance: float, source: str, radiance) -> None:
-    """``radiance(bench, scene)``: images by name, of which the means of absolute differences are compared."""
-
-    @case(
-        f"turned-room-by-{what}",
-        description=f"a furnished room whose axes are exchanged, X to Y to Z, with its camera: radiance by {what} "
-        "against that of the room as it was, mean difference over mean",
-        elsewhere="a component of a vector is mixed up in one of many formulas, which a symmetric scene does not show",
-        here="no axis of the world is special: grids, cubes of maps and sampling directions turn with the scene",
-        tolerance=tolerance,
-        source=source,
-    )
-    def turned(bench: Bench) -> Outcome:
-        there, here = (radiance(bench, _furnished_room(rotation)) for rotation in (PERMUTED, IDENTITY))
-        errors = [np.abs(there[name] - here[name]).mean() / here[name].mean() for name in here]
-        dark = [name for name in here if not here[name].mean() > 0.01]
-        return field("no difference", [*errors, *[1.0 for _ in dark]])
+def _rastered(bench: Bench, method: str, scene: Scene) -> dict[str, Array]:
+    own = {"columns": ("direct", "indirect"), "indirect": method, "shadow_size": 64, "width": 64, "height": 36}
+    shot = bench.shots(scene, **own)[0]
+    return {name: shot[name][..., :3] for name in own["columns"]}
 
 
-def _rastered(method: str):
-    def radiance(bench: Bench, scene: Scene) -> dict[str, np.ndarray]:
-        own = {"columns": ("direct", "indirect"), "indirect": method, "shadow_size": 64, "width": 64, "height": 36}
-        shot = bench.shots(scene, **own)[0]
-        return {name: shot[name][..., :3] for name in own["columns"]}
-
-    return radiance
+def _turned(radiance: Callable[[Scene], dict[str, Array]]) -> Outcome:
+    there, here = (radiance(_furnished_room(rotation)) for rotation in (PERMUTED, IDENTITY))
+    errors = [np.abs(there[name] - here[name]).mean() / here[name].mean() for name in here]
+    dark = [name for name in here if not here[name].mean() > 0.01]
+    return field("no difference", [*errors, *[1.0 for _ in dark]])
 
 
-def _traced(bench: Bench, scene: Scene) -> dict[str, np.ndarray]:
-    images = bench.traced(scene, width=32, height=18, spp=16, pattern="independent", bounces=4)
-    return {name: image[..., :3].mean(axis=(0, 1)) for name, image in images.items()}
+@case(
+    "turned-room-by-{0}",
+    tolerance=1e-4,
+    source="float32: 1e-6 for the same sums in another order; a pixel at a shadow's edge may change",
+    each=(("rsm",), ("probes",)),
+)
+def turned_room(bench: Bench, method: str) -> Outcome:
+    """A room with its axes exchanged, X to Y to Z, with its camera: radiance by {0} against that before.
+
+    A component of a vector is mixed up in one of many formulas, which a symmetric scene does not show.
+    """
+    return _turned(functools.partial(_rastered, bench, method))
 
 
-_turned_case("rsm", 1e-4, "float32: 1e-6 for the same sums in another order; a pixel at a shadow's edge may change",
-             _rastered("rsm"))  # fmt: skip
-_turned_case("probes", 1e-4, "float32: 1e-6 for the same sums in another order; a pixel at a shadow's edge may change",
-             _rastered("probes"))  # fmt: skip
-_turned_case("paths", 0.04, "means of 9,216 paths with other directions: 1 % of indirect light", _traced)
+@case("turned-room-by-paths", tolerance=0.04, source="means of 9,216 paths in other directions: 1 % of indirect light")
+def turned_room_by_paths(bench: Bench) -> Outcome:
+    """A room with its axes exchanged, X to Y to Z, with its camera: path-traced means against those before.
+
+    A component of a vector is mixed up in one of many formulas, which a symmetric scene does not show.
+    """
+
+    def radiance(scene: Scene) -> dict[str, Array]:
+        images = bench.traced(scene, width=32, height=18, spp=16, pattern="independent", bounces=4)
+        return {name: image[..., :3].mean(axis=(0, 1)) for name, image in images.items()}
+
+    return _turned(radiance)
 
 
-def _scaled_case(method: str) -> None:
-    @case(
-        f"scaled-room-by-{method}",
-        description=f"the furnished room with a lamp beside a wall at scales 1/16 and 32, lights by the square: "
-        f"radiance by {method} against that of scale 1, mean difference over mean",
-        elsewhere="a lift, a shortest distance or a cell has a length in meters, which suits one size of scenes",
-        here="lengths are shares of the scene's grid, of texels or of coordinates",
-        tolerance=1e-4,
-        source="float32: 1e-6; powers of two; a pixel at a shadow's edge may change",
-    )
-    def scaled(bench: Bench) -> Outcome:
-        here, *others = (
-            _rastered(method)(bench, _furnished_room(scale=s, beside=True)) for s in (1.0, 2.0**-4, 2.0**5)
-        )
-        errors = [np.abs(other[name] - here[name]).mean() / here[name].mean() for other in others for name in here]
-        return field("no difference", errors)
+@case(
+    "scaled-room-by-{0}",
+    tolerance=1e-4,
+    source="float32: 1e-6; powers of two; a pixel at a shadow's edge may change",
+    each=(("rsm",), ("probes",)),
+)
+def scaled(bench: Bench, method: str) -> Outcome:
+    """A furnished room with a lamp beside a wall at scales 1/16 and 32: radiance by {0} against that at scale 1.
 
-
-_scaled_case("rsm")
-_scaled_case("probes")
+    A lift, a shortest distance or a cell has a length in meters, which suits one size of scenes.
+    """
+    here, *others = (_rastered(bench, method, _furnished_room(scale=s, beside=True)) for s in (1.0, 2.0**-4, 2.0**5))
+    errors = [np.abs(other[name] - here[name]).mean() / here[name].mean() for other in others for name in here]
+    return field("no difference", errors)

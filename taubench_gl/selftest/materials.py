@@ -7,13 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from taubench_gl.scene.gltf.specular_glossiness import metallic_roughness
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
 from taubench_gl.selftest.direct import WALL_Z, lambert, lambert_wall
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, quad
 
 Array = np.ndarray
 NEAREST = Sampler(mag_filter=9728, min_filter=9728)
@@ -56,13 +55,14 @@ def _drawn(bench: Bench, scene_of: Callable[[Bench], Scene], name: str) -> Array
 
 @case(
     "srgb-texture",
-    description="a base color texture with all 256 codes, a texel per pixel: linear base color against IEC 61966-2-1",
-    elsewhere="a power of 2.2, no decoding, rows upside down",
-    here="an sRGB texture format; the first row of the image is v = 0, the top",
     tolerance=1.0 / 255.0,
     source="drivers may decode sRGB with the precision of 8 bits near 1 (OpenGL 4.5, 8.24)",
 )
 def srgb_texture(bench: Bench) -> Outcome:
+    """A base color texture with all 256 codes, a texel per pixel: linear base color against IEC 61966-2-1.
+
+    A power of 2.2, no decoding, rows upside down.
+    """
     got = _drawn(bench, lambda even: _textured(even, _ramp(), slots=("base_color_texture",)), "base_color")
     gamma = worst((_ramp()[..., 0] / 255.0) ** 2.2 - decoded(_ramp()[..., 0]))
     return field(
@@ -70,15 +70,12 @@ def srgb_texture(bench: Bench) -> Outcome:
     )
 
 
-@case(
-    "linear-texture",
-    description="the same texture as metallic-roughness: metalness and roughness against code / 255",
-    elsewhere="data textures decoded as color, or the channels of another convention",
-    here="linear: roughness from green, metalness from blue",
-    tolerance=5e-4,
-    source="the material channel holds half floats: half a step of 2^-10",
-)
+@case("linear-texture", tolerance=5e-4, source="the material channel holds half floats: half a step of 2^-10")
 def linear_texture(bench: Bench) -> Outcome:
+    """A metallic-roughness texture with all 256 codes, a texel per pixel: metalness and roughness against code / 255.
+
+    Data textures decoded as color, or the channels of another convention.
+    """
     slots = ("metallic_roughness_texture",)
     got = _drawn(bench, lambda even: _textured(even, _ramp(), slots=slots), "material")
     expected = _ramp()[..., [2, 1]] / 255.0
@@ -86,14 +83,12 @@ def linear_texture(bench: Bench) -> Outcome:
     return field("code / 255", got[..., :2] - expected, Naive("decoded as sRGB", f"off by {srgb:.3g}", srgb))
 
 
-@case(
-    "mirrored-wrap",
-    description="a texture repeated with mirrored wrapping over four turns: texels that are wrong",
-    elsewhere="mirrored wrapping taken for repeat",
-    here="coordinates are folded in the shader, with the gradients of before",
-    source="exact: nearest texels",
-)
+@case("mirrored-wrap", source="exact: nearest texels")
 def mirrored_wrap(bench: Bench) -> Outcome:
+    """A texture repeated with mirrored wrapping over four turns: texels that are wrong.
+
+    Mirrored wrapping taken for repeat.
+    """
     uv = [[-2, 2], [2, 2], [-2, -2], [2, -2]]
     texels = _ramp()[:4, :4].copy()
     texels[..., :3] = np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * 5
@@ -120,15 +115,12 @@ SRGB = (
 """Linear values and their sRGB encoding, five digits."""
 
 
-@case(
-    "srgb-encoding",
-    description="skies of seven radiances at exposure 1: color against tabulated sRGB values",
-    elsewhere="a power of 1 / 2.2, or the linear toe left out",
-    here="IEC 61966-2-1 with its toe",
-    tolerance=1e-5,
-    source="table with five digits",
-)
+@case("srgb-encoding", tolerance=1e-5, source="table with five digits")
 def srgb_encoding(bench: Bench) -> Outcome:
+    """Skies of seven radiances at exposure 1: color against tabulated sRGB values.
+
+    A power of 1 / 2.2, or the linear toe left out.
+    """
     off = []
     for i in range(0, len(SRGB) - 2, 2):
         linear, encoded = zip(*SRGB[i : i + 3], strict=True)
@@ -146,15 +138,12 @@ def _sky_color(bench: Bench, radiance: tuple[float, ...], **settings) -> Array:
     return shot["color"][0, 0, :3]
 
 
-@case(
-    "tone-maps",
-    description="a sky of radiance 0.25, 0.5 and 2 at exposure 4: color by each tone map against its formula",
-    elsewhere="exposure after the curve, or curves that are not clamped",
-    here="linear: clamp; reinhard: x / (1 + x); aces: Narkowicz's fit; then sRGB",
-    tolerance=1e-5,
-    source="float32: 80 ulps of 1",
-)
+@case("tone-maps", tolerance=1e-5, source="float32: 80 ulps of 1")
 def tone_maps(bench: Bench) -> Outcome:
+    """A sky of radiance 0.25, 0.5 and 2 at exposure 4: color by each tone map against its formula.
+
+    Exposure after the curve, or curves that are not clamped.
+    """
     radiance = (0.25, 0.5, 2.0)
     x = 4.0 * np.array(radiance)
     curves = {
@@ -169,16 +158,12 @@ def tone_maps(bench: Bench) -> Outcome:
     return field("the formulas", off)
 
 
-@case(
-    "color-is-the-sum",
-    description="a wall that glows with 0.125 under a sun that adds 0.25, at exposure 2: its color against sRGB of "
-    "0.75",
-    elsewhere="emission replaces light, or is not exposed",
-    here="direct + indirect + emission, times the exposure",
-    tolerance=1e-5,
-    source="float32: 80 ulps of 1",
-)
+@case("color-is-the-sum", tolerance=1e-5, source="float32: 80 ulps of 1")
 def color_is_the_sum(bench: Bench) -> Outcome:
+    """A wall that glows with 0.125 under a sun that adds 0.25, at exposure 2: its color against sRGB of 0.75.
+
+    Emission replaces light, or is not exposed.
+    """
     b = lambert_wall(bench, 0.5, emissive=(0.125, 0.125, 0.125))
     b.light(kind="directional", intensity=0.5 * np.pi)
     shot = bench.shots(b.build(), columns=("direct", "color"), exposure=2.0)[0]
@@ -188,14 +173,12 @@ def color_is_the_sum(bench: Bench) -> Outcome:
     return field("0.8809", off if len(off) else np.nan, Naive("without emission", alone, expected - alone))
 
 
-@case(
-    "texture-transform",
-    description="a texture turned by 90 degrees, scaled and shifted (KHR_texture_transform): texels that are wrong",
-    elsewhere="the transform is ignored, or applied in the order offset, rotation, scale",
-    here="one affine matrix per texture: scale, then rotation, then offset",
-    source="exact: nearest texels",
-)
+@case("texture-transform", source="exact: nearest texels")
 def texture_transform(bench: Bench) -> Outcome:
+    """A texture turned by 90 degrees, scaled and shifted (KHR_texture_transform): texels that are wrong.
+
+    The transform is ignored, or applied in the order offset, rotation, scale.
+    """
     transform = np.array([[0.0, 0.5, 0.25], [-0.5, 0.0, 0.75]])  # u' = v / 2 + 1/4, v' = 3/4 - u / 2
 
     def scene_of(even: Bench) -> Scene:
@@ -213,14 +196,12 @@ def texture_transform(bench: Bench) -> Outcome:
     return count(0, wrong, Naive("not transformed", naive, naive))
 
 
-@case(
-    "alpha-mask",
-    description="a wall with alpha from 0 to 1 and cutoff 0.25: pixels that are drawn",
-    elsewhere="a fixed cutoff of 0.5, or masked surfaces drawn whole",
-    here="drawn where alpha is not below the material's cutoff",
-    source="exact: nearest texels, and no code is within 1/1000 of the cutoff",
-)
+@case("alpha-mask", source="exact: nearest texels, and no code is within 1/1000 of the cutoff")
 def alpha_mask(bench: Bench) -> Outcome:
+    """A wall with alpha from 0 to 1 and cutoff 0.25: pixels that are drawn.
+
+    A fixed cutoff of 0.5, or masked surfaces drawn whole.
+    """
     texels = _ramp().copy()
     texels[..., 3] = texels[..., 0]
 
@@ -232,15 +213,12 @@ def alpha_mask(bench: Bench) -> Outcome:
     return count(expected, drawn, Naive("cutoff 0.5", half, expected - half))
 
 
-@case(
-    "normal-scale",
-    description="a normal map with scale 0.5: normals against those of the halved slope",
-    elsewhere="the scale is ignored, or applied after the normal has unit length",
-    here="x and y of the texel are scaled, then the normal is normalized (glTF 2.0, 3.9.3)",
-    tolerance=1e-5,
-    source="float32: 80 ulps of 1",
-)
+@case("normal-scale", tolerance=1e-5, source="float32: 80 ulps of 1")
 def normal_scale(bench: Bench) -> Outcome:
+    """A normal map with scale 0.5: normals against those of the halved slope.
+
+    The scale is ignored, or applied after the normal has unit length.
+    """
     texels = np.full((2, 2, 4), 255, np.uint8)
     texels[..., :3] = 200, 90, 180
     x, y, z = texels[0, 0, :3] / 255.0 * 2.0 - 1.0
@@ -250,21 +228,3 @@ def normal_scale(bench: Bench) -> Outcome:
     got = frame["normal"][..., :3][frame["position"][..., 3] > 0.0]
     naive = Naive("scale 1", "twice the slope", worst(plain - expected))
     return field("half the slope", got - expected if len(got) else np.nan, naive)
-
-
-@case(
-    "specular-glossiness",
-    description="gray surfaces of base color 0.1 to 1 and metalness 0 to 1 as specular-glossiness, converted back",
-    elsewhere="specular is dropped, so metals become dark plastic",
-    here="metalness is the root of 0.04 m^2 + b m + c = 0 of Khronos' conversion",
-    tolerance=1e-12,
-    source="float64: 1e-15, divided by 0.08",
-)
-def specular_glossiness(bench: Bench) -> Outcome:
-    base, metallic = np.meshgrid(np.linspace(0.1, 1.0, 10), np.linspace(0.0, 1.0, 11))
-    specular = 0.04 * (1.0 - metallic) + base * metallic
-    diffuse = base * 0.96 * (1.0 - metallic) / (1.0 - np.minimum(specular, 1.0 - 1e-9))
-    valid = diffuse <= 1.0
-    gray = [values[valid][:, None] * np.ones(3) for values in (diffuse, specular)]
-    found_base, found_metallic = metallic_roughness(*gray)
-    return field("the same", [worst(found_base - base[valid][:, None]), worst(found_metallic - metallic[valid])])

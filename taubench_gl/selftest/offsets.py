@@ -37,57 +37,57 @@ def _in_world_floats(images: PairImages) -> int:
     return int((pair_masks(*world, images.pair, limits(None)).mask != exact).sum())
 
 
-def _offset_case(name: str, meters: float) -> None:
-    @case(
-        name,
-        description=f"the busy room {meters:g} m from the origin: pixels whose mask differs from that at the origin",
-        elsewhere="float32 world positions have steps of 6e-5 m at 1e3 m, 6 cm at 1e6 m and 64 m at 1e9 m",
-        here="matrices are composed in float64 relative to the camera; the GPU gets no world positions",
-        source="exact: all keys are dyadic, so float64 holds every difference without rounding",
-    )
-    def offset(bench: Bench) -> Outcome:
-        there = _both(bench, (meters, -meters, 0.5 * meters))
-        different = _different(_both(bench), there)
-        naive = _in_world_floats(there[0])
-        return count(0, different, Naive("float32 world positions", naive, naive) if naive else None)
-
-
-_offset_case("offset-1e3", 1e3)
-_offset_case("offset-1e6", 1e6)
-_offset_case("offset-1e9", 1e9)
-
-
 @case(
-    "still-far-away",
-    description="a still camera in the still room at 1e9 m: pixels with a reason bit or motion",
-    elsewhere="a few pixels flicker, so a still sequence never has 0 % discards",
-    here="equal poses give equal bits in every pass",
-    source="exact: the same arithmetic is done twice",
+    "offset-{0}",
+    source="exact: all keys are dyadic, so float64 holds every difference without rounding",
+    each=(("1e3", 1e3), ("1e6", 1e6), ("1e9", 1e9)),
 )
+def offset(bench: Bench, name: str, meters: float) -> Outcome:
+    """The busy room {1:g} m from the origin: pixels whose mask differs from that at the origin.
+
+    Float32 world positions have steps of 6e-5 m at 1e3 m, 6 cm at 1e6 m and 64 m at 1e9 m.
+    """
+    there = _both(bench, (meters, -meters, 0.5 * meters))
+    different = _different(_both(bench), there)
+    naive = _in_world_floats(there[0])
+    return count(0, different, Naive("float32 world positions", naive, naive) if naive else None)
+
+
+@case("still-far-away", source="exact: the same arithmetic is done twice")
 def still_far_away(bench: Bench) -> Outcome:
+    """A still camera in the still room at 1e9 m: pixels with a reason bit or motion.
+
+    A few pixels flicker, so a still sequence never has 0 % discards.
+    """
     there = [bench.pair(busy_room((1e9, 1e9, 1e9)), (0.3, 0.3), reprojection=mode) for mode in MODES]
     return count(0, sum(int((i.mask > 0).sum()) + int((i.motion != 0).sum()) for i in there))
 
 
-def _scale_case(name: str, scale: float, tolerance: float, source: str) -> None:
-    @case(
-        name,
-        description=f"the busy room at scale {scale:g} with the same unit_scale: pixels whose mask differs",
-        elsewhere="absolute tolerances in meters (1e-3, 1e-4) are too large at one scale and too small at another",
-        here="the position threshold is the only length and scales with unit_scale; other tolerances are relative",
-        tolerance=tolerance,
-        source=source,
-    )
-    def scaled(bench: Bench) -> Outcome:
-        plain = _both(bench)
-        different = _different(plain, _both(bench, scale=scale))
-        unscaled = _different(plain, _both(bench, scale=scale, unit_scale=1.0))
-        return count(0, different, Naive(f"threshold of {DEFAULT_THRESHOLD:.3g} m", unscaled, unscaled))
+def _scaled(bench: Bench, scale: float) -> Outcome:
+    plain = _both(bench)
+    different = _different(plain, _both(bench, scale=scale))
+    unscaled = _different(plain, _both(bench, scale=scale, unit_scale=1.0))
+    return count(0, different, Naive(f"threshold of {DEFAULT_THRESHOLD:.3g} m", unscaled, unscaled))
 
 
-_POWER = "exact: a power of two changes exponents only"
-_ROUNDED = "0.2 % of 2 x 6144 pixels: positions rounded differently move edges by 1e-5 px and change pixels at a limit"
-_scale_case("scale-2^-20", 2.0**-20, 0.0, _POWER)
-_scale_case("scale-2^20", 2.0**20, 0.0, _POWER)
-_scale_case("scale-1e-6", 1e-6, 24.0, _ROUNDED)
-_scale_case("scale-1e6", 1e6, 24.0, _ROUNDED)
+@case("scale-2^{0}", source="exact: a power of two changes exponents only", each=((-20,), (20,)))
+def scale_of_a_power_of_two(bench: Bench, exponent: int) -> Outcome:
+    """The busy room at scale 2^{0} with the same unit_scale: pixels whose mask differs.
+
+    Absolute tolerances in meters (1e-3, 1e-4) are too large at one scale and too small at another.
+    """
+    return _scaled(bench, 2.0**exponent)
+
+
+@case(
+    "scale-1e{0}",
+    tolerance=24.0,
+    source="0.2 % of 2 x 6144 pixels: rounded positions move edges by 1e-5 px and change pixels at a limit",
+    each=((-6,), (6,)),
+)
+def scale_of_a_power_of_ten(bench: Bench, exponent: int) -> Outcome:
+    """The busy room at scale 1e{0} with the same unit_scale: pixels whose mask differs.
+
+    Absolute tolerances in meters (1e-3, 1e-4) are too large at one scale and too small at another.
+    """
+    return _scaled(bench, 10.0**exponent)

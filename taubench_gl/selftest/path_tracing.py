@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from taubench_gl import math3d
-from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.lighting import albedo_table
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import MorphTarget, Primitive, Scene
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar
 from taubench_gl.selftest.direct import lambert
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad, sky_file, sphere, turn, turn_x, turn_y
+from taubench_gl.selftest.scenes import busy_room
 
 Array = np.ndarray
 RANDOM = "relative; noise of this many samples"
@@ -38,15 +36,12 @@ def _floor(b: SceneBuilder, bench: Bench, *, albedo: float = 0.5, half: float = 
     one_metre_per_pixel(b, bench)
 
 
-@case(
-    "furnace-diffuse",
-    description="a diffuse sphere of albedo 0.75 in a uniform sky of radiance 1: direct radiance, largest error",
-    elsewhere="a factor of pi, or a pdf without its cosine, makes the sphere brighter or darker than the sky allows",
-    here="the BRDF over the pdf of its own direction is the albedo, in every sample",
-    tolerance=1e-5,
-    source=FLOAT,
-)
+@case("furnace-diffuse", tolerance=1e-5, source=FLOAT)
 def furnace_diffuse(bench: Bench) -> Outcome:
+    """A diffuse sphere of albedo 0.75 in a uniform sky of radiance 1: direct radiance, largest error.
+
+    A factor of pi, or a pdf without its cosine, makes the sphere brighter or darker than the sky allows.
+    """
     b = SceneBuilder()
     primitive = sphere(20.0)
     b.node(mesh=b.mesh(_with(primitive, _matte(b, 0.75))), translation=(0.0, 0.0, -100.0))
@@ -58,16 +53,12 @@ def furnace_diffuse(bench: Bench) -> Outcome:
     )
 
 
-@case(
-    "furnace-glossy",
-    description="a white metal sphere of roughness 0.5 in a uniform sky: mean direct radiance against its directional "
-    "albedo",
-    elsewhere="the Jacobian of the half vector is left out, or the masking term of one direction only is used",
-    here="visible normals are sampled, and the weight is the ratio of both masking terms",
-    tolerance=5e-3,
-    source=RANDOM,
-)
+@case("furnace-glossy", tolerance=5e-3, source=RANDOM)
 def furnace_glossy(bench: Bench) -> Outcome:
+    """A white metal sphere of roughness 0.5 in a uniform sky: mean direct radiance against its directional albedo.
+
+    The Jacobian of the half vector is left out, or the masking term of one direction only is used.
+    """
     b = SceneBuilder()
     metal = b.material(metallic=1.0, roughness=0.5)
     b.node(mesh=b.mesh(_with(quad(40, 40), metal)), translation=(0.0, 0.0, -10.0), rotation=turn_y(60.0))
@@ -86,15 +77,12 @@ def _albedo(roughness: float, n_v: float) -> float:
     return float(RegularGridInterpolator((at, at), table[..., 0] + table[..., 1])((roughness, n_v)))
 
 
-@case(
-    "closed-box",
-    description="inside a closed box of albedo 0.5 whose walls emit 1: direct and indirect radiance after 6 bounces",
-    elsewhere="emission that both the light sample and the ray find is counted twice, or not at all",
-    here="both are weighted by the power heuristic, whose weights add up to 1",
-    tolerance=2e-2,
-    source=RANDOM,
-)
+@case("closed-box", tolerance=2e-2, source=RANDOM)
 def closed_box(bench: Bench) -> Outcome:
+    """Inside a closed box of albedo 0.5 whose walls emit 1: direct and indirect radiance after 6 bounces.
+
+    Emission that both the light sample and the ray find is counted twice, or not at all.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(_with(box((4, 4, 4), inside=True), _matte(b, 0.5, 1.0))))
     b.camera(yfov=np.radians(60.0))
@@ -103,15 +91,12 @@ def closed_box(bench: Bench) -> Outcome:
     return _means(frame, expected, Naive("both counted", _text([2 * e for e in expected]), 1.0))
 
 
-@case(
-    "mirror-box",
-    description="inside a closed box of perfect mirrors that emit 1: direct radiance, and indirect after 5 bounces",
-    elsewhere="narrow lobes lose the reflected emitter to a clamped pdf, or to roulette without its weight",
-    here="the pdf of the narrowest lobe is finite, and paths that survive are weighted up",
-    tolerance=2e-2,
-    source=RANDOM,
-)
+@case("mirror-box", tolerance=2e-2, source=RANDOM)
 def mirror_box(bench: Bench) -> Outcome:
+    """Inside a closed box of perfect mirrors that emit 1: direct radiance, and indirect after 5 bounces.
+
+    Narrow lobes lose the reflected emitter to a clamped pdf, or to roulette without its weight.
+    """
     b = SceneBuilder()
     mirror = b.material(metallic=1.0, roughness=0.0, emissive=(1.0, 1.0, 1.0))
     b.node(mesh=b.mesh(_with(box((4, 4, 4), inside=True), mirror)), rotation=turn_y(17.0))
@@ -120,15 +105,12 @@ def mirror_box(bench: Bench) -> Outcome:
     return _means(frame, [1.0, 4.0])
 
 
-@case(
-    "parallel-planes",
-    description="two planes of 2 km, 1 m apart, albedo 0.5, one emits 1: radiance of the other, direct and indirect",
-    elsewhere="a light sample on a huge emitter is far away and black: the picture is noise",
-    here="BRDF sampling finds the emitter in every direction; direct 0.5, indirect 0.5^3 + 0.5^5 + ...",
-    tolerance=1e-2,
-    source=RANDOM,
-)
+@case("parallel-planes", tolerance=1e-2, source=RANDOM)
 def parallel_planes(bench: Bench) -> Outcome:
+    """Two planes of 2 km, 1 m apart, albedo 0.5, one emits 1: radiance of the other, direct and indirect.
+
+    A light sample on a huge emitter is far away and black: the picture is noise.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(1000, 1000, material=_matte(b, 0.5))), translation=(0.0, 0.0, -0.5))
     emitter = _with(quad(1000, 1000), _matte(b, 0.5, 1.0))
@@ -148,15 +130,12 @@ def form_factor(a: float, b: float, h: float) -> float:
     return float((x / p * np.arctan(y / p) + y / q * np.arctan(x / q)) / (2.0 * np.pi))
 
 
-@case(
-    "form-factor",
-    description="a square emitter of 4 m, 3 m above a diffuse wall: radiance below its center against the form factor",
-    elsewhere="the cosine at the emitter, or its square distance, is left out of the pdf",
-    here="the pdf of the emitter's area is converted to solid angle with both",
-    tolerance=1e-2,
-    source=RANDOM,
-)
+@case("form-factor", tolerance=1e-2, source=RANDOM)
 def form_factor_of_a_square(bench: Bench) -> Outcome:
+    """A square emitter of 4 m, 3 m above a diffuse wall: radiance below its center against the form factor.
+
+    The cosine at the emitter, or its square distance, is left out of the pdf.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.8))), translation=(0.0, 0.0, -10.0))
     b.node(mesh=b.mesh(quad(2, 2, material=_matte(b, 0.0, 5.0))), translation=(0.0, 0.0, -7.0))
@@ -167,14 +146,14 @@ def form_factor_of_a_square(bench: Bench) -> Outcome:
 
 @case(
     "sphere-light",
-    description="a luminous sphere of radius 1 m, 5 m above a wall: radiance below it against 1/25 of its own, albedo "
-    "0.5",
-    elsewhere="an emitter's triangles are sampled by number: small ones at the poles get too much of the light",
-    here="triangles are sampled in proportion to their power",
     tolerance=1e-2,
     source="relative; the sphere's triangles have 0.4 % less than its cross-section, and sampling noise",
 )
 def sphere_light(bench: Bench) -> Outcome:
+    """A luminous sphere of radius 1 m, 5 m above a wall: radiance below it against 1/25 of its own, albedo 0.5.
+
+    An emitter's triangles are sampled by number: small ones at the poles get too much of the light.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.5))), translation=(0.0, 0.0, -10.0))
     b.node(mesh=b.mesh(_with(sphere(1.0, 24), _matte(b, 0.0, 10.0))), translation=(0.0, 0.0, -5.0))
@@ -194,16 +173,12 @@ def between_boards(h: float, gap: float, half: float) -> float:
     return float(w @ (h / (r2 + h * h) ** 1.5 * gap**2 / (r2 + gap**2) ** 2) @ w / np.pi)
 
 
-@case(
-    "lamp-at-a-board",
-    description="a lamp 1 cm below a board 3 m above a wall: indirect radiance below it, bidirectional, against an "
-    "integral",
-    elsewhere="paths from the camera find the bright spot behind the lamp once in 100,000 samples",
-    here="paths from the lamp find it too; the balance heuristic counts nothing twice",
-    tolerance=1e-2,
-    source=RANDOM,
-)
+@case("lamp-at-a-board", tolerance=1e-2, source=RANDOM)
 def lamp_at_a_board(bench: Bench) -> Outcome:
+    """A lamp 1 cm below a board 3 m above a wall: indirect radiance below it, bidirectional, against an integral.
+
+    Paths from the camera find the bright spot behind the lamp once in 100,000 samples.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(50, 50, material=_matte(b, 0.5))), translation=(0.0, 0.0, -10.0))
     b.node(mesh=b.mesh(quad(2, 2, material=_matte(b, 0.8))), translation=(0.0, 0.0, -7.0))
@@ -217,83 +192,68 @@ def lamp_at_a_board(bench: Bench) -> Outcome:
     return scalar(expected, float(both[..., 0].mean()), naive, relative=True)
 
 
-def _masked(name: str, description: str, elsewhere: str, here: str, posed: bool) -> None:
-    @case(
-        name,
-        description=f"{description}, its left half cut out by alpha, below a distant light: shadowed pixels",
-        elsewhere=elsewhere,
-        here=here,
-        source="exact: edges of the shadow lie on pixel borders",
-    )
-    def masked(bench: Bench) -> Outcome:
-        b = SceneBuilder()
-        _floor(b, bench)
-        leaf = quad(8, 8, cells=(2, 1), material=b.material(alpha_mode="MASK", metallic=0.0, double_sided=True))
-        # The alpha of a vertex is interpolated: the columns of the middle are doubled, so that it jumps there.
-        positions = leaf.positions[leaf.triangles.reshape(-1)]
-        left = positions.reshape(-1, 3, 3)[:, :, 0].mean(axis=1) < 0
-        colors = np.ones((len(positions), 4), np.float32)
-        colors[np.repeat(left, 3), 3] = 0.0
-        triangles = np.arange(len(positions), dtype=np.uint32).reshape(-1, 3)
-        targets = (MorphTarget(np.ones_like(positions)),) if posed else ()
-        whole = Primitive(positions, triangles, leaf.material, colors=colors, targets=targets)
-        b.node(mesh=b.mesh(whole, weights=(0.0,) if posed else ()), translation=(0.0, 0.0, 5.0))
-        b.light(kind="directional", intensity=1.0)
-        return count(8 * 16, _shadowed(bench, b), Naive("no alpha test", 256, 128))
-
-
-_masked("masked-leaf", "a leaf above a wall", "rays do not test alpha, and the whole leaf casts a shadow",
-        "every hit of an alpha-tested material is tested with the rasterizer's cutoff", posed=False)  # fmt: skip
-_masked("masked-leaf-with-a-morph", "a leaf with a morph target above a wall",
-        "the flag of alpha is lost when the triangles of a posed mesh are written again",
-        "a refit writes all that a hit reads", posed=True)  # fmt: skip
-
-
 @case(
-    "traced-far-from-origin",
-    description="a room with lamps at 1e6 m: largest difference of direct and indirect radiance from the room at the "
-    "origin",
-    elsewhere="float32 world positions are 6 cm apart there, so rays start inside walls",
-    here="rays, instances and lights are relative to the camera; trees have origins of their own in float64",
-    source="exact: dyadic numbers, so float64 holds every difference",
+    "masked-leaf{0}",
+    source="exact: edges of the shadow lie on pixel borders",
+    each=(("", "rigid", False), ("-with-a-morph", "morphed", True)),
 )
+def masked(bench: Bench, name: str, kind: str, posed: bool) -> Outcome:
+    """A {1} leaf above a wall, its left half cut out by alpha, below a distant light: shadowed pixels.
+
+    Rays do not test alpha, or a posed mesh loses its flag of alpha, and the whole leaf casts a shadow.
+    """
+    b = SceneBuilder()
+    _floor(b, bench)
+    leaf = quad(8, 8, cells=(2, 1), material=b.material(alpha_mode="MASK", metallic=0.0, double_sided=True))
+    # The alpha of a vertex is interpolated: the columns of the middle are doubled, so that it jumps there.
+    positions = leaf.positions[leaf.triangles.reshape(-1)]
+    left = positions.reshape(-1, 3, 3)[:, :, 0].mean(axis=1) < 0
+    colors = np.ones((len(positions), 4), np.float32)
+    colors[np.repeat(left, 3), 3] = 0.0
+    triangles = np.arange(len(positions), dtype=np.uint32).reshape(-1, 3)
+    targets = (MorphTarget(np.ones_like(positions)),) if posed else ()
+    whole = Primitive(positions, triangles, leaf.material, colors=colors, targets=targets)
+    b.node(mesh=b.mesh(whole, weights=(0.0,) if posed else ()), translation=(0.0, 0.0, 5.0))
+    b.light(kind="directional", intensity=1.0)
+    return count(8 * 16, _shadowed(bench, b), Naive("no alpha test", 256, 128))
+
+
+@case("traced-far-from-origin", source="exact: dyadic numbers, so float64 holds every difference")
 def traced_far_from_origin(bench: Bench) -> Outcome:
+    """A room with lamps at 1e6 m: largest difference of direct and indirect radiance from the room at the origin.
+
+    Float32 world positions are 6 cm apart there, so rays start inside walls.
+    """
     near, far = (bench.traced(busy_room((o, -o, o), lamps=2), spp=2, bounces=3) for o in (0.0, 2.0**20))
     off = [far[name] - near[name] for name in ("direct", "indirect")]
     return field("no difference", np.concatenate(off))
 
 
-def _scaled_room(name: str, scale: float) -> None:
-    @case(
-        name,
-        description=f"the room at scale {scale:g} with lamps that are {scale:g}^2 as strong: radiance, relative to "
-        "scale 1",
-        elsewhere="a fixed distance of rays from their surface is larger than the room, or smaller than its rounding",
-        here="that distance is a share of the coordinates",
-        tolerance=1e-3,
-        source="relative, mean over the image; few rays change sides of an edge",
-    )
-    def scaled_room(bench: Bench) -> Outcome:
-        sums = []
-        for s in (1.0, scale):
-            frame = bench.traced(_lamp_in_a_box(s), spp=2, bounces=3)
-            sums.append([float(frame[n][..., :3].mean(dtype=np.float64)) for n in ("direct", "indirect")])
-        off = max(abs(b / a - 1.0) for a, b in zip(*sums, strict=True))
-        return Outcome(_text(sums[0]), _text(sums[1]), off)
-
-
-_scaled_room("traced-at-1e-3", 2.0**-10)
-_scaled_room("traced-at-1e4", 2.0**13)
-
-
 @case(
-    "edge-without-leak",
-    description="a closed box of 12 triangles in a bright sky, seen from inside: pixels with any light",
-    elsewhere="a ray to the common edge of two triangles passes between them",
-    here="the edge tests of both triangles use the same numbers, so one of them has the ray",
-    source="exact: a count",
+    "traced-at-{0}",
+    tolerance=1e-3,
+    source="relative, mean over the image; few rays change sides of an edge",
+    each=(("1e-3", 2.0**-10), ("1e4", 2.0**13)),
 )
+def scaled_room(bench: Bench, name: str, scale: float) -> Outcome:
+    """A room at scale {1:g} with lamps that are {1:g}^2 as strong: radiance, relative to scale 1.
+
+    A fixed distance of rays from their surface is larger than the room, or smaller than its rounding.
+    """
+    sums = []
+    for s in (1.0, scale):
+        frame = bench.traced(_lamp_in_a_box(s), spp=2, bounces=3)
+        sums.append([float(frame[n][..., :3].mean(dtype=np.float64)) for n in ("direct", "indirect")])
+    off = max(abs(b / a - 1.0) for a, b in zip(*sums, strict=True))
+    return Outcome(_text(sums[0]), _text(sums[1]), off)
+
+
+@case("edge-without-leak", source="exact: a count")
 def edge_without_leak(bench: Bench) -> Outcome:
+    """A closed box of 12 triangles in a bright sky, seen from inside: pixels with any light.
+
+    A ray to the common edge of two triangles passes between them.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(_with(box((3, 2, 4), inside=True), _matte(b, 0.9))), rotation=turn_y(33.0))
     b.camera(yfov=np.radians(80.0), rotation=turn_x(-20.0))
@@ -301,15 +261,12 @@ def edge_without_leak(bench: Bench) -> Outcome:
     return count(0, int((frame["direct"][..., 0] + frame["indirect"][..., 0] > 0).sum()))
 
 
-@case(
-    "grazing-light",
-    description="a wall of 5,000 triangles under a sun 0.1 degrees above it: pixels that are not lit as the cosine "
-    "says",
-    elsewhere="shadow rays start below the surface that they leave: the wall shadows itself in spots",
-    here="rays start above the rounding of their surface, along its normal",
-    source="exact count; values within 1e-4 of the closed form are equal",
-)
+@case("grazing-light", source="exact count; values within 1e-4 of the closed form are equal")
 def grazing_light(bench: Bench) -> Outcome:
+    """A wall of 5,000 triangles under a sun 0.1 degrees above it: pixels that are not lit as the cosine says.
+
+    Shadow rays start below the surface that they leave: the wall shadows itself in spots.
+    """
     b = SceneBuilder()
     _floor(b, bench, half=max(60.0, 0.625 * max(bench.size)), cells=(50, 50))
     b.light(kind="directional", intensity=1.0, rotation=turn_y(89.9))
@@ -318,14 +275,12 @@ def grazing_light(bench: Bench) -> Outcome:
     return count(0, int((np.abs(direct / expected - 1.0) > 1e-4).sum()))
 
 
-@case(
-    "narrow-gap",
-    description="a board 1e-4 of the camera's distance above a wall, seen through its culled back: shadowed pixels",
-    elsewhere="the distance that keeps rays off their own surface jumps over the gap",
-    here="that distance is 1e-5 of the coordinates at most",
-    source="exact: edges of the shadow lie on pixel borders",
-)
+@case("narrow-gap", source="exact: edges of the shadow lie on pixel borders")
 def narrow_gap(bench: Bench) -> Outcome:
+    """A board 1e-4 of the camera's distance above a wall, seen through its culled back: shadowed pixels.
+
+    The distance that keeps rays off their own surface jumps over the gap.
+    """
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(5, 5, material=_matte(b))), translation=(0.0, 0.0, -10.0))
     # Its face is turned away from the camera, which therefore does not draw it; rays meet both sides.
@@ -336,36 +291,31 @@ def narrow_gap(bench: Bench) -> Outcome:
     return count(256, _shadowed(bench, b))
 
 
-def _mirrored(name: str, scale: tuple[float, float, float], shadowed: int, words: str) -> None:
-    @case(
-        name,
-        description=f"a moving board with scale {scale} before a distant light: shadowed pixels of a wall",
-        elsewhere="the inverse of the instance's matrix is singular or NaN, or its handedness turns hits into misses",
-        here=words,
-        source="exact: edges of the shadow lie on pixel borders",
-    )
-    def mirrored(bench: Bench) -> Outcome:
-        b = SceneBuilder()
-        _floor(b, bench)
-        board = b.node(mesh=b.mesh(quad(8, 8, material=_matte(b))), scale=scale)
-        b.animate(board, "translation", [0.0, 1.0], [(0.0, 0.0, 5.0), (8.0, 0.0, 5.0)])
-        b.light(kind="directional", intensity=1.0)
-        return count(shadowed, _shadowed(bench, b))
-
-
-_mirrored("traced-mirrored", (-1.0, 1.0, 1.0), 256, "rays are transformed; both sides of a triangle are hit")
-_mirrored("traced-zero-scale", (0.0, 1.0, 1.0), 0, "instances without volume are left out of the tree")
-
-
 @case(
-    "traced-light-on-surface",
-    description="a point light exactly on a wall: pixels of radiance that are NaN or Inf, or of a facing wall that "
-    "are dark",
-    elsewhere="the shadow ray has length 0, or ends behind the surface that the light lies on",
-    here="shadow rays end before the light by the rounding of its position",
-    source="exact: a count",
+    "traced-{0}",
+    source="exact: edges of the shadow lie on pixel borders",
+    each=(("mirrored", -1.0, 256), ("zero-scale", 0.0, 0)),
 )
+def mirrored(bench: Bench, name: str, factor: float, shadowed: int) -> Outcome:
+    """A moving board with scale ({1:g}, 1, 1) before a distant light: shadowed pixels of a wall.
+
+    The inverse of the instance's matrix is singular or NaN, or its handedness turns hits into misses.
+    """
+    scale = (factor, 1.0, 1.0)
+    b = SceneBuilder()
+    _floor(b, bench)
+    board = b.node(mesh=b.mesh(quad(8, 8, material=_matte(b))), scale=scale)
+    b.animate(board, "translation", [0.0, 1.0], [(0.0, 0.0, 5.0), (8.0, 0.0, 5.0)])
+    b.light(kind="directional", intensity=1.0)
+    return count(shadowed, _shadowed(bench, b))
+
+
+@case("traced-light-on-surface", source="exact: a count")
 def traced_light_on_surface(bench: Bench) -> Outcome:
+    """A point light exactly on a wall: pixels of radiance that are NaN or Inf, or of a facing wall that are dark.
+
+    The shadow ray has length 0, or ends behind the surface that the light lies on.
+    """
     b = SceneBuilder()
     wall = quad(40, 40, material=_matte(b))
     b.node(mesh=b.mesh(wall), translation=(0.0, 0.0, -10.0))
@@ -378,15 +328,12 @@ def traced_light_on_surface(bench: Bench) -> Outcome:
     return count(0, int(wrong.sum()))
 
 
-@case(
-    "slivers",
-    description="a wall of triangles 20,000 times as long as wide, in sunlight: pixels that are not lit as the cosine "
-    "says",
-    elsewhere="the determinant of a sliver underflows: rays pass, or hits are NaN",
-    here="edge tests do not divide; degenerate triangles are left out of the tree",
-    source="exact count; values within 1e-4 of the closed form are equal",
-)
+@case("slivers", source="exact count; values within 1e-4 of the closed form are equal")
 def slivers(bench: Bench) -> Outcome:
+    """A wall of triangles 20,000 times as long as wide, in sunlight: pixels that are not lit as the cosine says.
+
+    The determinant of a sliver underflows: rays pass, or hits are NaN.
+    """
     b = SceneBuilder()
     _floor(b, bench, half=100.0, cells=(20000, 1))
     b.light(kind="directional", intensity=1.0, rotation=turn_y(60.0))
@@ -396,14 +343,12 @@ def slivers(bench: Bench) -> Outcome:
     return count(0, int((wrong | (frame["indirect"][..., 0] != 0)).sum()))
 
 
-@case(
-    "still-traced-light",
-    description="a still camera and room, lamps and a luminous ceiling, path-traced: pixels with a reason bit",
-    elsewhere="numbers that differ from frame to frame flicker, and noise is counted as change",
-    here="pattern `fixed` has the same numbers in every frame",
-    source="exact: the same arithmetic is done twice",
-)
+@case("still-traced-light", source="exact: the same arithmetic is done twice")
 def still_traced_light(bench: Bench) -> Outcome:
+    """A still camera and room, lamps and a luminous ceiling, path-traced: pixels with a reason bit.
+
+    Numbers that differ from frame to frame flicker, and noise is counted as change.
+    """
     columns = ("direct", "indirect", "color", "position", "normal")
     options = {"light": "path-traced", "indirect": "auto", "spp": 2, "bounces": 3, "fps": 2.0, "camera": 0}
     run = bench.evaluate(busy_room(still=True, lamps=2), columns=columns, **options)
@@ -452,60 +397,3 @@ def _below(b: SceneBuilder, bench: Bench, znear: float, **how) -> dict[str, Arra
     """Radiance of a point of a wall 10 m away; what is nearer than ``znear`` is not seen."""
     b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=znear, zfar=50.0)
     return bench.traced(b.build(), **how)
-
-
-@case(
-    "sky-image",
-    description="a sky image of radiance 2 + 1.5 (a . d) in direction d: walls of albedo 0.5 that face three ways, "
-    "raster and path-traced, against 0.5 (2 + a . n)",
-    elsewhere="the image is mirrored or turned, or its texels near the poles count as much as those of the horizon",
-    here="texels are chosen by solid angle and radiance; equirectangular, +Y up, the center of the image is +X",
-    tolerance=0.012,
-    source="relative; 16,384 paths of a radiance between 0.5 and 3.5: 0.4 %, and an image of 64 x 32 texels",
-)
-def sky_image(bench: Bench) -> Outcome:
-    a = np.array([0.6, 0.48, 0.64])
-    theta, phi = (np.arange(32) + 0.5) * np.pi / 32, ((np.arange(64) + 0.5) / 64 - 0.5) * 2.0 * np.pi
-    x, z = np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi))
-    value = 2.0 + 1.5 * (a[0] * x + a[1] * np.cos(theta)[:, None] + a[2] * z)
-    errors = []
-    with sky_file(value[..., None] * (1.0, 0.5, 0.25)) as path:
-        for axis, degrees in (((1.0, 0.0, 0.0), -90.0), ((1.0, 1.0, 0.0), 70.0), ((0.0, 1.0, 0.2), -120.0)):
-            b, rotation = SceneBuilder(), turn(axis, degrees)
-            stand = b.node(rotation=rotation)
-            b.node(stand, mesh=b.mesh(quad(40.0, 40.0, material=lambert(b, 0.5))), translation=(0.0, 0.0, -5.0))
-            b.camera(stand)
-            scene, how = b.build(), {"width": 16, "height": 16, "environment": path}
-            normal = math3d.mat3_from_quat(np.array(rotation))[:, 2]
-            expected = 0.5 * (2.0 + a @ normal) * np.array([1.0, 0.5, 0.25])
-            traced = bench.traced(scene, spp=64, pattern="independent", **how)["direct"][..., :3].mean(axis=(0, 1))
-            errors += [*(traced / expected - 1.0), *(bench.shots(scene, **how)[0].direct / expected - 1.0).ravel()]
-    return field("0.5 (2 + a . n)", errors)
-
-
-@case(
-    "pixels-of-a-list",
-    description="path-traced light of 60 listed pixels of a room, samples in two parts: difference from the whole "
-    "frame",
-    elsewhere="a listed pixel takes the numbers of its place in the list, or the light of another pixel",
-    here="the pattern belongs to the pixel of the image",
-    tolerance=1e-6,
-    source="relative to the largest value; float32: sums in another order",
-)
-def pixels_of_a_list(bench: Bench) -> Outcome:
-    own = {"columns": ("direct", "indirect"), "light": "path-traced", "indirect": "auto", "spp": 3, "bounces": 2}
-    settings = bench._settings(own | {"width": 20, "height": 30, "fps": 1.0, "pattern": "independent"})
-    animated, places = AnimatedScene(busy_room(lamps=1)), np.random.default_rng(4).permutation(600)[:60]
-    at = np.stack([places % 20, places // 20], axis=-1)
-    with GpuOwner(bench.gpu) as owner:
-        whole, listed = (owner.open_source(animated, settings, pixel_list=some) for some in (False, True))
-        whole.draw(0)
-        whole.trace(2, 5, 3)
-        image = np.stack([whole.read(n)[..., :3] for n in own["columns"]]).astype(float)
-        expected = image.reshape(2, 600, 3)[:, places].swapaxes(0, 1)
-        listed.draw(0)
-        samples = [
-            listed.listed_light(2, at, at, part, drawn=not k) for k, part in enumerate((range(5, 6), range(6, 8)))
-        ]
-        lobes = np.concatenate(samples, axis=1).astype(float).mean(axis=1)  # (n, lobes of direct and indirect, 3)
-    return field("the whole frame", (lobes.reshape(60, 2, 2, 3).sum(axis=2) - expected) / worst(expected))

@@ -1,4 +1,4 @@
-"""Small scenes built in code for cases with known answers.  Space: world, +Y up, meters."""
+"""Scenes of the cases, made in code.  Space: world, +Y up, meters."""
 
 from __future__ import annotations
 
@@ -11,21 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.scene.build import NodeList
-from taubench_gl.scene.model import (
-    Camera,
-    Channel,
-    Light,
-    Material,
-    Mesh,
-    MorphTarget,
-    Primitive,
-    Scene,
-    Skin,
-)
+from taubench_gl.scene.builder import SceneBuilder, box, quad, skinned, turn_x, turn_y
+from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
-IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 @contextlib.contextmanager
@@ -42,62 +31,6 @@ def sky_file(radiance: Array) -> Iterator[str]:
         yield path
 
 
-class SceneBuilder:
-    """Collects nodes, meshes and channels; every method returns the index of the added element."""
-
-    def __init__(self) -> None:
-        self._nodes = NodeList()
-        self._meshes: list[Mesh] = []
-        self._materials: list[Material] = []
-        self._skins: list[Skin] = []
-        self._cameras: list[Camera] = []
-        self._lights: list[Light] = []
-        self._channels: list[Channel] = []
-
-    def node(self, parent: int = -1, *, name: str | None = None, **fields: object) -> int:
-        """A node with the defaults of glTF; ``fields`` as in ``NodeList.add``."""
-        return self._nodes.add(name or f"node {len(self._nodes)}", parent, **fields)
-
-    def mesh(self, *primitives: Primitive, weights: Sequence[float] = ()) -> int:
-        self._meshes.append(Mesh(f"mesh {len(self._meshes)}", primitives, np.array(weights, dtype=np.float64)))
-        return len(self._meshes) - 1
-
-    def material(self, **fields: object) -> int:
-        self._materials.append(Material(**fields))
-        return len(self._materials) - 1
-
-    def camera(
-        self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, scale=(1.0, 1.0, 1.0), **lens
-    ) -> int:
-        """A camera on a new node; ``lens`` are fields of ``Camera``.  Returns the node."""
-        self._cameras.append(Camera(**lens))
-        index = len(self._cameras) - 1
-        return self.node(parent, translation=translation, rotation=rotation, scale=scale, camera=index)
-
-    def light(self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, **fields) -> int:
-        """A light on a new node, shining along -Z; ``fields`` are those of ``Light``.  Returns the node."""
-        self._lights.append(Light(**fields))
-        return self.node(parent, translation=translation, rotation=rotation, light=len(self._lights) - 1)
-
-    def skin(self, joints: Sequence[int], inverse_bind: Array | None = None) -> int:
-        inverse_bind = np.tile(np.eye(4), (len(joints), 1, 1)) if inverse_bind is None else inverse_bind
-        self._skins.append(Skin("skin", np.array(joints, dtype=np.int32), inverse_bind))
-        return len(self._skins) - 1
-
-    def animate(
-        self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR"
-    ) -> None:
-        """A channel of ``node``; ``values`` as ``Channel.values``."""
-        keys, rows = np.array(times, dtype=np.float64), np.array(values, dtype=np.float64)
-        self._channels.append(Channel("node", node, path, interpolation, keys, rows))
-
-    def build(self) -> Scene:
-        return Scene(
-            "made in code", self._nodes.nodes(), tuple(self._meshes), tuple(self._materials), skins=tuple(self._skins),
-            cameras=tuple(self._cameras), lights=tuple(self._lights), channels=tuple(self._channels),
-        )  # fmt: skip
-
-
 class _StillBuilder(SceneBuilder):
     """Keeps the duration and the first value of every channel."""
 
@@ -105,93 +38,6 @@ class _StillBuilder(SceneBuilder):
         self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR"
     ) -> None:
         super().animate(node, path, times, [values[0]] * len(times), interpolation)
-
-
-def quad(
-    half_width: float = 1.0,
-    half_height: float = 1.0,
-    *,
-    cells: tuple[int, int] = (1, 1),
-    material: int = -1,
-    normals: bool = True,
-) -> Primitive:
-    """A rectangle in the plane z = 0, facing +Z, divided into ``cells`` of two triangles."""
-    columns, rows = cells
-    x = np.linspace(-half_width, half_width, columns + 1)
-    y = np.linspace(-half_height, half_height, rows + 1)
-    grid = np.stack([*np.meshgrid(x, y), np.zeros((rows + 1, columns + 1))], axis=-1).reshape(-1, 3)
-    corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).reshape(-1)
-    a, b, c, d = corner, corner + 1, corner + columns + 2, corner + columns + 1
-    triangles = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
-    facing = np.tile(np.float32([0, 0, 1]), (len(grid), 1)) if normals else None
-    return Primitive(grid.astype(np.float32), triangles.astype(np.uint32), material, normals=facing)
-
-
-def box(
-    half: Sequence[float] = (1.0, 1.0, 1.0), *, inside: bool = False, cells: int = 1, material: int = -1
-) -> Primitive:
-    """A box around the origin with flat normals; ``inside``: faces point inwards, as in a closed room."""
-    positions, normals, triangles = [], [], []
-    face = quad(cells=(cells, cells))
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            u, v = np.roll(np.eye(3), 1, axis=0)[axis], np.roll(np.eye(3), 2, axis=0)[axis]
-            outward = side * np.eye(3)[axis]
-            if np.dot(np.cross(u, v), outward) < 0:
-                u, v = v, u
-            local = face.positions[:, :1] * u + face.positions[:, 1:2] * v + outward
-            order = face.triangles[:, ::-1] if inside else face.triangles
-            triangles.append(order + sum(map(len, positions)))
-            positions.append(local * np.asarray(half))
-            normals.append(np.tile(-outward if inside else outward, (len(local), 1)))
-    return Primitive(
-        np.concatenate(positions).astype(np.float32),
-        np.concatenate(triangles).astype(np.uint32),
-        material,
-        normals=np.concatenate(normals).astype(np.float32),
-    )
-
-
-def sphere(radius: float = 1.0, rings: int = 24) -> Primitive:
-    """A sphere around the origin with exact vertex normals."""
-    theta = np.linspace(0.0, np.pi, rings + 1)
-    phi = np.linspace(0.0, 2.0 * np.pi, 2 * rings + 1)
-    t, p = np.meshgrid(theta, phi, indexing="ij")
-    unit = np.stack([np.sin(t) * np.sin(p), np.cos(t), np.sin(t) * np.cos(p)], axis=-1).reshape(-1, 3)
-    columns = 2 * rings
-    corner = (np.arange(rings)[:, None] * (columns + 1) + np.arange(columns)).reshape(-1)
-    a, b, c, d = corner, corner + 1, corner + columns + 2, corner + columns + 1
-    triangles = np.stack([a, d, c, a, c, b], axis=-1).reshape(-1, 3)
-    return Primitive((radius * unit).astype(np.float32), triangles.astype(np.uint32), normals=unit.astype(np.float32))
-
-
-def skinned(primitive: Primitive, joints: Array, weights: Array) -> Primitive:
-    """``primitive`` with joints (V, k) and weights (V, k)."""
-    return Primitive(
-        primitive.positions, primitive.triangles, primitive.material, normals=primitive.normals,
-        joints=np.asarray(joints, dtype=np.uint32), weights=np.asarray(weights, dtype=np.float32),
-    )  # fmt: skip
-
-
-def morphed(primitive: Primitive, *displacements: Array) -> Primitive:
-    """``primitive`` with one morph target per (V, 3) displacement."""
-    targets = tuple(MorphTarget(np.asarray(d, dtype=np.float32)) for d in displacements)
-    return Primitive(
-        primitive.positions, primitive.triangles, primitive.material, normals=primitive.normals, targets=targets
-    )
-
-
-def turn(axis: Sequence[float], degrees: float) -> Array:
-    """Quaternion xyzw of a rotation about ``axis``.  (4,) float64."""
-    return math3d.quat_from_axis_angle(np.asarray(axis, dtype=np.float64), np.radians(degrees))
-
-
-def turn_y(degrees: float) -> Array:
-    return turn((0.0, 1.0, 0.0), degrees)
-
-
-def turn_x(degrees: float) -> Array:
-    return turn((1.0, 0.0, 0.0), degrees)
 
 
 def busy_room(

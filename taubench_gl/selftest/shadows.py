@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn, turn_x, turn_y
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.bench import Bench, Shot
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field
 from taubench_gl.selftest.direct import ALBEDO, lambert, lambert_wall, off_peak
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn, turn_x, turn_y
 
 Array = np.ndarray
 EXACT = "exact: pixels within 2 texels of a shadow's edge, seen from the light, are not counted"
@@ -91,22 +92,19 @@ def _six_views(lamps: int) -> Scene:
     return b.build()
 
 
-def _cube_case(name: str, lamps: int, how: str) -> None:
-    @case(
-        name,
-        description=f"{how} amid six plates in a closed room, seen in six directions: pixels wrongly lit or dark",
-        elsewhere="cube-map faces swapped, mirrored or rotated; axes that the API flips; seams between faces",
-        here="faces along the world's axes, chosen by the largest component; no driver cube map",
-        source=EXACT,
-    )
-    def cube(bench: Bench) -> Outcome:
-        shots = bench.shots(_six_views(lamps), range(6), shadow_size=TEXELS, shadow_filter="hard", shadow_lights=lamps)
-        wrong = [wrong_pixels(shot, _plates(), np.zeros(3), 2.0 / TEXELS) for shot in shots]
-        return count(0, -1 if min(wrong) < 0 else sum(wrong), Naive("all lit", 1000, 1000))
+@case(
+    "six-faces-of-{0}",
+    source=EXACT,
+    each=(("a-lamp", 1, "One lamp"), ("ten-lamps", 10, "Ten lamps at one place")),
+)
+def cube(bench: Bench, name: str, lamps: int, lights: str) -> Outcome:
+    """{2} amid six plates in a closed room, seen in six directions: pixels wrongly lit or dark.
 
-
-_cube_case("six-faces-of-a-lamp", 1, "a lamp")
-_cube_case("six-faces-of-ten-lamps", 10, "ten lamps at one place, more than are compiled one by one,")
+    Cube-map faces swapped, mirrored or rotated; axes that the API flips; seams between faces.
+    """
+    shots = bench.shots(_six_views(lamps), range(6), shadow_size=TEXELS, shadow_filter="hard", shadow_lights=lamps)
+    wrong = [wrong_pixels(shot, _plates(), np.zeros(3), 2.0 / TEXELS) for shot in shots]
+    return count(0, -1 if min(wrong) < 0 else sum(wrong), Naive("all lit", 1000, 1000))
 
 
 def _on_a_floor() -> SceneBuilder:
@@ -132,23 +130,38 @@ def _table(bench: Bench, **light) -> tuple[SceneBuilder, list[Block]]:
     return b, blocks
 
 
-def _table_case(name: str, what: str, lamp: tuple[float, float, float], texel: float, **light) -> None:
-    @case(
-        name,
-        description=f"{what} over a box that stands on a floor and plates above it: pixels wrongly lit or dark",
-        elsewhere="a constant bias detaches shadows from what casts them, or surfaces shadow themselves",
-        here="each filter tap is compared with the receiver's plane; half a texel of bias",
-        source=EXACT,
-    )
-    def table(bench: Bench) -> Outcome:
-        b, blocks = _table(bench, **light)
-        wrong = 0
-        for shadow_filter in ("hard", "bilinear"):
-            shot = bench.shots(b.build(), shadow_size=TEXELS, shadow_filter=shadow_filter)[0]
-            on_floor = shot.surface & (np.abs(shot.points[..., 1]) < 1e-3)
-            pixels = wrong_pixels(shot, blocks, np.array(lamp), texel, where=on_floor & _in_cone(shot, lamp, light))
-            wrong = -1 if min(pixels, wrong) < 0 else wrong + pixels
-        return count(0, wrong, Naive("no shadows", 300, 300))
+_SPOT = {
+    "kind": "spot", "intensity": 50.0, "translation": (0.5, 6.0, 0.25), "rotation": turn_x(-90.0), "inner_cone": 0.1,
+    "outer_cone": np.radians(50.0),
+}  # fmt: skip
+_SUN_AT = np.array([np.sin(np.radians(30.0)), np.cos(np.radians(30.0)), 0.0])
+_SUN = {
+    "kind": "directional", "intensity": 3.0,
+    "rotation": math3d.quat_multiply(turn((0.0, 0.0, 1.0), -30.0), turn_x(-90.0)),
+}  # fmt: skip
+
+
+@case(
+    "shadow-of-a-{0}",
+    source=EXACT,
+    each=(
+        ("lamp", (0.5, 5.0, 0.25), 2.0 / TEXELS, {"translation": (0.5, 5.0, 0.25), "intensity": 50.0}),
+        ("spot", (0.5, 6.0, 0.25), 2.5 / TEXELS, _SPOT), ("sun", tuple(1e5 * _SUN_AT), 36.0 / (4 * TEXELS) / 1e5, _SUN),
+    ),
+)  # fmt: skip
+def table(bench: Bench, name: str, lamp: tuple[float, float, float], texel: float, light: dict[str, Any]) -> Outcome:
+    """A {0} over a box that stands on a floor and plates above it: pixels wrongly lit or dark.
+
+    A constant bias detaches shadows from what casts them, or surfaces shadow themselves.
+    """
+    b, blocks = _table(bench, **light)
+    wrong = 0
+    for shadow_filter in ("hard", "bilinear"):
+        shot = bench.shots(b.build(), shadow_size=TEXELS, shadow_filter=shadow_filter)[0]
+        on_floor = shot.surface & (np.abs(shot.points[..., 1]) < 1e-3)
+        pixels = wrong_pixels(shot, blocks, np.array(lamp), texel, where=on_floor & _in_cone(shot, lamp, light))
+        wrong = -1 if min(pixels, wrong) < 0 else wrong + pixels
+    return count(0, wrong, Naive("no shadows", 300, 300))
 
 
 def _in_cone(shot: Shot, lamp: Sequence[float], light: dict) -> Array:
@@ -159,26 +172,12 @@ def _in_cone(shot: Shot, lamp: Sequence[float], light: dict) -> Array:
     return -to_point[..., 1] > np.cos(0.95 * light["outer_cone"]) * np.linalg.norm(to_point, axis=-1)
 
 
-_SUN = np.array([np.sin(np.radians(30.0)), np.cos(np.radians(30.0)), 0.0])
-_table_case("shadow-of-a-lamp", "a lamp", (0.5, 5.0, 0.25), 2.0 / TEXELS, translation=(0.5, 5.0, 0.25), intensity=50.0)
-_table_case(
-    "shadow-of-a-spot", "a spot of 50 degrees", (0.5, 6.0, 0.25), 2.5 / TEXELS, kind="spot", intensity=50.0,
-    translation=(0.5, 6.0, 0.25), rotation=turn_x(-90.0), inner_cone=0.1, outer_cone=np.radians(50.0),
-)  # fmt: skip
-_table_case(
-    "shadow-of-a-sun", "a directional light, 30 degrees from the zenith,", tuple(1e5 * _SUN), 36.0 / (4 * TEXELS) / 1e5,
-    kind="directional", intensity=3.0, rotation=math3d.quat_multiply(turn((0.0, 0.0, 1.0), -30.0), turn_x(-90.0)),
-)  # fmt: skip
-
-
-@case(
-    "grazing-plane",
-    description="a wall under a sun 2 degrees above its plane and a lamp close to it: pixels that shadow themselves",
-    elsewhere="a bias large enough for 45 degrees leaves stripes at 2",
-    here="planes need no bias: every tap is compared with the plane itself",
-    source="exact: nothing else can cast",
-)
+@case("grazing-plane", source="exact: nothing else can cast")
 def grazing_plane(bench: Bench) -> Outcome:
+    """A wall under a sun 2 degrees above its plane and a lamp close to it: pixels that shadow themselves.
+
+    A bias large enough for 45 degrees leaves stripes at 2.
+    """
     wrong = 0
     for light in (
         {"kind": "directional", "rotation": turn_y(88.0), "intensity": 30.0},
@@ -194,14 +193,12 @@ def grazing_plane(bench: Bench) -> Outcome:
     return count(0, wrong, Naive("no bias, one depth per texel", 3000, 3000))
 
 
-@case(
-    "creases-in-a-room",
-    description="a lamp in a room of eight sides with 16-texel maps: pixels darker than without shadow maps",
-    elsewhere="the texel beside a crease shows the nearer wall, and a dark line runs along every edge of the room",
-    here="half a texel of bias",
-    source="exact: the room is convex, so nothing in it casts",
-)
+@case("creases-in-a-room", source="exact: the room is convex, so nothing in it casts")
 def creases_in_a_room(bench: Bench) -> Outcome:
+    """A lamp in a room of eight sides with 16-texel maps: pixels darker than without shadow maps.
+
+    The texel beside a crease shows the nearer wall, and a dark line runs along every edge of the room.
+    """
     b = SceneBuilder()
     for i in range(8):
         wall = b.mesh(quad(2.0, 2.0, material=lambert(b, double_sided=True)))
@@ -215,16 +212,12 @@ def creases_in_a_room(bench: Bench) -> Outcome:
     return count(0, int((with_maps < 0.99 * without).sum()) if without.max() > 0.0 else -1)
 
 
-@case(
-    "filter-weights",
-    description="the corner of a shadow in a map of 16 texels: every pixel against the bilinear weights of its four "
-    "texels",
-    elsewhere="weights or texels in another order, or a filter half a texel off: blurred edges that are shifted",
-    here="the four texels about the point, compared first and then weighted",
-    tolerance=1e-4,
-    source="of the peak; float32 weights",
-)
+@case("filter-weights", tolerance=1e-4, source="of the peak; float32 weights")
 def filter_weights(bench: Bench) -> Outcome:
+    """The corner of a shadow in a map of 16 texels: every pixel against the bilinear weights of its four texels.
+
+    Weights or texels in another order, or a filter half a texel off: blurred edges that are shifted.
+    """
     side, height, edge = 16, 32.0, np.array([5.75, 4.5])  # of the plate, half way to the lamp: its shadow is twice that
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(80, 80, material=lambert(b))), translation=(0.0, 0.0, -height))
@@ -252,14 +245,12 @@ def filter_weights(bench: Bench) -> Outcome:
     )
 
 
-@case(
-    "shadow-of-a-masked-leaf",
-    description="a leaf whose alpha mask cuts out every other column: pixels of its shadow wrongly lit or dark",
-    elsewhere="the shadow of the whole quad: foliage casts blocks",
-    here="the shadow pass tests alpha with the material's cutoff",
-    source=EXACT,
-)
+@case("shadow-of-a-masked-leaf", source=EXACT)
 def shadow_of_a_masked_leaf(bench: Bench) -> Outcome:
+    """A leaf whose alpha mask cuts out every other column: pixels of its shadow wrongly lit or dark.
+
+    The shadow of the whole quad: foliage casts blocks.
+    """
     texels = np.full((1, 4, 4), 255, np.uint8)
     texels[0, 1::2, 3] = 100  # below the cutoff of 0.5
     nearest = dataclasses.replace(Texture(0).sampler, mag_filter=9728, min_filter=9728)
@@ -279,15 +270,12 @@ def shadow_of_a_masked_leaf(bench: Bench) -> Outcome:
     return count(0, wrong, Naive("the whole quad", 200, 200))
 
 
-@case(
-    "shadow-cache",
-    description="a plate that moves, then stands still, and one that vanishes and returns: direct light against that "
-    "of maps drawn from scratch, to the last bit",
-    elsewhere="a cached map keeps the shadow of where the object was, or of a part of it",
-    here="only texels that a caster can have left or entered are redrawn, with everything else there",
-    source="exact: the same texels",
-)
+@case("shadow-cache", source="exact: the same texels")
 def shadow_cache(bench: Bench) -> Outcome:
+    """A plate that moves and one that vanishes and returns: direct light against that of maps drawn from scratch.
+
+    A cached map keeps the shadow of where the object was, or of a part of it.
+    """
     b = _on_a_floor()
     plate = b.node(mesh=b.mesh(box((1.0, 0.1, 1.0), material=lambert(b))), translation=(-3.0, 2.0, 0.0))
     b.node(mesh=b.mesh(box((0.5, 0.1, 0.5), material=lambert(b))), translation=(0.5, 1.0, 0.0))

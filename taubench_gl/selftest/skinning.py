@@ -8,11 +8,11 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, pose_vertices
+from taubench_gl.scene.builder import SceneBuilder, morphed, quad, skinned, turn, turn_y
 from taubench_gl.scene.model import Image, MorphTarget, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, field, worst
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, morphed, quad, skinned, turn, turn_y
 
 Array = np.ndarray
 PIXELS = "px; float32 rounding of coordinates up to 100 px is 1e-5 px"
@@ -30,15 +30,12 @@ def _one_joint(primitive, joint_path: str, keys, bench: Bench, camera_keys=None)
     return b.build()
 
 
-@case(
-    "skinned-motion",
-    description="a skinned wall whose joint moves by 5 px, camera still: motion of its pixels",
-    elsewhere="the current pose is projected with the previous camera: motion 0 on every character",
-    here="the previous pose is skinned at the previous time, in the same dispatch",
-    tolerance=1e-3,
-    source=PIXELS,
-)
+@case("skinned-motion", tolerance=1e-3, source=PIXELS)
 def skinned_motion(bench: Bench) -> Outcome:
+    """A skinned wall whose joint moves by 5 px, camera still: motion of its pixels.
+
+    The current pose is projected with the previous camera: motion 0 on every character.
+    """
     scene = _one_joint(quad(10, 10), "translation", [(0, 0, -50), (5, 0, -50)], bench)
     images = bench.pair(scene, reprojection="motion")
     off = (images.motion - [-5.0, 0.0])[images.surface]
@@ -46,15 +43,12 @@ def skinned_motion(bench: Bench) -> Outcome:
     return field("-5 px", off if images.surface.sum() == 400 else np.nan, naive)
 
 
-@case(
-    "skinned-with-camera",
-    description="a joint and the camera both move by 6 px: motion of the pixels on the skinned wall",
-    elsewhere="with the current pose, the whole camera motion appears as motion of the wall",
-    here="the pose of each frame is relative to the camera of that frame",
-    tolerance=1e-3,
-    source=PIXELS,
-)
+@case("skinned-with-camera", tolerance=1e-3, source=PIXELS)
 def skinned_with_camera(bench: Bench) -> Outcome:
+    """A joint and the camera both move by 6 px: motion of the pixels on the skinned wall.
+
+    With the current pose, the whole camera motion appears as motion of the wall.
+    """
     scene = _one_joint(
         quad(10, 10), "translation", [(0, 0, -50), (6, 0, -50)], bench, camera_keys=[(0, 0, 0), (6, 0, 0)]
     )
@@ -63,15 +57,12 @@ def skinned_with_camera(bench: Bench) -> Outcome:
     return field("0 px", images.motion[images.surface] if images.surface.any() else np.nan, naive)
 
 
-@case(
-    "skinned-rotation",
-    description="a joint that turns by 60 degrees: previous positions, rotated, against the current positions",
-    elsewhere="previous positions are interpolated in time, or taken from the bind pose",
-    here="the same vertices are skinned with the previous palette",
-    tolerance=2e-5,
-    source="meters; float32: 4 ulps of 50 m, the distance to the camera",
-)
+@case("skinned-rotation", tolerance=2e-5, source="meters; float32: 4 ulps of 50 m, the distance to the camera")
 def skinned_rotation(bench: Bench) -> Outcome:
+    """A joint that turns by 60 degrees: previous positions, rotated, against the current positions.
+
+    Previous positions are interpolated in time, or taken from the bind pose.
+    """
     q = turn((0.0, 0.0, 1.0), 60.0)
     scene = _one_joint(quad(10, 10, cells=(4, 4)), "rotation", [turn_y(0.0), q], bench)
     images = bench.pair(scene, reprojection="motion")
@@ -82,15 +73,12 @@ def skinned_rotation(bench: Bench) -> Outcome:
     return field("the same points", off if len(now) else np.nan, Naive("current pose", f"off by {still:.3g} m", still))
 
 
-@case(
-    "morph-motion",
-    description="a morph target that moves a wall by 3 px as its weight goes from 0 to 1: motion of its pixels",
-    elsewhere="morph weights have no history: motion 0 on animated faces",
-    here="the GPU gets current and previous weights; a target with current weight 0 still moves previous positions",
-    tolerance=1e-3,
-    source=PIXELS,
-)
+@case("morph-motion", tolerance=1e-3, source=PIXELS)
 def morph_motion(bench: Bench) -> Outcome:
+    """A morph target that moves a wall by 3 px as its weight goes from 0 to 1: motion of its pixels.
+
+    Morph weights have no history: motion 0 on animated faces.
+    """
     wall = quad(10, 10)
     off = []
     for keys, expected in (([[0.0], [1.0]], -3.0), ([[1.0], [0.0]], 3.0)):
@@ -104,16 +92,12 @@ def morph_motion(bench: Bench) -> Outcome:
     return field("3 px back and forth", off, Naive("no previous weights", "0 px", 3.0))
 
 
-@case(
-    "weights-of-thirds",
-    description="three equal joints at 1e6 m with float32 weights of 1/3, which sum to 1 + 3e-8: shift against the "
-    "origin",
-    elsewhere="blending world matrices scales the world offset by that sum: an error of 3 cm",
-    here="palettes are relative to the camera before they are blended",
-    tolerance=1e-5,
-    source="meters; float32: 2 ulps of 50 m, the distance to the camera",
-)
+@case("weights-of-thirds", tolerance=1e-5, source="meters; float32: 2 ulps of 50 m, the distance to the camera")
 def weights_of_thirds(bench: Bench) -> Outcome:
+    """Three equal joints at 1e6 m with float32 weights of 1/3, which sum to 1 + 3e-8: shift against the origin.
+
+    Blending world matrices scales the world offset by that sum: an error of 3 cm.
+    """
     wall = quad(10, 10)
     count, third = len(wall.positions), np.float32(1 / 3)
     influence = skinned(wall, np.tile([0, 1, 2], (count, 1)), np.full((count, 3), third))
@@ -130,15 +114,12 @@ def weights_of_thirds(bench: Bench) -> Outcome:
     return field("no shift", positions[1] - positions[0].astype(float), naive)
 
 
-@case(
-    "skinned-reference",
-    description="a strip of two joints at half time between keys: GPU points against the float64 pose",
-    elsewhere="dual quaternions, normalized blends or half-float palettes give a different surface",
-    here="linear blend skinning in float32 on the GPU, with a float64 reference",
-    tolerance=2e-5,
-    source="meters; float32: 32 ulps of 5 m through two matrices",
-)
+@case("skinned-reference", tolerance=2e-5, source="meters; float32: 32 ulps of 5 m through two matrices")
 def skinned_reference(bench: Bench) -> Outcome:
+    """A strip of two joints at half time between keys: GPU points against the float64 pose.
+
+    Dual quaternions, normalized blends or half-float palettes give a different surface.
+    """
     strip = quad(1.0, 2.0, cells=(1, 1))
     height = (strip.positions[:, 1:2] + 2.0) / 4.0
     b = SceneBuilder()
@@ -196,15 +177,12 @@ def _leaning(tangent: tuple[float, ...], bitangent: tuple[float, ...]) -> Array:
     return math3d.normalize(x * np.array(tangent) + y * np.array(bitangent) + z * np.array([0.0, 0.0, 1.0]))
 
 
-@case(
-    "morphed-tangents",
-    description="a morph target that turns the tangents of a normal-mapped wall by 90 degrees: its normals",
-    elsewhere="positions and normals are morphed, tangents stay: bumps light from the wrong side",
-    here="tangents are morphed with their own displacements",
-    tolerance=1e-5,
-    source="float32: 80 ulps of 1",
-)
+@case("morphed-tangents", tolerance=1e-5, source="float32: 80 ulps of 1")
 def morphed_tangents(bench: Bench) -> Outcome:
+    """A morph target that turns the tangents of a normal-mapped wall by 90 degrees: its normals.
+
+    Positions and normals are morphed, tangents stay: bumps light from the wrong side.
+    """
     wall = quad(10, 10)
     turned = MorphTarget(tangents=np.tile(np.float32([-1, 1, 0]), (len(wall.positions), 1)))
 
@@ -217,45 +195,39 @@ def morphed_tangents(bench: Bench) -> Outcome:
     return field("turned with the tangents", normals - expected if len(normals) else np.nan, naive)
 
 
-def _mirror_case(name: str, what: str, joint: bool) -> None:
-    @case(
-        name,
-        description=f"a normal-mapped wall {what}: its normals",
-        elsewhere="the bitangent keeps its side, so bumps turn into dents along one axis",
-        here="the handedness of tangents is multiplied by the sign of the determinant",
-        tolerance=1e-5,
-        source="float32: 80 ulps of 1",
-    )
-    def mirrored(bench: Bench) -> Outcome:
-        wall = quad(10, 10)
-        count = len(wall.positions)
-        if joint:
-            wall = skinned(wall, np.zeros((count, 1)), np.ones((count, 1)))
-
-        def place(b: SceneBuilder, mesh: int) -> None:
-            node = b.node(translation=(0.0, 0.0, -50.0), scale=(-1.0, 1.0, 1.0), **({} if joint else {"mesh": mesh}))
-            if joint:
-                b.node(mesh=mesh, skin=b.skin([node]))
-
-        normals = _normal_mapped(bench, wall, place)
-        expected, kept = _leaning((-1, 0, 0), (0, 1, 0)), _leaning((-1, 0, 0), (0, -1, 0))
-        naive = Naive("handedness kept", "leans the other way", worst(kept - expected))
-        return field("mirrored with the wall", normals - expected if len(normals) else np.nan, naive)
-
-
-_mirror_case("mirrored-joint", "whose only joint is mirrored", True)
-_mirror_case("mirrored-node", "whose node is mirrored", False)
-
-
 @case(
-    "morphed-normals",
-    description="a morph target that leans the normals of a wall by 45 degrees at weight 1: its normals",
-    elsewhere="normals are those of the bind pose, so the shape moves and its shading stays",
-    here="normals are morphed with their own displacements and have unit length again",
+    "mirrored-{0}",
     tolerance=1e-5,
     source="float32: 80 ulps of 1",
+    each=(("joint", "whose only joint is mirrored", True), ("node", "whose node is mirrored", False)),
 )
+def mirrored(bench: Bench, name: str, words: str, joint: bool) -> Outcome:
+    """A normal-mapped wall {1}: its normals.
+
+    The bitangent keeps its side, so bumps turn into dents along one axis.
+    """
+    wall = quad(10, 10)
+    count = len(wall.positions)
+    if joint:
+        wall = skinned(wall, np.zeros((count, 1)), np.ones((count, 1)))
+
+    def place(b: SceneBuilder, mesh: int) -> None:
+        node = b.node(translation=(0.0, 0.0, -50.0), scale=(-1.0, 1.0, 1.0), **({} if joint else {"mesh": mesh}))
+        if joint:
+            b.node(mesh=mesh, skin=b.skin([node]))
+
+    normals = _normal_mapped(bench, wall, place)
+    expected, kept = _leaning((-1, 0, 0), (0, 1, 0)), _leaning((-1, 0, 0), (0, -1, 0))
+    naive = Naive("handedness kept", "leans the other way", worst(kept - expected))
+    return field("mirrored with the wall", normals - expected if len(normals) else np.nan, naive)
+
+
+@case("morphed-normals", tolerance=1e-5, source="float32: 80 ulps of 1")
 def morphed_normals(bench: Bench) -> Outcome:
+    """A morph target that leans the normals of a wall by 45 degrees at weight 1: its normals.
+
+    Normals are those of the bind pose, so the shape moves and its shading stays.
+    """
     wall = quad(10, 10)
     leaning = MorphTarget(normals=np.tile(np.float32([1, 0, 0]), (len(wall.positions), 1)))
     b = SceneBuilder()
@@ -268,14 +240,12 @@ def morphed_normals(bench: Bench) -> Outcome:
     return field("45 degrees", off if len(normals) else np.nan, Naive("normals not morphed", "0 degrees", np.sqrt(0.5)))
 
 
-@case(
-    "mirrored-flat-normals",
-    description="a wall without normals whose only joint is mirrored: its normals",
-    elsewhere="the posed triangle is wound the other way, so its computed normal points away from the viewer",
-    here="flat normals of a mirrored pose are turned over",
-    source="exact: an axis",
-)
+@case("mirrored-flat-normals", source="exact: an axis")
 def mirrored_flat_normals(bench: Bench) -> Outcome:
+    """A wall without normals whose only joint is mirrored: its normals.
+
+    The posed triangle is wound the other way, so its computed normal points away from the viewer.
+    """
     b = SceneBuilder()
     wall = quad(10, 10, normals=False, material=b.material(double_sided=True))
     count = len(wall.positions)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.channels import CHANNELS
-from taubench_gl.frame.targets import History
-from taubench_gl.gpu.owner import Owner
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import Reason
+from taubench_gl.features import FEATURES
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import reproject
+from taubench_gl.scene.builder import SceneBuilder, quad, turn, turn_y
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, limits, pixel_grid, rays, to_pixels
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
-from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad, turn_y
+from taubench_gl.selftest.scenes import busy_room
 
 Array = np.ndarray
 
@@ -31,13 +35,14 @@ def _fast_turn(bench: Bench):
 
 @case(
     "motion-storage",
-    description="motion of 1200 to 8000 px (a fast turn, 10-degree lens): relative error of the stored motion",
-    elsewhere="half floats have steps of 1 px above 1024 and 2 px above 2048",
-    here="float32 motion in pixels",
     tolerance=1e-5,
     source="relative; float32: matrices, and a quotient near its pole, which magnifies rounding by 6",
 )
 def motion_storage(bench: Bench) -> Outcome:
+    """Motion of 1200 to 8000 px (a fast turn, 10-degree lens): relative error of the stored motion.
+
+    Half floats have steps of 1 px above 1024 and 2 px above 2048.
+    """
     images, expected = _fast_turn(bench)
     size = np.abs(expected[..., 0])
     naive = worst((expected[..., 0].astype(np.float16).astype(float) - expected[..., 0]) / size)
@@ -50,14 +55,14 @@ def motion_storage(bench: Bench) -> Outcome:
 
 @case(
     "position-storage",
-    description="stored positions on the back wall of the busy room: distance from the wall, relative to the camera "
-    "distance",
-    elsewhere="half-float positions are off by 1/2048: 2 mm at 4 m, 5 cm at 100 m, as large as many thresholds",
-    here="float32 relative to the camera: 4e-7 m at 4 m",
     tolerance=1e-5,
     source="relative; raster rule: corners snapped to 1/256 px move a point along its ray by less than this",
 )
 def position_storage(bench: Bench) -> Outcome:
+    """Stored positions on the back wall of the busy room: distance from the wall, relative to the camera distance.
+
+    Half-float positions are off by 1/2048: 2 mm at 4 m, 5 cm at 100 m, as large as many thresholds.
+    """
     frame, view = bench.frame(busy_room(), 0.3)
     position = frame["position"].astype(float)
     # Points of the back wall z = -4, whose distance from it is known.
@@ -69,37 +74,12 @@ def position_storage(bench: Bench) -> Outcome:
     return field("the wall z = -4", (points[:, 2] + 4.0) / distance if wall.any() else np.nan, naive)
 
 
-def _reference_case(name: str, mode: str, sampling: str) -> None:
-    @case(
-        name,
-        description=f"the busy room, {mode} reprojection, {sampling} history: pixels that differ from the float64 "
-        "reference",
-        elsewhere="the difference between the GPU and the paper's equations is unknown",
-        here="every formula has a float64 reference in NumPy",
-        tolerance=12.0,
-        source="0.2 % of 6144 pixels: a distance within a few float ulps of its threshold may be on either side",
-    )
-    def reference(bench: Bench) -> Outcome:
-        images = bench.pair(busy_room(), (0.5, 0.75), reprojection=mode, sampling=sampling)
-        exact = pair_masks(
-            images.current, images.history, images.pair, limits(None), reprojection=mode, sampling=sampling
-        )
-        return count(0, int((exact.mask != images.mask).sum()))
-
-
-_reference_case("reference-camera", "camera", "nearest")
-_reference_case("reference-motion", "motion", "nearest")
-_reference_case("reference-bilinear", "motion", "bilinear")
-
-
-@case(
-    "masks-in-half-floats",
-    description="a wall 100 m away that moves sideways by 1 mm per frame, threshold 1 cm: position discards",
-    elsewhere="half-float positions have steps of 6 cm at 100 m, so the wall is discarded",
-    here="float32 positions: steps of 8 micrometers",
-    source="exact: an unsigned count on the GPU",
-)
+@case("masks-in-half-floats", source="exact: an unsigned count on the GPU")
 def masks_in_half_floats(bench: Bench) -> Outcome:
+    """A wall 100 m away that moves sideways by 1 mm per frame, threshold 1 cm: position discards.
+
+    Half-float positions have steps of 6 cm at 100 m, so the wall is discarded.
+    """
     wall = bench.wall(bench.size)
     position = wall["position"] * [100.0, 100.0, 100.0, 100.0]
     moved = position + [0.001, 0.0, 0.0, 0.0]
@@ -113,13 +93,14 @@ def masks_in_half_floats(bench: Bench) -> Outcome:
 
 @case(
     "motion-reference",
-    description="the busy room: motion on the GPU against float64",
-    elsewhere="differences of projected world-space positions lose three digits",
-    here="clip positions are relative to the camera of each frame",
     tolerance=1e-3,
     source="px; float32: 64 ulps of coordinates up to 100 px, near the screen's edge",
 )
 def motion_reference(bench: Bench) -> Outcome:
+    """The busy room: motion on the GPU against float64.
+
+    Differences of projected world-space positions lose three digits.
+    """
     images = bench.pair(busy_room(), (0.5, 0.75), reprojection="motion")
     position, before = (images.current[n].astype(np.float64) for n in ("position", "prev_position"))
     exact = reproject(images.pair, position, before)
@@ -129,21 +110,60 @@ def motion_reference(bench: Bench) -> Outcome:
     return field("float64 reference", (images.motion - exact.motion_px)[seen], naive)
 
 
+def _euler(yaw: float, pitch: float, roll: float) -> Array:
+    """Quaternion of Ry Rx Rz, degrees."""
+    y, x, z = turn((0.0, 1.0, 0.0), yaw), turn((1.0, 0.0, 0.0), pitch), turn((0.0, 0.0, 1.0), roll)
+    return math3d.quat_multiply(math3d.quat_multiply(np.array(y), np.array(x)), np.array(z))
+
+
+def _synthetic(view: View, size: tuple[int, int], rng: np.random.Generator) -> dict[str, Array]:
+    """Channels of surfaces at smooth depths along the pixels' own rays, a tenth of it sky, the others random."""
+    width, height = size
+    x, y = np.meshgrid(
+        (np.arange(width) - (width - 1) / 2) * 2 / height, ((height - 1) / 2 - np.arange(height)) * 2 / height
+    )
+    tangent = np.tan(view.camera.yfov / 2)
+    rays = np.stack([x * tangent, y * tangent, -np.ones_like(x)], axis=-1)
+    depth = 3.0 + np.sin(3.0 * x) + np.cos(5.0 * y)
+    depth[(x - 0.4) ** 2 + y**2 < 0.2] = 1.2
+    depth[rng.random(depth.shape) < 0.1] = 0.0
+    position = np.concatenate([(rays * depth[..., None]) @ view.world_from_view.T, depth[..., None]], axis=-1)
+    leaning = rng.normal([0.0, 0.0, 2.0], 0.2, (height, width, 3))
+    channels = {
+        "position": position, "normal": leaning / np.linalg.norm(leaning, axis=-1, keepdims=True),
+        "prev_position": position[..., :3] + rng.normal(0.0, 0.1, (height, width, 3)),
+        "direct": rng.exponential(0.1, (height, width, 3)), "indirect": rng.exponential(0.1, (height, width, 3)),
+        "color": rng.random((height, width, 3)) * 0.3,
+    }  # fmt: skip
+    channels["direct"][rng.random((height, width)) < 0.02] = np.nan
+    return {name: values.astype(np.float32).astype(np.float64) for name, values in channels.items()}
+
+
 @case(
-    "bytes-of-a-frame",
-    description="each channel in two frames, and their depth buffer, in floats and half floats: bytes that are added "
-    "up before they exist against those of the textures",
-    elsewhere="history is left out of the sum, and an image that passed the check does not fit",
-    here="both frames, components and type of each channel",
-    source="exact: integers",
+    "masks-{0}-{1}",
+    tolerance=1e-3,
+    source="float32: pixels whose distance or position is within rounding of its limit",
+    each=tuple(itertools.product(("camera", "motion"), ("nearest", "bilinear"))),
 )
-def bytes_of_a_frame(bench: Bench) -> Outcome:
-    errors = []
-    for name in CHANNELS:
-        for storage in ("float", "half"):
-            with Owner() as owner:
-                history = owner.own(History(bench.gpu, (20, 10), (name,), storage))
-                textures = [history.depth, *(frame.textures[name] for frame in (history.current, history.previous))]
-                taken = [t.width * t.height * t.components * int(t.dtype[-1]) for t in textures]
-                errors.append(history.bytes - sum(taken))
-    return field("the bytes of the textures", errors)
+def masks(bench: Bench, reprojected: str, sampling: str) -> Outcome:
+    """Random channels of all features, {0} reprojection, {1} history: masks and motion against the float64 reference.
+
+    One term of one feature is wrong, which a scene with a known answer may not show.
+    """
+    size, rng = (131, 77), np.random.default_rng(5)
+    lens = Camera(yfov=1.1, znear=0.5, zfar=50.0)
+    then = View(np.array([10.0, 2.0, -3.0]), math3d.mat3_from_quat(_euler(30.0, 0.0, 0.0)), lens)
+    now = View(then.position + (0.3, -0.1, 0.6), math3d.mat3_from_quat(_euler(37.0, 0.0, 3.0)), lens)
+    current, history = _synthetic(now, size, rng), _synthetic(then, size, rng)
+    pair = reprojection(now, then, *size)
+    how = {"reprojection": reprojected, "sampling": sampling}
+    images = bench.compare(current, history, pair, exposure=2.0, **how)
+    expected = pair_masks(current, history, pair, limits(None), exposure=2.0, **how)
+    off = [float((images.mask != expected.mask).mean())]
+    for measured, feature in zip(images.counted.histograms.astype(np.int64), FEATURES, strict=True):
+        tails = [np.cumsum(counts[:0:-1]) for counts in (measured, expected.histogram(feature))]
+        off.append(worst(tails[0] - tails[1]) / images.mask.size)
+    moved = np.abs(expected.motion_px).max(axis=-1)
+    seen = (moved < 500.0) & ((expected.mask & Reason.INVALID) == 0)
+    off.append(worst((images.motion - expected.motion_px)[seen]))
+    return field("the reference", off)

@@ -16,7 +16,7 @@ from taubench_gl.demos.lessons import half, jitter
 from taubench_gl.demos.lessons.cost import beside
 from taubench_gl.demos.lessons.half import half_step
 from taubench_gl.demos.lessons.noise import expected_many_samples, expected_one_sample
-from taubench_gl.selftest.scenes import turn
+from taubench_gl.scene.builder import turn
 
 SIZE = (480, 270)
 YFOV = math.radians(55.0)

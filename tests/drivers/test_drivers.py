@@ -124,16 +124,3 @@ def test_driver_report(tmp_path: Path) -> None:
     for entry in report["frames"]:
         assert entry["ms"] > 0 and set(entry["sha256"]) == {"mask", "motion", *CHANNELS}
         assert all(len(checksum) == 64 for checksum in entry["sha256"].values()) and entry["counts"]["pixels"] > 0
-
-
-@pytest.mark.parametrize("name", ["zink", "osmesa", "llvmpipe", "nonsense"])
-def test_environments_of_drivers(name: str) -> None:
-    """Each sets or removes the same variables, so that no driver inherits a choice; a missing one is one line."""
-    done = subprocess.run([sys.executable, ROOT / "tools" / "drivers.py", name], capture_output=True, text=True)
-    if done.returncode:
-        assert done.returncode == 1 and not done.stdout and done.stderr.count("\n") == 1
-        assert name != "llvmpipe"
-        return
-    assert name != "nonsense"
-    named = {line.split()[1].partition("=")[0] for line in done.stdout.splitlines()}
-    assert named - {"XDG_RUNTIME_DIR"} == set(tool("drivers")._SELECTING)

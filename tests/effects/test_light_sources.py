@@ -9,7 +9,7 @@ from taubench_gl.effects.decide import decide, force, unmeasured
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.plan import frame_spec
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.settings import Settings
 
 SKY = (0.2, 0.3, 0.4)

@@ -15,7 +15,7 @@ from taubench_gl.effects.lighting import (
     own_light,
     without_auto,
 )
-from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 AUTO = dict.fromkeys(FIXED_LIGHTING, "auto")

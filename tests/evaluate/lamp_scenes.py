@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 
 
 def lamp_over_floor(*, moves: bool = True, emits: float = 0.0):

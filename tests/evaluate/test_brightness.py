@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.selftest.scenes import SceneBuilder, quad
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")

@@ -15,7 +15,7 @@ from taubench_gl.metrics.exact_rates import CLASSES, exact_summary
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import FRAMES_FILE, load_run, read_frames
 from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")

@@ -13,7 +13,8 @@ from taubench_gl.evaluation.explain import in_words
 from taubench_gl.glossary import label_of
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad
+from taubench_gl.scene.builder import SceneBuilder, box, quad
+from taubench_gl.selftest.scenes import busy_room
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 

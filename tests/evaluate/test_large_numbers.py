@@ -15,8 +15,8 @@ from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.lighting import MAX_LIGHT, require_float32, resolve_lighting
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Channel, Material
-from taubench_gl.selftest.scenes import SceneBuilder, quad
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 

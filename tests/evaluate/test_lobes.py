@@ -14,8 +14,8 @@ from taubench_gl.evaluation.lobes import scene_channels
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")

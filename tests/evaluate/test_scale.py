@@ -9,8 +9,8 @@ import pytest
 
 from taubench_gl import evaluate
 from taubench_gl.evaluation import describe_scale, evaluate_scene
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, quad
 from taubench_gl.settings import Settings
 
 SMALL = {"width": 32, "height": 18, "frames": (0, 5), "columns": ("frustum", "position"), "camera": 0}

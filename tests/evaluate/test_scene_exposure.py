@@ -82,7 +82,7 @@ def test_the_cache_is_read(cache, expected):
 def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
     """As of a newer version, or of a test that changes them."""
     scene = load_scene(DEMO)
-    metering = _metering(scene, Settings(light_unit="candela", environment="none"))
+    metering = _metering(Settings(light_unit="candela", environment="none"))
     camera = camera_of_run(scene, metering.sequence)
     files = {
         _cache_file(scene, m, camera) for m in (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
@@ -93,7 +93,7 @@ def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
 def test_what_has_no_content_hash_has_no_file(cache):
     """A scene made in memory, and a camera that only the caller knows."""
     scene = load_scene(DEMO)
-    metering = _metering(scene, Settings(light_unit="candela", environment="none"))
+    metering = _metering(Settings(light_unit="candela", environment="none"))
     camera, own = (
         camera_of_run(scene, metering.sequence),
         MovingCamera(lambda time: View(np.zeros(3), np.eye(3), Camera())),
@@ -125,7 +125,7 @@ def test_added_motion_does_not_change_the_exposure(cache, tmp_path):
 @pytest.mark.parametrize("light", ["raster", "path-traced", "auto"])
 def test_an_environment_is_metered_path_traced_whatever_the_method(light, cache):
     """A white floor under the default environment: radiance 2, so 0.09."""
-    from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
+    from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 
     b = SceneBuilder()
     white = b.material(base_color=(1.0, 1.0, 1.0, 1.0), metallic=0.0, roughness=1.0, specular=0.0)

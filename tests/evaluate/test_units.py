@@ -17,7 +17,7 @@ from taubench_gl.report.paper import paper_tables
 from taubench_gl.report.run_page import ReportRun, report_data
 from taubench_gl.report.run_plots import plot_thresholds
 from taubench_gl.scene import load_scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.settings import Settings
 
 DEMO = ASSETS / "demo.glb"

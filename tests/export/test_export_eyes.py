@@ -14,7 +14,7 @@ from taubench_gl.export.run import export_scene
 from taubench_gl.option_groups import ExportOptions
 from taubench_gl.paths import ASSETS
 from taubench_gl.pathtraced.cameras import read_camera_file
-from taubench_gl.selftest.scenes import SceneBuilder, quad
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.settings import Settings
 
 WIDTH, HEIGHT, YFOV, BASE, CONVERGENCE = 64, 36, 1.0, 0.1, 1.7

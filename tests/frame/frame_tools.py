@@ -19,8 +19,8 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Camera, Channel, Image, Material, Primitive, Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
 
 Array = np.ndarray
 THRESHOLDS = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD)

@@ -13,8 +13,9 @@ from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import EXACT, AnimatedScene
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad
+from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 
 ALL = ("frustum", "position", "normal", "direct", "indirect", "color")

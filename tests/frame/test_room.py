@@ -12,7 +12,7 @@ from taubench_gl.frame.passes.indirect import indirect_light
 from taubench_gl.frame.passes.shadows import shadow_maps
 from taubench_gl.frame.spec import AnimatedScene, FrameSpec
 from taubench_gl.gpu.passes import require_room
-from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.settings import Settings
 
 LIT = frozenset({"direct", "shadows", "indirect"})

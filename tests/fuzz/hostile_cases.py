@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mutants import gltf_seed, write_gltf
-from text_mutants import AFF, MTL, OBJ, PART, damaged_text
+from hostile_seeds import AFF, MTL, OBJ, PART, damaged_text, gltf_seed, write_gltf
 
 from taubench_gl.paths import PACKAGE
 
@@ -50,14 +49,13 @@ class Case:
     """``command``: arguments of taubench-gl, or ``@name`` of ``hostile_server.CALLS`` and a file.
 
     ``named``: the file that the command names; what it links to may be read.  Folders of results may hold links to
-    files elsewhere, which may be read too.  ``draws``: the command opens OpenGL.
+    files elsewhere, which may be read too.
     """
 
     number: int
     kind: str
     command: list[str]
     named: Path
-    draws: bool = False
 
 
 # ----------------------------------------------------------------------------------------------------------- documents
@@ -216,15 +214,17 @@ def png(width: int, height: int) -> bytes:
 # ---------------------------------------------------------------------------------------------------------------- kinds
 
 
-def scene_command(path: Path, out: Path, rng: random.Random) -> tuple[list[str], bool]:
+def scene_command(path: Path, out: Path, rng: random.Random) -> list[str]:
     kind = rng.random()
-    if kind < 0.8:
-        return ["@scene", str(path)], False
-    if kind < 0.9:
-        return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))], True
+    if kind < 0.75:
+        return ["@scene", str(path)]
+    if kind < 0.85:
+        return ["inspect", str(path), *rng.choice(([], ["--json"], ["--strict"]))]
+    if kind < 0.95:
+        return ["@evaluate", str(path)]
     size = ["--size", "24x16", "--frames", "0:3", "--shadow-size", "32", "--indirect", "none"]
     light = rng.choice(([], ["--light", "preview"], ["--light", "preview"]))
-    return ["evaluate", str(path), "--out", str(out), *size, *light], True
+    return ["evaluate", str(path), "--out", str(out), *size, *light]
 
 
 def amplify(document: dict, rng: random.Random) -> None:
@@ -282,8 +282,7 @@ def gltf(folder: Path, rng: random.Random, seeds: Path) -> Case:
     if rng.random() < 0.2:
         found = disguise(other, rng)
         path = found if other == path else path
-    command, draws = scene_command(path, folder / "out", rng)
-    return Case(0, "gltf", command, path, draws)
+    return Case(0, "gltf", scene_command(path, folder / "out", rng), path)
 
 
 LINES = {
@@ -309,8 +308,7 @@ def text_scene(folder: Path, rng: random.Random, seeds: Path) -> Case:
         chosen = rng.choice((path, other))
         found = disguise(chosen, rng)
         path = found if chosen == path else path
-    command, draws = scene_command(path, folder / "out", rng)
-    return Case(0, kind, command, path, draws)
+    return Case(0, kind, scene_command(path, folder / "out", rng), path)
 
 
 def frames(folder: Path, rng: random.Random, seeds: Path) -> Case:
@@ -346,7 +344,7 @@ def frames(folder: Path, rng: random.Random, seeds: Path) -> Case:
         command = ["reference", "check", spec]
     else:
         command = ["evaluate", spec, "--out", str(folder / "out")]
-    return Case(0, "exr", command, frames, kind >= 0.8)
+    return Case(0, "exr", command, frames)
 
 
 TOML_ENDS = (
@@ -383,9 +381,8 @@ def method(folder: Path, rng: random.Random, seeds: Path) -> Case:
     shaders = sorted(own.glob("*.glsl"))
     if rng.random() < 0.25:
         disguise(rng.choice([own / "method.toml", *shaders]), rng)
-    draws = rng.random() < 0.15
-    command = ["reuse", "check", str(own)] if draws else ["reuse", "show", str(own)]
-    return Case(0, "method", command, own, draws)
+    command = ["reuse", "check" if rng.random() < 0.15 else "show", str(own)]
+    return Case(0, "method", command, own)
 
 
 def stored_run(folder: Path, rng: random.Random, seeds: Path) -> Case:
@@ -394,7 +391,10 @@ def stored_run(folder: Path, rng: random.Random, seeds: Path) -> Case:
     summary, rows, mask = run / "summary.json", run / "frames.csv", run / "masks" / "mask_00001.npz"
     kind = rng.random()
     if kind < 0.5:
-        summary.write_bytes(encoded(json_text(changed(json.loads(summary.read_text()), rng))))
+        document = json.loads(summary.read_text())
+        if kind < 0.4:
+            document.pop("stored", None)  # with its checksum no change would reach the readers
+        summary.write_bytes(encoded(json_text(changed(document, rng))))
     elif kind < 0.75:
         lines = [line.split(",") for line in rows.read_text().splitlines()]
         for _ in range(rng.choice((1, 2, 5))):
@@ -483,7 +483,7 @@ KINDS: list[tuple[int, Callable[[Path, random.Random, Path], Case]]] = [
     (3, toml("registry", "registry.toml", registry_document,
              lambda path, out: ["scenes", "list", "--registry", str(path)])),
     (8, method),
-    (12, stored_run),
+    (18, stored_run),
     (3, stored_batch),
 ]  # fmt: skip
 """Shares of the kinds of cases."""
@@ -496,7 +496,7 @@ def make_case(number: int, seed: int, folder: Path, seeds: Path) -> Case:
     # One kind after the other, so that a short series has all of them.
     turn = [kind for round_ in range(max(w for w, _ in KINDS)) for weight, kind in KINDS if round_ < weight]
     case = turn[number % len(turn)](folder, rng, seeds)
-    return Case(number, case.kind, case.command, case.named, case.draws)
+    return Case(number, case.kind, case.command, case.named)
 
 
 def make_seeds(folder: Path) -> None:

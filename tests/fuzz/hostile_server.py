@@ -48,6 +48,24 @@ def scene(path: str) -> None:
             sample(loaded, seconds)
 
 
+def evaluate(path: str) -> None:
+    """Evaluate a few frames of a scene with light; the classes of every pair add up."""
+    import numpy as np
+
+    from taubench_gl.evaluation import evaluate_scene
+    from taubench_gl.metrics.counts import CLASSES
+    from taubench_gl.settings import FIXED_LIGHTING, Settings
+
+    settings = Settings(
+        width=24, height=16, fps=4, frames=(0, 3), reprojection="motion", shadow_size=32, light="raster",
+        columns=("frustum", "position", "normal", "direct", "color"), **FIXED_LIGHTING,
+    )  # fmt: skip
+    with np.errstate(all="ignore"):
+        run = evaluate_scene(path, settings)
+    for row in run.frames:
+        assert sum(row[name] for name in CLASSES) == row["pixels"] == 24 * 16, row
+
+
 def spec(path: str) -> None:
     from taubench_gl.batch.spec import read_spec
 
@@ -60,7 +78,9 @@ def suite(path: str) -> None:
     read_suite(path)
 
 
-CALLS: dict[str, Callable[[str], None]] = {"@preset": preset, "@scene": scene, "@spec": spec, "@suite": suite}
+CALLS: dict[str, Callable[[str], None]] = {
+    "@preset": preset, "@scene": scene, "@evaluate": evaluate, "@spec": spec, "@suite": suite,
+}  # fmt: skip
 
 
 def audit(folder: Path, named: str, report: int) -> None:

@@ -15,8 +15,8 @@ from taubench_gl.frame.memory import memory_of_frame
 from taubench_gl.frame.plan import frame_spec
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.memory_budget import VARIABLE
+from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.memory import DRAW_BYTES, memory_of
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 MEASURE = """

@@ -10,9 +10,9 @@ from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.indirect import SCREEN, SCREEN_ALBEDO, lamp_beside_a_wall, light_of_the_wall
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad
 from taubench_gl.settings import Settings
 
 SIZE = (64, 48)

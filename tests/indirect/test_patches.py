@@ -16,8 +16,8 @@ from taubench_gl.frame.records import RecordTable
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned
 from taubench_gl.scene.model import Camera, Image, Scene, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned
 from taubench_gl.settings import Settings
 
 

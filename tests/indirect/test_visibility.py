@@ -16,8 +16,9 @@ from taubench_gl.frame.shadow_faces import FACE
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, turn_y
 from taubench_gl.scene.model import Channel, Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, morphed, quad, turn_y
+from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 
 FAR = 4  # bricks, as indirect/bricks.comp.glsl

@@ -11,9 +11,9 @@ from taubench_gl import math3d
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Shot
-from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
 from taubench_gl.settings import Settings
 
 Array = np.ndarray

@@ -8,8 +8,8 @@ import numpy as np
 from light_tools import Shot, facing, floor, lambert, look_down, opened, shoot
 
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
 
 Array = np.ndarray
 ALBEDO = 0.5

@@ -10,8 +10,8 @@ from shadow_tools import Case, on_plane
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.color import display_color
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
 from taubench_gl.settings import Settings
 
 SIZE = 128

@@ -11,8 +11,8 @@ from repeated import few
 
 from taubench_gl import math3d
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, SurfaceMaterial, evaluate_brdf, incident
+from taubench_gl.scene.builder import SceneBuilder, sphere
 from taubench_gl.scene.model import Light, Scene
-from taubench_gl.selftest.scenes import SceneBuilder, sphere
 
 ALBEDO = 0.6
 UP = np.array([0.0, 1.0, 0.0])

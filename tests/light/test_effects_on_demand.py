@@ -13,8 +13,9 @@ from repeated import few
 from taubench_gl.errors import TaubenchError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.model import Image, Scene, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, quad
+from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 
 TINY = {"width": 32, "height": 24, "frames": (0, 3), "shadow_size": 64, "indirect_samples": 64, "probes": 16}

@@ -30,9 +30,9 @@ from taubench_gl.metrics.environment import (
     solid_angles,
 )
 from taubench_gl.metrics.lighting import albedo_table
+from taubench_gl.scene.builder import SceneBuilder, box, sphere
 from taubench_gl.scene.environment import environment_bytes, read_environment
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, sphere
 from taubench_gl.settings import Settings
 
 ALBEDO = 0.6

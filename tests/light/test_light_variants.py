@@ -10,8 +10,8 @@ from light_tools import lambert, look, opened, shoot
 from test_shadow_cache import street
 
 from taubench_gl.frame.tuning import Tuning
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
 
 SIZE = {"width": 61, "height": 43, "shadow_size": 64, "probes": 60, "indirect_samples": 128}
 """No multiple of any work group."""

@@ -13,7 +13,8 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.frame import light_stage
 from taubench_gl.frame.passes.lighting import TILE
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
-from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
+from taubench_gl.scene.builder import SceneBuilder, quad
+from taubench_gl.selftest.scenes import lamp_field
 
 SIZE = {"width": 192, "height": 108, "shadow_lights": 0, "columns": DIRECT_ONLY}
 

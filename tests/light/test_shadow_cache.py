@@ -11,8 +11,8 @@ from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import geometry_variant
 from taubench_gl.frame.passes.shadows import merged
 from taubench_gl.frame.scene_buffers import Group
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn_y
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn_y
 
 SIZE = {"shadow_size": 128, "width": 96, "height": 64}
 

@@ -19,8 +19,8 @@ from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pa
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import MAX_UNROLLED
+from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
 from taubench_gl.scene.model import Image, Scene, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
 from taubench_gl.settings import Settings
 
 TEXELS = 1.5

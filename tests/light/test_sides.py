@@ -10,8 +10,8 @@ from light_tools import facing, floor, lambert, look, look_down, opened, picture
 
 from taubench_gl import math3d
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x
 from taubench_gl.scene.model import Channel, Image, Scene, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, quad, sphere, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 ALBEDO = 0.5

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from taubench_gl.scene.builder import SceneBuilder, box, quad, sphere, turn
 from taubench_gl.scene.model import Primitive, Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn
 
 relaxed = settings(deadline=None, derandomize=True, max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 """No deadline, because the first draw compiles shaders; the same examples in every run."""
@@ -44,7 +44,6 @@ class World:
     camera_rotation: np.ndarray
     camera_rotation_end: np.ndarray
     yfov: float
-    copies: list = field(default_factory=list)  # positions of still copies of the first thing
 
 
 things = st.builds(Thing, st.sampled_from(sorted(SHAPES)), places, places, rotations, st.sampled_from([0.25, 0.5, 1.0]))
@@ -58,7 +57,6 @@ worlds = st.builds(
     small_turns,
     small_turns,
     st.floats(0.3, 2.0).map(lambda a: round(a, 4)),
-    st.lists(places, min_size=1, max_size=4),
 )
 
 
@@ -70,11 +68,10 @@ def build(
     order: list[int] | None = None,
     rename: bool = False,
     indexed: bool = True,
-    copies: str | None = None,
     deep: bool = False,
     room: bool = True,
 ) -> Scene:
-    """``order``: of the things; ``copies``: None, "copied" nodes or "instanced"; ``deep``: extra identity nodes."""
+    """``order``: of the things; ``deep``: extra identity nodes."""
     b = SceneBuilder()
     root = b.node(translation=offset, scale=(scale,) * 3, name="root")
 
@@ -90,8 +87,6 @@ def build(
         size = (thing.size,) * 3
         node = b.node(parent(), mesh=mesh, rotation=thing.rotation, scale=size, translation=thing.start, name=name)
         b.animate(node, "translation", [0.0, 1.0], [thing.start, thing.end])
-    if copies:
-        _add_copies(b, root, world, copies)
     camera = b.camera(root, yfov=world.yfov, znear=0.0625 * scale, zfar=64.0 * scale)
     b.animate(camera, "translation", [0.0, 1.0], [world.camera_start, world.camera_end])
     b.animate(camera, "rotation", [0.0, 1.0], [world.camera_rotation, world.camera_rotation_end])
@@ -105,15 +100,3 @@ def shaped(primitive: Primitive, indexed: bool) -> Primitive:
     corners = primitive.triangles.reshape(-1)
     separate = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
     return Primitive(primitive.positions[corners], separate, primitive.material, normals=primitive.normals[corners])
-
-
-def _add_copies(b: SceneBuilder, root: int, world: World, how: str) -> None:
-    mesh = b.mesh(SHAPES[world.things[0].shape]())
-    matrices = np.tile(np.eye(4), (len(world.copies), 1, 1))
-    matrices[:, :3, :3] *= 0.25
-    matrices[:, :3, 3] = world.copies
-    node = b.node(root, mesh=mesh if how == "instanced" else -1, instances=matrices if how == "instanced" else None)
-    b.animate(node, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (0.5, 0.25, 0.0)])
-    if how == "copied":
-        for place in world.copies:
-            b.node(node, mesh=mesh, translation=place, scale=(0.25,) * 3)

@@ -10,8 +10,8 @@ from hit_tools import HEAD, opened
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.raytracing.atlas import atlas_pixels, plan_atlas, reduced_pixels
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Image, Sampler, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, quad
 from taubench_gl.srgb import srgb_decode, srgb_encode
 
 Array = np.ndarray

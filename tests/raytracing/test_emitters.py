@@ -12,8 +12,8 @@ from scipy import stats
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.raytracing.emitters import EMITTER, pyramid, texture_means
 from taubench_gl.frame.raytracing.hit_tables import HitOptions, emitter_cell_count, emitter_cells
+from taubench_gl.scene.builder import IDENTITY, SceneBuilder, box, morphed, quad, skinned, turn_x
 from taubench_gl.scene.model import Image, Primitive, Sampler, Texture
-from taubench_gl.selftest.scenes import IDENTITY, SceneBuilder, box, morphed, quad, skinned, turn_x
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray

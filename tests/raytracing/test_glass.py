@@ -15,10 +15,11 @@ from shader_tools import map_rows, rows_glsl, with_main
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import MIN_ALPHA
+from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.geometry import one_metre_per_pixel
-from taubench_gl.selftest.scenes import SceneBuilder, quad, sky_file, sphere, turn_x, turn_y
+from taubench_gl.selftest.scenes import sky_file
 
 Array = np.ndarray
 ETAS = (1.5, 1.0 / 1.5, 1.1, 2.4)

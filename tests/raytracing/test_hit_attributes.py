@@ -16,8 +16,8 @@ from hit_tools import Hits, Seen, look, opened
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import IDENTITY, SceneBuilder, box, morphed, quad, skinned, sphere, turn, turn_y
 from taubench_gl.scene.model import Image, Material, Primitive, Sampler, Scene, Texture
-from taubench_gl.selftest.scenes import IDENTITY, SceneBuilder, box, morphed, quad, skinned, sphere, turn, turn_y
 
 Array = np.ndarray
 SIZE = (96, 54)

@@ -13,8 +13,8 @@ import pytest
 from hit_tools import HEAD, opened
 
 from taubench_gl.animation import choose_camera
+from taubench_gl.scene.builder import SceneBuilder, box, quad, skinned, sphere, turn
 from taubench_gl.scene.model import Image, Sampler, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, skinned, sphere, turn
 
 ESTIMATES = (
     HEAD

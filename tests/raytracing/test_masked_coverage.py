@@ -16,8 +16,8 @@ from repeated import few
 from shadow_tools import on_plane, visibility
 
 from taubench_gl.frame.raytracing.attributes import HitAttributes
+from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
-from taubench_gl.selftest.scenes import SceneBuilder, quad
 
 TEXELS, PIXELS, HEIGHT, HALF = 128, 160, 1.0, 1.0
 TOLERANCE, EXACT = 0.03, 0.005

@@ -16,8 +16,8 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
 from taubench_gl.metrics.stochastic import light_choice
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 from taubench_gl.srgb import LUMINANCE
 

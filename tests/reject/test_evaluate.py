@@ -13,7 +13,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.paths import ASSETS
 from taubench_gl.reject.evaluate import OBJECTS, STRATA, TRUTHS, evaluate_tests, stratum_names
 from taubench_gl.reject.fit import fitted
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")

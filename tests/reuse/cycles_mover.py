@@ -13,8 +13,8 @@ import numpy as np
 import OpenEXR
 
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 
 FOLDER = Path(__file__).parent / "cycles_mover"
 SIZE, FRAMES = (64, 36), range(2, 8)

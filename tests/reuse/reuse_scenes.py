@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.settings import Settings
 
 SECONDS = 2.0

@@ -16,8 +16,8 @@ from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
 
 Array = np.ndarray
 SIZE = (16, 12)

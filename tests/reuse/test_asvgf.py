@@ -19,7 +19,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 
 SIZE = (64, 37)  # blocks at the edge are cut
 EXPOSURE, SETTINGS = 0.5, {"levels": 2, "gradient_levels": 2}

@@ -18,7 +18,7 @@ from taubench_gl.reuse.frame import MAX_REACTIVE, MIN_ALBEDO
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
 SMALL = {

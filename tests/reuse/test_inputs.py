@@ -265,7 +265,7 @@ def test_motion_of_points_behind_the_previous_camera(gpu):
 
 
 def turned_round():
-    from taubench_gl.selftest.scenes import SceneBuilder, box, turn_y
+    from taubench_gl.scene.builder import SceneBuilder, box, turn_y
 
     b = SceneBuilder()
     b.node(mesh=b.mesh(box((5.0, 5.0, 5.0), inside=True)))

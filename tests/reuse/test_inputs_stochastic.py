@@ -13,7 +13,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.shading_rate import RATES
 from taubench_gl.metrics.stochastic import light_choice
-from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 
 SIZE = (48, 32)

@@ -19,7 +19,8 @@ from taubench_gl.reuse.check import check_method, write_example
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.selftest.scenes import SceneBuilder, quad, sky_file, turn_x
+from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
+from taubench_gl.selftest.scenes import sky_file
 
 TOML = """light = "own"
 [structs.Probe]

@@ -22,7 +22,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.quality import reusable
 from taubench_gl.reuse.references import PathTracedReference
-from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 
 SMALL = {"width": 20, "height": 15, "light": "auto", "indirect": "auto", "bounces": 3, "shadow_size": 32}
 

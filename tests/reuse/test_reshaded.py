@@ -13,7 +13,7 @@ from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
+from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
 SIZE = (42, 30)

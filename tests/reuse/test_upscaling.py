@@ -19,7 +19,7 @@ from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
-from taubench_gl.selftest.scenes import SceneBuilder, quad
+from taubench_gl.scene.builder import SceneBuilder, quad
 
 SMALL, LARGE = (24, 16), (36, 24)
 GRIDS_TOML = """\

@@ -20,9 +20,9 @@ from taubench_gl.frame import geometry, records
 from taubench_gl.frame.passes import deform, masks
 from taubench_gl.gpu import shader
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics import activity, counts, reuse_rate, sequence_stats, streaming
+from taubench_gl.metrics import activity, counts, streaming
 from taubench_gl.scene.gltf import meshes
-from taubench_gl.selftest import bench
+from taubench_gl.selftest import bench, statistics
 from taubench_gl.selftest.animation import plain_slerp
 from taubench_gl.selftest.statistics import one_pass_variance
 from taubench_gl.settings import MetricsSettings, SequenceSettings
@@ -171,8 +171,6 @@ class _OnePass(streaming.Welford):
 
 
 def _one_pass_variance() -> AbstractContextManager[None]:
-    from taubench_gl.selftest import statistics
-
     return _replaced((statistics, "Welford", _OnePass))
 
 
@@ -195,11 +193,6 @@ def _plain_euler(rotation: Array) -> tuple[Array, Array]:
 
 def _acos_angle(a: Array, b: Array) -> Array:
     return 2.0 * np.arccos(np.minimum(np.abs(np.sum(a * b, axis=-1)), 1.0))
-
-
-def _divided_by_length(q: Array) -> Array:
-    with np.errstate(invalid="ignore"):
-        return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def _weights_as_stored(document: Any, fixes: Any, arrays: dict[str, Array], pointer: str) -> tuple[Any, Any]:
@@ -239,21 +232,12 @@ def _hermite_of_all_terms(v0: Array, out0: Array, in1: Array, v1: Array, u: Arra
     return h00 * v0 + h01 * v1 + dt * ((u**3 - 2 * u**2 + u) * out0 + (u**3 - u**2) * in1)
 
 
-def _rate_without(rate: str, bit: conventions.Reason) -> Callable[[], AbstractContextManager[None]]:
-    """A rate that forgets a reason; its table of first reasons, which is kept, forgets it too."""
-    bits = reuse_rate.RATE_BITS | {rate: reuse_rate.RATE_BITS[rate] & ~bit}
-    first = reuse_rate._first_reason.__wrapped__
-    return _python((reuse_rate, "RATE_BITS", bits), (reuse_rate, "_first_reason", first))
-
-
 def _fixed_point_depth(gpu: Gpu, size: tuple[int, int]) -> Any:
     return gpu.ctx.depth_texture(size)
 
 
 def _everything_keyed() -> AbstractContextManager[None]:
     """Cuts by a fixed limit of 2 m."""
-    from taubench_gl.metrics import activity
-
     return _replaced((activity, "detect_cuts", lambda found, unit_scale=1.0: found.position > 2.0))
 
 
@@ -261,218 +245,72 @@ _NEAR_TEST = "if (prev_depth <= limit) return mask | BEHIND;"
 _NORMAL = "vec3 r = vec3(dot(yz, n), dot(cross(z, x), n), dot(cross(x, y), n));"
 
 GUARDS: tuple[Guard, ...] = (
-    Guard(
-        "w-test",
-        "previous depth compared with near before the division by w",
-        _glsl(_NEAR_TEST, ""),
-        ("turn-180", "turn-180-sky", "near-plane-crossing", "w-exactly-zero"),
-    ),
-    Guard(
-        "screen-guard",
-        "tolerance of 1/256 px at the edge of the screen",
-        _python((conventions, "GUARD_PX", 0.0)),
-        ("screen-edge",),
-    ),
-    Guard(
-        "near-guard",
-        "relative tolerance of 1e-5 at the near plane",
-        _python((masks, "NEAR_GUARD", 0.0)),
-        ("on-the-near-plane",),
-    ),
-    Guard(
-        "camera-relative",
-        "matrices composed in float64, relative to the camera",
-        _world_floats,
-        ("offset-1e6", "offset-1e9"),
-    ),
-    Guard(
-        "camera-relative-skins",
-        "skin palettes made relative to the camera before blending",
-        _world_blending,
-        ("offset-1e6", "offset-1e9"),
-    ),
-    Guard(
-        "previous-pose",
-        "previous positions use the pose at the previous time",
-        _current_pose_as_previous,
-        ("skinned-motion", "skinned-with-camera", "morph-motion"),
-    ),
+    Guard("w-test", "previous depth compared with near before the division by w", _glsl(_NEAR_TEST, ""),
+          ("turn-180", "turn-180-sky", "near-plane-crossing", "w-exactly-zero")),
+    Guard("screen-guard", "tolerance of 1/256 px at the edge of the screen", _python((conventions, "GUARD_PX", 0.0)),
+          ("screen-edge",)),
+    Guard("near-guard", "relative tolerance of 1e-5 at the near plane", _python((masks, "NEAR_GUARD", 0.0)),
+          ("on-the-near-plane",)),
+    Guard("camera-relative", "matrices composed in float64, relative to the camera", _world_floats,
+          ("offset-1e6", "offset-1e9")),
+    Guard("camera-relative-skins", "skin palettes made relative to the camera before blending", _world_blending,
+          ("offset-1e6", "offset-1e9")),
+    Guard("previous-pose", "previous positions use the pose at the previous time", _current_pose_as_previous,
+          ("skinned-motion", "skinned-with-camera", "morph-motion")),
     Guard("no-wrapped-time", "previous time is never wrapped", _previous_time_wrapped, ("loop-end",)),
     Guard("sky-direction", "sky is a direction: w = 0", _sky_at_the_far_plane, ("sky-translation",)),
-    Guard(
-        "float-depth",
-        "depth is stored as 32-bit float",
-        _python((Gpu, "depth_texture", _fixed_point_depth)),
-        ("depth-1km", "depth-100km"),
-    ),
-    Guard(
-        "hemisphere",
-        "quaternion keys are taken on one hemisphere",
-        _python((curves, "slerp", _slerp_always(False))),
-        ("opposite-hemispheres",),
-    ),
-    Guard(
-        "equal-keys",
-        "slerp of equal keys does not divide by sin(0)",
-        _python((curves, "slerp", _slerp_always(True))),
-        ("equal-keys", "opposite-keys", "close-keys"),
-    ),
-    Guard(
-        "half-turn",
-        "a dot product of rounding noise does not choose the direction of rotation",
-        _python((curves, "HALF_TURN", 0.0)),
-        ("half-turn-keys",),
-    ),
-    Guard(
-        "exact-hermite",
-        "Hermite blending as v0 + h01 (v1 - v0), exact for equal keys",
-        _python((curves, "hermite", _hermite_of_all_terms)),
-        ("cubic-still",),
-    ),
-    Guard(
-        "zero-quaternion",
-        "the zero quaternion means no rotation",
-        _python((curves, "unit_quaternions", _divided_by_length)),
-        ("cubic-rotation",),
-    ),
-    Guard(
-        "wrap",
-        "differences of angles are wrapped",
-        _python((activity, "wrap_degrees", lambda difference: difference)),
-        ("angle-wrap",),
-    ),
-    Guard(
-        "gimbal-rule",
-        "roll is held near pitch +-90 degrees",
-        _python((activity, "euler_changes", _plain_euler)),
-        ("pitch-through-90", "gimbal-flag"),
-    ),
-    Guard(
-        "chord-angle",
-        "angle = 4 atan2 of chord lengths",
-        _python((math3d, "quat_angle", _acos_angle)),
-        ("tiny-rotation",),
-    ),
-    Guard(
-        "proper-rotation",
-        "the view matrix contains no scale and no mirroring",
-        _python((math3d, "orthonormal", lambda mat3: mat3)),
-        ("scaled-camera-node",),
-    ),
+    Guard("float-depth", "depth is stored as 32-bit float", _python((Gpu, "depth_texture", _fixed_point_depth)),
+          ("depth-1km", "depth-100km")),
+    Guard("hemisphere", "quaternion keys are taken on one hemisphere",
+          _python((curves, "slerp", _slerp_always(False))), ("opposite-hemispheres",)),
+    Guard("equal-keys", "slerp of equal keys does not divide by sin(0)",
+          _python((curves, "slerp", _slerp_always(True))), ("equal-keys", "opposite-keys")),
+    Guard("half-turn", "a dot product of rounding noise does not choose the direction of rotation",
+          _python((curves, "HALF_TURN", 0.0)), ("half-turn-keys",)),
+    Guard("exact-hermite", "Hermite blending as v0 + h01 (v1 - v0), exact for equal keys",
+          _python((curves, "hermite", _hermite_of_all_terms)), ("cubic-still",)),
+    Guard("wrap", "differences of angles are wrapped",
+          _python((activity, "wrap_degrees", lambda difference: difference)), ("angle-wrap",)),
+    Guard("gimbal-rule", "roll is held near pitch +-90 degrees", _python((activity, "euler_changes", _plain_euler)),
+          ("pitch-through-90",)),
+    Guard("chord-angle", "angle = 4 atan2 of chord lengths", _python((math3d, "quat_angle", _acos_angle)),
+          ("tiny-rotation",)),
+    Guard("proper-rotation", "the view matrix contains no scale and no mirroring",
+          _python((math3d, "orthonormal", lambda mat3: mat3)), ("scaled-camera-node",)),
     Guard("cut-rule", "a step is compared with the changes around it", _everything_keyed, ("running-is-not-a-cut",)),
-    Guard(
-        "normal-cofactors",
-        "normals are transformed by the cofactor matrix",
-        _glsl(_NORMAL, "vec3 r = vec3(dot(x, n), dot(y, n), dot(z, n));"),
-        ("sheared-normal", "flattened-normal"),
-    ),
-    Guard(
-        "scaled-cofactors",
-        "matrix rows are scaled before they are multiplied",
-        _glsl("float scale = peak > 0.0 ? 1.0 / peak : 0.0;", "float scale = 1.0;"),
-        ("tiny-scale-normal",),
-    ),
-    Guard(
-        "safe-normalize",
-        "normalizing a zero vector gives zero",
-        _glsl("if (!(peak > 0.0)) return vec3(0.0);", ""),
-        ("zero-normals", "degenerate-triangles"),
-    ),
+    Guard("normal-cofactors", "normals are transformed by the cofactor matrix",
+          _glsl(_NORMAL, "vec3 r = vec3(dot(x, n), dot(y, n), dot(z, n));"), ("sheared-normal", "flattened-normal")),
+    Guard("scaled-cofactors", "matrix rows are scaled before they are multiplied",
+          _glsl("float scale = peak > 0.0 ? 1.0 / peak : 0.0;", "float scale = 1.0;"), ("tiny-scale-normal",)),
+    Guard("safe-normalize", "normalizing a zero vector gives zero", _glsl("if (!(peak > 0.0)) return vec3(0.0);", ""),
+          ("zero-normals", "degenerate-triangles")),
     Guard("front-faces", "mirrored draws swap front and back faces", _fronts_not_turned, ("negative-scale",)),
-    Guard(
-        "shown-side",
-        "normals face the viewer",
-        _glsl("return gl_FrontFacing ? n : -n;", "return n;"),
-        ("back-of-a-wall",),
-    ),
+    Guard("shown-side", "normals face the viewer", _glsl("return gl_FrontFacing ? n : -n;", "return n;"),
+          ("back-of-a-wall",)),
     Guard("wide-indices", "32-bit indices", _sixteen_bit_indices, ("many-vertices",)),
-    Guard(
-        "non-finite",
-        "NaN and Inf are detected by their bits",
-        _glsl("return (floatBitsToUint(x) & 0x7f800000u) == 0x7f800000u;", "return false;"),
-        ("nan-current", "nan-history", "inf-current", "invalid-position"),
-    ),
-    Guard(
-        "finite-taps",
-        "bilinear taps that are not finite have weight 0",
-        _glsl("if (bad || is_surface(s.position) != surface) continue;", ""),
-        ("nan-beside-bilinear",),
-    ),
-    Guard(
-        "strict-threshold",
-        "a discard is strictly greater than the threshold",
-        _glsl("if (d > LIMIT) mask |= BIT;", "if (d >= LIMIT) mask |= BIT;"),
-        ("on-threshold-direct",),
-    ),
-    Guard(
-        "signed-light",
-        "brightened and darkened pixels get different bits",
-        _glsl("luminance < 0.0 ? SHADOWED : 0u", "LIT"),
-        ("lit-and-shadowed",),
-    ),
-    Guard(
-        "sky-discards",
-        "sky against surface is always a discard",
-        _glsl("surface != history_surface", "false"),
-        ("silhouette-camera", "silhouette-motion"),
-    ),
+    Guard("non-finite", "NaN and Inf are detected by their bits",
+          _glsl("return (floatBitsToUint(x) & 0x7f800000u) == 0x7f800000u;", "return false;"),
+          ("nan-current", "nan-history", "inf-current", "invalid-position")),
+    Guard("finite-taps", "bilinear taps that are not finite have weight 0",
+          _glsl("if (bad || is_surface(s.position) != surface) continue;", ""), ("nan-beside-bilinear",)),
+    Guard("strict-threshold", "a discard is strictly greater than the threshold",
+          _glsl("if (d > LIMIT) mask |= BIT;", "if (d >= LIMIT) mask |= BIT;"), ("on-threshold-direct",)),
+    Guard("signed-light", "brightened and darkened pixels get different bits",
+          _glsl("luminance < 0.0 ? SHADOWED : 0u", "LIT"), ("lit-and-shadowed",)),
+    Guard("sky-discards", "sky against surface is always a discard", _glsl("surface != history_surface", "false"),
+          ("silhouette-camera", "silhouette-motion")),
     Guard("integer-counts", "counts are integers", _sum_in_floats, ("more-than-2^24-pixels",)),
-    Guard(
-        "stable-variance",
-        "variance by Welford, not by E[x^2] - E[x]^2",
-        _one_pass_variance,
-        ("variance-stream", "variance-blocks"),
-    ),
-    Guard(
-        "unit-scale", "the position threshold scales with unit_scale", _absolute_threshold, ("scale-2^-20", "scale-1e6")
-    ),
-    Guard(
-        "normalized-weights",
-        "skin weights are normalized to a sum of 1",
-        _python((meshes, "skin_weights", _weights_as_stored)),
-        ("weights-not-one", "weights-all-zero"),
-    ),
-    Guard(
-        "rate-without-normals",
-        "surface pixels with another normal are not reusable",
-        _rate_without("surface", conventions.Reason.NORMAL),
-        ("headline",),
-    ),
-    Guard(
-        "rate-without-indirect",
-        "shaded pixels with other indirect light are not reusable",
-        _rate_without("shading", conventions.Reason.INDIRECT),
-        ("headline",),
-    ),
-    Guard(
-        "all-pixels",
-        "Eq. 4 divides by all pixels, not by those that are compared",
-        _python((sequence_stats, "percent", counts.comparable_percent)),
-        ("eq4-of-all-pixels",),
-    ),
-    Guard(
-        "surface-cuts",
-        "a surface that replaces another one has no history",
-        _glsl("return mask | CUT;", "return mask;"),
-        ("cut-of-a-surface",),
-    ),
-    Guard(
-        "unit-blend",
-        "blended normals are normalized",
-        _glsl("if (norm > 0.0) sum.normal /= norm;", ""),
-        ("blended-normal",),
-    ),
-    Guard(
-        "nearest-turn",
-        "the nearest number of whole turns is subtracted, not the truncated one",
-        _python((activity, "wrap_degrees", lambda d: d - 360.0 * np.trunc(d / 360.0))),
-        ("wrap-table",),
-    ),
-    Guard(
-        "frame-tolerance",
-        "frame count with tolerances of 2^-23 of the duration and 1e-6 of a frame",
-        _python((SequenceSettings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),
-        ("duration-from-float-keys",),
-    ),
-)
+    Guard("stable-variance", "variance by Welford, not by E[x^2] - E[x]^2", _one_pass_variance, ("variance-stream",)),
+    Guard("unit-scale", "the position threshold scales with unit_scale", _absolute_threshold,
+          ("scale-2^-20", "scale-1e6")),
+    Guard("normalized-weights", "skin weights are normalized to a sum of 1",
+          _python((meshes, "skin_weights", _weights_as_stored)), ("weights-not-one",)),
+    Guard("surface-cuts", "a surface that replaces another one has no history",
+          _glsl("return mask | CUT;", "return mask;"), ("cut-of-a-surface",)),
+    Guard("unit-blend", "blended normals are normalized", _glsl("if (norm > 0.0) sum.normal /= norm;", ""),
+          ("blended-normal",)),
+    Guard("frame-tolerance", "frame count with tolerances of 2^-23 of the duration and 1e-6 of a frame",
+          _python((SequenceSettings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),
+          ("duration-from-float-keys",)),
+)  # fmt: skip
 """Every guard, with the cases that fail when it is disabled."""

@@ -31,7 +31,7 @@ def broken(monkeypatch):
     def raises(bench):
         raise ZeroDivisionError("oops")
 
-    texts = ("test", "failure", "approach", 0.5, "source")
+    texts = ("test", "failure", 0.5, "source")
     monkeypatch.setitem(
         REGISTRY, "made-up-wrong", Case("made-up-wrong", "camera", *texts, lambda b: Outcome(1.0, 2.0, 1.0))
     )
@@ -96,6 +96,6 @@ def test_gl_error_fails_the_case():
     class Bench:
         gpu = Gpu()
 
-    one = Case("x", "camera", "w", "e", "h", 0.0, "s", lambda b: Outcome(0, 0, 0.0))
+    one = Case("x", "camera", "w", "e", 0.0, "s", lambda b: Outcome(0, 0, 0.0))
     result = run_case(one, Bench())
     assert not result.passed and "GL_INVALID_OPERATION" in result.failure

@@ -19,8 +19,6 @@ def test_a_case_fails_without_the_guard(guard):
         results = run_selftest(gpu, only=guard.detected_by)
     failed = [r.name for r in results if r.name in guard.detected_by and not r.passed and r.failure is None]
     assert failed, [(r.name, r.error, r.failure) for r in results]
-    again = run_selftest(gpu, only=guard.detected_by)
-    assert all(r.passed for r in again), [(r.name, r.error, r.failure) for r in again]
 
 
 def test_guard_names_are_unique():

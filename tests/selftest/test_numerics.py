@@ -23,9 +23,8 @@ def test_every_row_is_of_a_guard_and_a_case():
     assert [r["guard"] for r in found["rows"]] == list(NUMERIC), "run: tools/record numerics"
     assert found["driver"] and found["renderer"] and found["date"]
     for r in found["rows"]:
-        assert r["case"] in GUARD[r["guard"]].detected_by and r["rule"] == GUARD[r["guard"]].description
-        assert (r["description"], r["tolerance"]) == (case[r["case"]].description, case[r["case"]].tolerance)
-        assert r["error"] <= r["tolerance"] < r["error_without"]
+        assert r["case"] in GUARD[r["guard"]].detected_by
+        assert r["error"] <= case[r["case"]].tolerance < r["error_without"]
 
 
 @pytest.mark.parametrize("name", ["stable-variance", "chord-angle", "frame-tolerance"])

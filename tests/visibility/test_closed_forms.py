@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from sight_tools import look, surely
 
 from taubench_gl.conventions import Visibility
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Camera, Channel, Material
-from taubench_gl.selftest.scenes import SceneBuilder, box
 
 BOARD, WALL, HALF, STEP = 2.0, 5.0, 0.4, 0.35
 """Depths of board and wall, half the board's width, and how far the camera moves to the right: meters."""

@@ -13,9 +13,9 @@ from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Questi
 from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
+from taubench_gl.scene.builder import IDENTITY, turn_y
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import pixel_grid
-from taubench_gl.selftest.scenes import IDENTITY, turn_y
 
 Array = np.ndarray
 YFOV = np.radians(60.0)

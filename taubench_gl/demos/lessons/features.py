@@ -14,8 +14,8 @@ from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
 from taubench_gl.demos.sheet import Sheet, as_bytes, gray_image, inset, letter, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
+from taubench_gl.scene.builder import IDENTITY, turn, turn_x, turn_y
 from taubench_gl.scene.model import Primitive, Scene
-from taubench_gl.selftest.scenes import IDENTITY, turn, turn_x, turn_y
 
 Array = np.ndarray
 MIN_PIXELS = 8  # smallest region with a letter

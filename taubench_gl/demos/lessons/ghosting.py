@@ -15,8 +15,8 @@ from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
+from taubench_gl.scene.builder import sphere
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import sphere
 
 Array = np.ndarray
 FRAMES, ALPHA = 13, 0.1

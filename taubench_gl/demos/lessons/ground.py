@@ -12,9 +12,9 @@ from taubench_gl.demos.theory import ground_discards, ground_distance
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.reject.evaluate import evaluate_tests
+from taubench_gl.scene.builder import turn_x
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import limits
-from taubench_gl.selftest.scenes import turn_x
 
 YFOV = np.radians(50.0)
 EYE, STEP = 1.6, 1.3  # height of the camera, meters; meters it moves forward in a second

@@ -8,9 +8,9 @@ from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import pixel_grid
-from taubench_gl.selftest.scenes import IDENTITY, turn
 
 Array = np.ndarray
 YFOV = np.radians(60.0)

@@ -15,8 +15,8 @@ from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import read_result
+from taubench_gl.scene.builder import quad, turn
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import quad, turn
 
 Array = np.ndarray
 YFOV, DEPTH = np.radians(42.0), 4.0

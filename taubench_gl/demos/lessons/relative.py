@@ -10,9 +10,9 @@ from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.scene.builder import turn_y
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages
-from taubench_gl.selftest.scenes import turn_y
 
 Array = np.ndarray
 FAR = 1e6

@@ -19,8 +19,8 @@ from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import SampleRays
 from taubench_gl.reuse.samples import history_counts
+from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import quad
 
 Array = np.ndarray
 SIZE = (96, 54)  # path-traced input takes long on a CPU

@@ -11,8 +11,8 @@ from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Questi
 from taubench_gl.demos.lessons.behind import reprojected
 from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import Props, Stage, hall
+from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import IDENTITY, turn
 
 YFOV = np.radians(55.0)
 DEGREES = 25.0

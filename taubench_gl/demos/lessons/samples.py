@@ -13,8 +13,8 @@ from taubench_gl.demos.lessons.cost import scaled_to
 from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.metrics.color import display_color
+from taubench_gl.scene.builder import quad, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import quad, turn_x
 
 Array = np.ndarray
 SIZE = (96, 54)  # path tracing takes long on a CPU

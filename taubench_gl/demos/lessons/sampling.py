@@ -23,9 +23,9 @@ from taubench_gl.demos.sheet import (
 )
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
 from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.scene.builder import turn, turn_y
 from taubench_gl.scene.model import Camera, Scene
 from taubench_gl.selftest.bench import MovingCamera, PairImages, limits
-from taubench_gl.selftest.scenes import turn, turn_y
 
 Array = np.ndarray
 YFOV = np.radians(50.0)

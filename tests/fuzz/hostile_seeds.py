@@ -1,9 +1,8 @@
-"""Damaged glTF and EXR files, generated from a valid one and a seed number."""
+"""Valid documents of which the hostile cases are made, and changes of a text."""
 
 from __future__ import annotations
 
 import base64
-import copy
 import json
 import random
 import struct
@@ -13,12 +12,55 @@ from typing import Any
 
 import numpy as np
 
-VALUES = [
-    -1, 0, 1, 2, 7, 255, 65535, 65536, 2**31 - 1, 2**31, 2**32, 2**53, 10**30, 0.5, -0.0, 1e308, -1e308, 1e-308, 1e39,
-    True, False, None, "", "x", "../../x", "data:,", [], [0], [0, 0, 0], [1e38, 1e38, 1e38], [0, 0, 0, 0], {}, {"a": 1},
-    5120, 5121, 5123, 5125, 5126, "SCALAR", "VEC2", "VEC3", "VEC4", "MAT4", "STEP", "LINEAR", "CUBICSPLINE",
-]  # fmt: skip
-FLOATS = [0.0, -0.0, 1e-45, 1e-38, 1e-20, 1e20, 3.4e38, -3.4e38, float("inf"), float("-inf"), float("nan"), 1.0, -1.0]
+AFF = """v from 0 1 6 at 0 0 0 up 0 1 0 angle 45 hither 0.1 resolution 24 16
+am .2 .2 .2
+l 2 4 3 .5 .5 .5
+fm 0 0 0 .6 .5 .4 .1 .1 .1 20 .1 1
+p 4 -3 -1 3 3 -1 3 3 -1 -3 -3 -1 -3
+f 1 .5 .2 .8 .2 30 0 1
+xs 1 2 1 0 1 0 30 -1 0 0 { m vertices 3 0 0 0 1 0 0 0 1 0 normals 1 0 0 1 triangles 1 0 1 2 0 0 0 }
+x ball { s 0 0 0 .7 c 0 0 0 .3 1.5 0 0 .1 }
+pp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1
+tt none.ppm 0 0 0 0 0 1 0 0 1 0 0 1 0 0 1
+tpa 2 0 1 -1 0 0 0 1 2 -1 0 0 0 1 1 1 0 0 0 1 1 1 -1 0 0 0 1 2 0 0 0 0 1 1 1 0 0 0 1
+a 0 2 8
+k ball { transl 4 -1 0 0 0 0 0 0 0 0 0 0 .1 .2 .3 1 1 0 0 0 0 0 2 1 1 0 0 0 0
+rot 5 -1 0 1 0 0 0 0 0 0 0 1 0 0 0 0 0 1 0 1 0 90 0 0 0 2 0 1 0 400 0 0 0 3 0 1 0 400 0 0 0
+visibility 2 0 1 1.6 0 }
+la lamp 0 3 0 .4 .4 .4
+i 0 part.aff
+i 9 other.aff
+"""
+PART = "s 1 1 1 .3\nxs 1 1 1 0 1 0 0 1 0 0 { p 3 0 0 0 1 0 0 0 1 0 }\n"
+OBJ = """mtllib a.mtl
+o sheet
+v -1 -1 0
+v 1 -1 0
+v 1 1 .5 1
+v -1 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+vn 0 0 1
+vn 0 .1 1
+usemtl red
+f 1/1/1 2/2/1 3/3/2 4/4/2
+o other
+v 2 0 0
+v 3 0 0 .5 .5 .5
+v 2 1 0
+g part
+usemtl blue
+f -3 -2 -1
+f 5//1 6//2 7//1
+l 1 2
+s off
+"""
+MTL = "newmtl red\nKd 1 0 0\nKs .5 .5 .5\nNs 30\nd .9\nmap_Kd -o 0 0 none.png\nnewmtl blue\nKd 0 0 1\nKe 1 1 2\nTr .1\n"
+WORDS = ["nan", "inf", "-1", "0", "1e30", "1e39", "-1e308", "1e-45", "99999999999", "2147483648", "{", "}", "#", "x",
+         "f", "v", "../..", "%", "1/1", "//", "-0", "\\", "1_0", "0x10", "½", "٣", ""]  # fmt: skip
+NUMBERS = ["0", "-0", "1", "-1", "2", "3", "7", "0.5", "-1.5", "1e-45", "1e-20", "1e15", "1e29", "-1e29", "360"]
 
 
 class _Seed:
@@ -101,28 +143,6 @@ def gltf_seed() -> tuple[dict, bytes]:
     return s.json, s.blob
 
 
-def write_gltf_mutants(folder: Path, count: int, seed: int) -> None:
-    """``count`` mutants of the scene, and the undamaged scene as 000000.gltf."""
-    document, blob = gltf_seed()
-    write_gltf(folder / "000000.gltf", document, blob)
-    rng = random.Random(seed)
-    for number in range(1, count + 1):
-        mutant, data = copy.deepcopy(document), bytearray(blob)
-        for _ in range(rng.choice((1, 1, 2, 3, 5))):
-            kind = rng.random()
-            if kind < 0.55:
-                _damage_json(mutant, rng)
-            elif kind < 0.8 and len(data) >= 4:  # replace a float of the buffer by an edge case
-                at = 4 * rng.randrange(len(data) // 4)
-                data[at : at + 4] = struct.pack("<f", rng.choice(FLOATS))
-            elif kind < 0.95:
-                data[rng.randrange(len(data))] = rng.randrange(256)
-            else:
-                del data[rng.randrange(len(data)) :]
-                data = data or bytearray(1)
-        write_gltf(folder / f"{number:06d}.{rng.choice(('gltf', 'glb'))}", mutant, bytes(data))
-
-
 def write_gltf(
     path: Path, document: dict, blob: bytes, buffer: dict | None = None, text_of: Callable[[Any], str] = json.dumps
 ) -> None:
@@ -141,45 +161,32 @@ def write_gltf(
     path.write_bytes(struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body)
 
 
-def _damage_json(document: dict, rng: random.Random) -> None:
-    places: list[tuple] = []
-
-    def walk(value: object, owner: object, key: object) -> None:
-        if owner is not None:
-            places.append((owner, key))
-        items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-        for name, item in items:
-            walk(item, value, name)
-
-    walk(document, None, None)
-    owner, key = rng.choice(places)
-    kind = rng.random()
-    if kind < 0.15:
-        del owner[key]
-    elif kind < 0.45 and isinstance(owner[key], (int, float)) and not isinstance(owner[key], bool):
-        owner[key] = owner[key] + rng.choice((-1, 1, 2, 1000)) if rng.random() < 0.6 else rng.choice(FLOATS[:8])
-    else:
-        owner[key] = copy.deepcopy(rng.choice(VALUES))
-
-
-def write_exr_mutants(folder: Path, count: int, seed: int) -> None:
-    """Small images with changed header bytes, and truncated files; 000000.exr is undamaged."""
-    import OpenEXR
-
-    rng, random_pixels = random.Random(seed), np.random.default_rng(seed)
-    seeds = []
-    for compression in (OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.PIZ_COMPRESSION):
-        pixels = {n: random_pixels.random((9, 13)).astype(np.float32) for n in ("Diffuse Direct.R", "Depth.Z", "A")}
-        path = folder / "seed.exr"
-        OpenEXR.File({"compression": compression, "type": OpenEXR.scanlineimage}, pixels).write(str(path))
-        seeds.append(path.read_bytes())
-        path.unlink()
-    (folder / "000000.exr").write_bytes(seeds[0])
-    for number in range(1, count + 1):
-        data = bytearray(rng.choice(seeds))
-        header = min(len(data), 420)
-        for _ in range(rng.choice((1, 1, 2, 4, 16))):
-            data[rng.randrange(4, header)] = rng.choice((0, 1, 127, 128, 255, rng.randrange(256)))
-        if rng.random() < 0.15:
-            del data[rng.randrange(len(data)) :]
-        (folder / f"{number:06d}.exr").write_bytes(bytes(data))
+def damaged_text(text: str, rng: random.Random) -> bytes:
+    """A few words, numbers, lines and bytes of a text changed."""
+    lines = [line.split(" ") for line in text.split("\n")]
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        line = rng.choice(lines)
+        at, action = rng.randrange(len(line)), rng.random()
+        numbers = [i for i, word in enumerate(line) if word.lstrip("-").replace(".", "").isdigit()]
+        if numbers and rng.random() < 0.6:  # still a number: a file that is rejected at once tests little
+            line[rng.choice(numbers)] = rng.choice(NUMBERS)
+        elif action < 0.45:
+            line[at] = rng.choice(WORDS)
+        elif action < 0.6:
+            line.insert(at, rng.choice(WORDS))
+        elif action < 0.75 and len(line) > 1:
+            del line[at]
+        elif action < 0.85:
+            other = rng.choice(lines)
+            line[at] = rng.choice(other)
+        elif action < 0.93:
+            lines.remove(line)
+        else:
+            lines.insert(rng.randrange(len(lines)), list(line))
+        lines = lines or [[""]]
+    data = bytearray("\n".join(" ".join(line) for line in lines).encode())
+    if rng.random() < 0.15 and data:
+        data[rng.randrange(len(data))] = rng.randrange(256)
+    if rng.random() < 0.1:
+        del data[rng.randrange(len(data) + 1) :]
+    return bytes(data)
