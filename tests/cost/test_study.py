@@ -12,7 +12,7 @@ import pytest
 from taubench_gl.apps.cli import main
 from taubench_gl.cost import configurations, cost
 from taubench_gl.cost import study as study_module
-from taubench_gl.cost.unit import EvaluationUnit
+from taubench_gl.cost.study import EvaluationUnit
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.preset import load_preset
