@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from batch_tools import DEMO, final_files, spec_of
+from batch_tools import DEMO, final_files
 from repeated import few
 
 from taubench_gl.batch.merge import frames_table
@@ -49,6 +49,7 @@ def test_results_do_not_depend_on_dask(reference, tmp_path):
 LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "shadow_size": 64, "probes": 32}
 
 
+LOBES = {"columns": ("direct", "indirect"), "shadow_size": 64, "probes": 32, "frames": (0, 5)}
 CHANGES = {
     "plain": {},
     "motion": {"reprojection": "motion", "sampling": "bilinear", "frames": (5, 14), "thresholds": {"normal": 0.01}},
@@ -62,63 +63,30 @@ CHANGES = {
     "other eye": {"history": "eye", "convergence": 3.0, "frames": (3, 7)},
     "both histories": {"history": "both", "eyes": 0.1, "frames": (3, 7)},
     "both histories, sampled light": {"history": "both", "light": "auto", "light_within": 6.0, **LIGHT},
+    "lobes": LOBES | {"light": "raster", "indirect": "none"},
+    "lobes, sampled light": LOBES | {"light": "auto", "light_within": 9.0},
+    "lobes, decided light": LOBES | {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
 }  # fmt: skip
-LONG = ("decided light", "both histories, sampled light")
+LONG = [kind for kind in CHANGES if "sampled light" in kind or "decided light" in kind]
 
 
 @pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.long) if k in LONG else k for k in CHANGES])
 def test_results_equal_those_of_evaluate(tmp_path, kind, monkeypatch):
-    """Pairs, sums, curves, census, camera, cuts and rounds of light, with a chunk boundary at every other pair."""
+    """Pairs, sums, curves, census, camera, cuts, lobes and rounds of light; a chunk ends at every other pair."""
     monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=3, pixels=16, limit=128))
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")}
-    settings |= CHANGES[kind]
-    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once", sampled=True)
-    plain = {k: v for k, v in settings.items() if k != "frames"}
-    lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
-    first, stop = settings["frames"]
-    spec = spec_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
-    assert spec.jobs[0].settings == Settings(**settings)
-    run_batch(spec, tmp_path / "out", chunk=2)
-    run = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id)
-    stored = load_run(tmp_path / "once")
+    settings, lobes = Settings(**settings | CHANGES[kind]), ("diffuse", "glossy", "volume") if "lobes" in kind else ()
+    once = evaluate_scene(DEMO, settings, out=tmp_path / "once", lobes=lobes, sampled=True)
+    run_batch(BatchSpec("one", (Job("demo", str(DEMO), settings, {}, lobes=lobes),)), tmp_path / "out", chunk=2)
+    run, stored = load_run(tmp_path / "out" / "jobs" / "demo"), load_run(tmp_path / "once")
     assert run.frames == stored.frames == once.frames
     assert list(run.summary) == list(stored.summary)
     assert {k: v for k, v in run.summary.items() if k not in VOLATILE} == {
         k: v for k, v in stored.summary.items() if k not in VOLATILE
     }
-    csv = (tmp_path / "once" / "frames.csv").read_bytes()
-    assert (run.out / "frames.csv").read_bytes() == csv
-
-
-@pytest.mark.parametrize(
-    "light",
-    few(
-        [
-            {"light": "raster", "indirect": "none"},
-            {"light": "auto", "light_within": 9.0},
-            {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
-        ]
-    ),
-)
-def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):
-    """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null, and sampled."""
-    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=12, limit=64))
-    size = {"width": 48, "height": 27, "frames": (0, 5), "shadow_size": 64, "probes": 32}
-    settings = Settings(columns=("direct", "indirect"), **size | light)
-    lobes = ("diffuse", "glossy", "volume")
-    once = evaluate_scene(DEMO, settings, lobes=lobes, sampled=True)
-    job = Job("demo", str(DEMO), settings, {}, lobes=lobes)
-    run_batch(BatchSpec("lobes", (job,)), tmp_path / "out", chunk=2)
-    run = load_run(tmp_path / "out" / "jobs" / "demo")
-    assert run.summary["lobes"] == once.summary["lobes"]
-    assert run.summary["lobes"]["diffuse"]["direct"]["mean_percent"] > 0
+    assert (run.out / "frames.csv").read_bytes() == (tmp_path / "once" / "frames.csv").read_bytes()
+    assert not lobes or run.summary["lobes"]["diffuse"]["direct"]["mean_percent"] > 0
     assert stored_spec(batch_store(tmp_path / "out")).jobs[0].lobes == lobes
-
-
-def _toml(value):
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }"
-    return json.dumps(list(value) if isinstance(value, tuple) else value)
 
 
 def test_names_that_are_not_utf8_are_escaped_in_the_table_of_all_pairs():
