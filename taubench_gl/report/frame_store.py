@@ -104,6 +104,7 @@ class KeptFrames:
 
     @property
     def worst(self) -> int | None:
+        """Number of the worst frame so far; None before the first."""
         return self._worst[1] if self._worst else None
 
     def sums(self) -> dict[str, str]:

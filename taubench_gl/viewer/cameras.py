@@ -46,6 +46,7 @@ class UserCamera:
         self.camera: Camera = view.camera
 
     def view(self) -> View:
+        """The view of this camera."""
         return View(self.position.copy(), rotation(self.yaw, self.pitch), self.camera)
 
     def look(self, dx_px: float, dy_px: float) -> None:

@@ -62,12 +62,16 @@ class Drawn:
 
 @dataclass(slots=True)
 class ViewerEngine:
-    """Updates image, masks and counts to a state.  ``timer`` measures the passes."""
+    """Draws what a state asks for: pair, masks, counts and image.
+
+    Every part has a key of everything it was made from, and is made again only when that changes.  ``timer`` measures
+    the passes.
+    """
 
     gpu: Gpu
     feed: Feed
     timer: Any
-    comparisons: dict[str, Comparison] = field(default_factory=dict)  # by name of what is compared with
+    comparisons: dict[str, Comparison] = field(default_factory=dict)  # value of the control ``against`` -> its images
     counts: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, int]] = field(default_factory=dict)  # rate -> disjoint reason -> pixels
     histograms: dict[str, Array] = field(default_factory=dict)  # feature -> (bins,) pixels per bin of its distance
@@ -76,28 +80,28 @@ class ViewerEngine:
     shots: tuple[Shot, Shot] | None = None  # previous, current
     user: UserCamera | None = None
     unmeasured: Mapping[str, str] = field(default_factory=dict)  # column of the pair -> why it is not measured
-    arrow_scale: float = 1.0  # of the arrows drawn last
+    arrow_scale: float = 1.0  # length of the arrows drawn last, per pixel of motion
     lights: Lights | None = None
 
-    _owner: GpuOwner | None = None  # of everything here, the feed and the comparisons
-    _evaluator: PairEvaluator | None = None
-    _reversed: PairEvaluator | None = None  # of the other eye, whose history is the image; None until it is shown
-    _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
-    _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
-    _observer: SceneFeed | None = None
+    _owner: GpuOwner | None = None  # frees everything here, with the feed and the comparisons
+    _evaluator: PairEvaluator | None = None  # compares pairs of the feed
+    _reversed: PairEvaluator | None = None  # compares the other eye with the image as its history, once it is shown
+    _active: PairEvaluator | None = None  # compared the pair shown; with coarse light its geometry alone
+    _drawn_feed: Feed | None = None  # drew the pair shown; with coarse light a feed without light
+    _observer: SceneFeed | None = None  # draws the view from outside
     _display: Display | None = None
-    _mask_key: Any = None
-    _image_key: Any = None
-    _content: Content | None = None  # of the image, without comparison
+    _mask_key: Any = None  # everything that the pair and its masks were made from
+    _image_key: Any = None  # everything that the image was made from
+    _content: Content | None = None  # what the image shows, without comparison
     _beside: list[Display] = field(default_factory=list)
     _magnifier: Magnifier | None = None
-    _magnified: Any = None
+    _magnified: Any = None  # everything that the magnified images were made from
     _exact: ExactMasks | None = None
-    _exact_key: Any = None  # of the masks beside which exact reasons were found
-    _range_key: Any = None
-    _probe_place: tuple[tuple[int, int], tuple[float, float]] | None = None  # pixel after a change of size, its place
-    _last: Shot | None = None  # of the user's camera at the last update
-    _before: Shot | None = None  # the previous shot of that update
+    _exact_key: Any = None  # ``_mask_key`` for which exact reasons were found
+    _range_key: Any = None  # everything that the automatic range was made from
+    _probe_place: tuple[tuple[int, int], tuple[float, float]] | None = None  # probed pixel and its place from 0 to 1
+    _last: Shot | None = None  # what the camera saw at the last update
+    _before: Shot | None = None  # the previous shot of the pair of the last update, with an interactive camera
     _frozen: dict[str, Shot | None] = field(default_factory=lambda: {"current": None, "previous": None})
 
     def __post_init__(self) -> None:
@@ -130,6 +134,7 @@ class ViewerEngine:
         return self._active
 
     def reset_camera(self, state: ViewerState) -> None:
+        """Move the camera of the user to that of the file at the current frame."""
         self.user.reset(self.feed.file_shot(state.frame).view)
 
     def update(self, state: ViewerState) -> None:
@@ -159,7 +164,7 @@ class ViewerEngine:
             self._update_image(state)
         finally:
             if evaluate:
-                self._count()  # while the image is drawn
+                self._count()  # last: it waits for the GPU, which draws the image meanwhile
 
     def prepare(self, state: ViewerState) -> None:
         """While the GPU draws: pose the frame that playback shows next."""
@@ -174,6 +179,7 @@ class ViewerEngine:
 
     @staticmethod
     def _exact_channels(state: ViewerState) -> frozenset[str]:
+        """Channels that exact reasons need, if the state shows them."""
         return frozenset(exact_channels()) if state.exact else frozenset()
 
     @staticmethod
@@ -202,6 +208,7 @@ class ViewerEngine:
             state.exact, state.message = False, str(error)
 
     def _plan(self, state: ViewerState) -> None:
+        """Let the feed provide what the state needs; a new source means new evaluators, keys and lists of choices."""
         fault = self._without_exact() if state.exact else None
         if fault is not None:
             state.exact, state.message = False, str(fault)
@@ -340,6 +347,7 @@ class ViewerEngine:
         self.unmeasured = {**self.feed.source.unmeasured, **{n: missing[n] for n in light if n in missing}}
 
     def _update_image(self, state: ViewerState) -> None:
+        """Draw the image and those beside it, if anything changed that they depend on."""
         observed = state.freeze_current
         shown = self._last if observed else self.shots[1]
         if self._image_key_of(state, shown) == self._image_key:
@@ -453,6 +461,7 @@ class ViewerEngine:
         return state.live.history == "eye" and state.against == HISTORY[0] and whole
 
     def _mask_of_eye(self, state: ViewerState) -> moderngl.Texture:
+        """The mask of the other eye, whose history is this image: the pair with its shots exchanged."""
         if self._reversed is None:
             self._reversed = self._owner.open_evaluator(self.source, self.feed.settings, images=True)
         this, other = self.shots[1].view, self.shots[0].view
@@ -519,6 +528,7 @@ class ViewerEngine:
         return Other(previous[channel], self.source.previous["position"], motion)
 
     def _no_comparison(self, state: ViewerState) -> str:
+        """Why the image cannot be compared, and what to do about it."""
         channel = state.channel.replace("_", " ")
         if state.freeze_current:
             return "a view from outside is not compared: press C"
@@ -564,6 +574,7 @@ class ViewerEngine:
         return self._observer.source
 
     def _lines(self, state: ViewerState, view: View, source: Any) -> None:
+        """Outline the frusta of frozen cameras in the image of ``view``."""
         if not state.frusta:
             return
         frozen = [(self.shots[0].view, PREVIOUS_COLOR)] if state.freeze_previous else []

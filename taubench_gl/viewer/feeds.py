@@ -47,6 +47,7 @@ class Shot:
 
     @property
     def key(self) -> tuple[int, bytes, bytes]:
+        """Values that are equal for equal shots."""
         return self.frame, self.view.position.tobytes(), self.view.world_from_view.tobytes()
 
 
@@ -116,10 +117,12 @@ class SceneFeed(GpuOwner):
 
     @property
     def poser(self) -> Poser:
+        """Poses of the scene, shared by all feeds beside this one."""
         return self.animated.poser
 
     @property
     def camera(self) -> CameraTrack:
+        """The camera of the file, or the orbit that frames a scene without one."""
         return self.animated.camera
 
     @property
@@ -312,12 +315,15 @@ class OpenRequest:
 
 @dataclass(slots=True)
 class Opened:
+    """A feed that was opened, the frame to show first, and notes for the user."""
+
     feed: Feed
     frame: int | None = None  # initial frame
     notes: tuple[str, ...] = ()
 
 
 def is_run(text: str) -> bool:
+    """Whether a path is a run: its folder or its summary."""
     path = Path(text)
     return path.name == SUMMARY_FILE or (path / SUMMARY_FILE).is_file()
 
@@ -341,6 +347,7 @@ def open_feed(gpu: Gpu, request: OpenRequest, timer: Any) -> Opened:
 
 
 def scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFeed:
+    """A feed of the scene file at path ``text``.  Raises TaubenchError."""
     return SceneFeed(gpu, load_scene(text, **settings.sequence.reading), settings, timer)
 
 

@@ -41,6 +41,7 @@ class Input:
         self._viewer.window_size = (max(width, 0), max(height, 0))
 
     def mouse_move(self, x: float, y: float) -> None:
+        """The mouse is at a window position: drag the split line or the camera, move the probe."""
         viewer, s = self._viewer, self._viewer.state
         dx, dy = x - self.mouse[0], y - self.mouse[1]
         self.mouse = (x, y)
@@ -78,11 +79,13 @@ class Input:
             s.probe = pixel
 
     def scroll(self, dx: float, dy: float) -> None:
+        """The wheel turned by ``dy`` steps: zoom the orbit camera."""
         self._events().add_mouse_wheel_event(dx, dy)
         if self._on_image() and self._viewer.state.camera == "orbit":
             self._viewer.engine.user.zoom(dy)
 
     def char(self, code: int) -> None:
+        """A character was typed; ``code``: its Unicode number."""
         self._events().add_input_character(code)
 
     def key(self, name: str, pressed: bool, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> None:

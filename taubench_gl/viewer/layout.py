@@ -46,6 +46,7 @@ class Layout:
 
     @property
     def image(self) -> Rect:
+        """The rectangle of the main image."""
         return self.images[0]
 
     def pixel(self, x: float, y: float, size: tuple[int, int]) -> tuple[int, int] | None:

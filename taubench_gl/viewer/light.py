@@ -78,10 +78,12 @@ class CoarseLight(GpuOwner):
 
     @property
     def source(self) -> RasterSource:
+        """The source that draws the light."""
         return self._feed.source
 
     @property
     def mask(self) -> moderngl.Texture:
+        """Reason masks of the light of the pair compared last, a texture."""
         return self._evaluator.mask_texture
 
     def draw(self, shots: tuple[Shot, Shot], off: frozenset[str]) -> None:

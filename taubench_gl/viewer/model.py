@@ -60,6 +60,7 @@ class LiveTimer:
 
     @contextmanager
     def measure(self, name: str) -> Iterator[None]:
+        """Measure the pass ``name``, if the timer is enabled."""
         if not self.enabled:
             yield
             return
@@ -284,6 +285,7 @@ class ViewerModel(Owner):
 
     @property
     def layout(self) -> Layout:
+        """Layout of the window for the panels and images that are shown."""
         s = self.state
         sides = set(s.docks.values())
         shown = Shown("left" in sides, "right" in sides, s.sections["playback"], len(self.engine.textures))

@@ -29,6 +29,7 @@ class PixelNames:
 
     @property
     def lights_text(self) -> str:
+        """The lights in words: ``lamp 80 %, sun 20 %``, or none."""
         return ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in self.lights) or "none"
 
 

@@ -61,6 +61,7 @@ class Panels:
 
     @property
     def widgets(self) -> dict[str, Rect]:
+        """Name -> rectangle (x, y, width, height) of each control drawn in the last frame, screen points."""
         return self._ui.rects
 
     def reveal(self, name: str) -> None:
@@ -68,6 +69,7 @@ class Panels:
         self._ui.reveal = name
 
     def draw(self, layout: Layout) -> None:
+        """Draw panels, help and the marks over the images."""
         self._ui.rects.clear()
         docks, shown = self._viewer.state.docks, [n for n in DOCKED if n != "lesson" or self._viewer.state.lesson]
         for side, rect in (("left", layout.left), ("right", layout.right)):

@@ -8,9 +8,9 @@ from typing import Annotated
 import msgspec
 
 from taubench_gl.data_files import read_json
-from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write, write_atomically
-from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variable
+from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variables
 
 FILE = "viewer.json"
 _Width = Annotated[int, msgspec.Meta(ge=200, le=16384)]
@@ -25,13 +25,8 @@ class Prefs(msgspec.Struct):
 
     def apply(self, state: ViewerState) -> None:
         """Set the stored values; names and values that are unknown are skipped."""
-        names = kept(state)
-        for name, value in self.values.items():
-            if name in names:
-                try:
-                    set_variable(state, name, str(value))
-                except TaubenchError:  # written by another version
-                    continue
+        known = kept(state)
+        set_variables(state, {name: value for name, value in self.values.items() if name in known})
 
 
 def kept(state: ViewerState) -> dict[str, str | int | float]:

@@ -28,6 +28,7 @@ class SceneTree:
 
     @classmethod
     def of(cls, scene: Scene) -> SceneTree:
+        """The tree of the nodes of a scene."""
         nodes = scene.nodes
         joints = {int(n) for skin in scene.skins for n in skin.joints}
         below: list[list[int]] = [[] for _ in nodes.names]

@@ -28,6 +28,8 @@ OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
 
 @dataclass(frozen=True, slots=True)
 class Line:
+    """One command of a script."""
+
     where: str  # file:line
     command: str
     arguments: tuple[str, ...]

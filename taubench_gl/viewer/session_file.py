@@ -13,14 +13,13 @@ from typing import Any, Literal
 import msgspec
 
 from taubench_gl.data_files import read_json
-from taubench_gl.errors import TaubenchError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.evaluation import PathTracedOptions
 from taubench_gl.pathtraced.sequence import PREFIX
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.cameras import UserCamera
 from taubench_gl.viewer.feeds import OpenRequest
-from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variable
+from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variables
 
 SCHEMA = "taubench-gl/viewer/1"
 SUFFIX = ".session.json"
@@ -70,13 +69,7 @@ class SessionFile(msgspec.Struct, forbid_unknown_fields=True):
             camera.position[:] = self.camera.position
             camera.yaw, camera.pitch = self.camera.yaw, self.camera.pitch
         state.lesson = self.lesson
-        misfits = []
-        for name, value in self.values.items():
-            try:
-                set_variable(state, name, str(value))
-            except TaubenchError:
-                misfits.append(name)
-        return misfits
+        return set_variables(state, self.values)
 
     def with_paths(self, change: Callable[[str, Path], str], folder: Path) -> SessionFile:
         """A copy whose paths are ``change(path, folder)``."""

@@ -7,6 +7,7 @@ A field that declares a control holds its name in scripts, its values, its widge
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -590,17 +591,23 @@ def _named(state: ViewerState) -> dict[str, Control]:
     return {name: c for c in CONTROLS.values() for name in c.read(state)}
 
 
-def variable_names(state: ViewerState) -> list[str]:
-    """Every name that ``set_variable`` takes."""
-    return list(_named(state))
-
-
 def set_variable(state: ViewerState, name: str, text: str) -> None:
     """Set ``name`` to the value that ``text`` spells.  Raises SettingsError that lists the names or values."""
     named = _named(state)
     if name not in named:
         raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join(named)}")
     named[name].write(state, name, text)
+
+
+def set_variables(state: ViewerState, values: Mapping[str, str | int | float]) -> list[str]:
+    """Set many variables, as a file of this or another version names them; the names that do not fit ``state``."""
+    misfits = []
+    for name, value in values.items():
+        try:
+            set_variable(state, name, str(value))
+        except SettingsError:
+            misfits.append(name)
+    return misfits
 
 
 def variables(state: ViewerState) -> dict[str, Any]:

@@ -41,6 +41,7 @@ class Widgets:
             self.reveal = None
 
     def faint(self, text: str, wrap: bool = False) -> None:
+        """Text in a fainter color; ``wrap``: broken at the edge of the panel."""
         imgui.push_style_color(imgui.Col_.text.value, _FAINT)
         (imgui.text_wrapped if wrap else imgui.text)(text)
         imgui.pop_style_color()
@@ -77,6 +78,7 @@ class Widgets:
             imgui.set_tooltip(wrapped(f"{definition}\n{text}" if definition else text))
 
     def check(self, label: str, on: bool, action: str, name: str, definition: str = "") -> None:
+        """A checkbox that shows ``on`` and runs ``action``.  ``name``: key of ``rects``; ``definition``: a tooltip."""
         changed, _ = imgui.checkbox(label, on)
         self.place(name)
         self.tip(action, definition)
@@ -117,6 +119,7 @@ class Widgets:
 
 
 def wrapped(text: str) -> str:
+    """``text`` broken into lines of at most 60 characters, for tooltips."""
     return "\n".join(textwrap.fill(line, 60) for line in text.splitlines())
 
 

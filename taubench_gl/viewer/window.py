@@ -119,6 +119,7 @@ class Window:
         glfw.swap_buffers(self.handle)
 
     def close(self) -> None:
+        """Destroy the window and end the window library."""
         glfw.destroy_window(self.handle)
         glfw.terminate()
 

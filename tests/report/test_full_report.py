@@ -263,30 +263,6 @@ def test_firefox_repaints_masks_and_headline(firefox, made):
     np.testing.assert_array_equal(drawn, (made.masks[frame] & int(sum(FEATURE_BIT.values()) | FRUSTUM)) != 0)
 
 
-@pytest.mark.long
-def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made):
-    walk = """(name) => {
-        const node = document.querySelector(`.handle[data-feature=${name}]`);
-        const cell = document.querySelector(`[data-live=${name}]`);
-        const press = (key) => node.dispatchEvent(new KeyboardEvent("keydown", { key }));
-        const found = [];
-        press("Home");
-        for (let i = 0; i <= Number(node.getAttribute("aria-valuemax")); i++, press("ArrowRight"))
-            found.push([Number(cell.dataset.threshold), Number(cell.dataset.percent)]);
-        return found; }"""
-    pixels = sum(row["pixels"] for row in made.run.frames)
-    for name in FEATURES:
-        curve = made.run.summary["curves"][name]
-        recorded = {edge: 100.0 * sum(curve["counts"][i + 1 :]) / pixels for i, edge in enumerate(curve["edges"])}
-        found = page.evaluate(walk, name)
-        assert [t for t, _ in found] == stops(made, name)
-        edges = [(t, percent) for t, percent in found if t in recorded]
-        assert len(edges) > 200
-        assert all(percent == pytest.approx(recorded[t], abs=1e-9) for t, percent in edges)
-        used = made.run.summary["settings"]["thresholds"][name]
-        assert dict(found)[used] == pytest.approx(made.run.summary["discard"][name]["mean_percent"])
-
-
 def test_reasons_that_the_distances_do_not_tell_are_dashes(page, made):
     set_threshold(page, made, "position", stops(made, "position")[0])
     set_threshold(page, made, "direct", stops(made, "direct")[0])

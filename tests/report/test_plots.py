@@ -57,11 +57,6 @@ def test_curve_is_relative_to_the_number_of_samples(summary, tmp_path):
     assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
 
 
-def test_scene_names_are_not_parsed_as_formulas(summary, frames, tmp_path):
-    summary["scene"]["name"] = r"$\frac{ 100 % $x_1$ <b>"
-    assert len(plot_frames(summary, frames, tmp_path / "frames")) == 2
-
-
 def test_no_file_without_values(summary, tmp_path):
     summary["curves"] = {}
     assert plot_thresholds(summary, tmp_path / "x") == []
@@ -70,6 +65,8 @@ def test_no_file_without_values(summary, tmp_path):
 
 
 def test_frames_plot_with_unmeasured_columns_and_one_pair(summary, frames, tmp_path):
+    """The name of the scene is no formula."""
+    summary["scene"]["name"] = r"$\frac{ 100 % $x_1$ <b>"
     row = frames[0] | dict.fromkeys(("color", "direct", "position", "translation_m", "angle_deg"))
     assert len(plot_frames(summary, [row], tmp_path / "frames")) == 2
 

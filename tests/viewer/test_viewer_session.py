@@ -12,11 +12,10 @@ from viewer_tools import DEMO, QUIET
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
+from taubench_gl.viewer.session_file import load, save_lesson
 
 
 def reopened(drive, path):
-    from taubench_gl.viewer.session_file import load
-
     request = load(path)
     return drive(request.source, request.settings, restored=request.restored, given=request.given, run=request.run,
                  method=request.method)  # fmt: skip
@@ -74,12 +73,9 @@ def test_a_session_is_saved_by_key_and_dropped(drive, tmp_path):
         {"surprise": 1},
     ],
 )
-def test_invalid_session_files_are_one_line_errors(drive, tmp_path, change):
-    from taubench_gl.viewer.session_file import load
-
-    driven = drive()
+def test_invalid_session_files_are_one_line_errors(tmp_path, change):
     path = tmp_path / "a.session.json"
-    driven.run(f"session {path}")
+    save_lesson(path, str(DEMO), QUIET, {}, "")
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises((OutputError, SettingsError)) as error:
         load(path)
