@@ -1,4 +1,4 @@
-"""An evaluation gives equal bits in a notebook and on the command line; a killed notebook leaves nothing half-written."""
+"""A notebook gives the bits of the command line; a killed notebook leaves nothing half-written."""
 
 from __future__ import annotations
 
