@@ -123,7 +123,7 @@ def parallel_planes(bench: Bench) -> Outcome:
 
 
 def form_factor(a: float, b: float, h: float) -> float:
-    """Of a rectangle a x b above the corner of which a small parallel surface lies, at distance ``h``.
+    """Form factor from a small surface to a parallel rectangle a x b, at distance ``h`` above one of its corners.
 
     Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-3.
     """

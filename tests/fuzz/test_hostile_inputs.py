@@ -276,8 +276,8 @@ def test_inspect_prints_the_same_sum_as_is_checked(tmp_path):
 def test_the_option_limits_one_command(tmp_path, monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
     path = gltf(tmp_path / "a.gltf", {"mesh": 0}, 10, [TRIANGLE[0], np.zeros(30_000, np.uint32)])
-    given = CliRunner().invoke(cli, ["inspect", str(path), "--max-memory", "8MiB"])
-    assert isinstance(given.exception, SceneError) and VARIABLE not in os.environ
+    limited = CliRunner().invoke(cli, ["inspect", str(path), "--max-memory", "8MiB"])
+    assert isinstance(limited.exception, SceneError) and VARIABLE not in os.environ
     assert CliRunner().invoke(cli, ["inspect", str(path)]).exit_code == 0
     wrong = CliRunner().invoke(cli, ["inspect", str(path), "--max-memory", "much"])
     assert isinstance(wrong.exception, SettingsError)
