@@ -14,13 +14,13 @@ import numpy as np
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, choice_hint
-from taubench_gl.evaluation import Observers, Pair, Session, Wants, evaluate_scene, open_scene
+from taubench_gl.evaluation import Observers, Pair, Readback, Session, evaluate_scene, plan_scene
 from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, TABLE, WORD_DTYPE
 from taubench_gl.fields import declared
 from taubench_gl.option_groups import PathTracedOptions, TrainingOptions
 from taubench_gl.outputs import cannot_write, folder_in, write_arrays
 from taubench_gl.pathtraced.blender.cache import converted, is_convertible
-from taubench_gl.pathtraced.evaluation import choose_input, evaluate_path_traced
+from taubench_gl.pathtraced.evaluation import choose_plan, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
@@ -71,8 +71,8 @@ def evaluate(
     _require_callable(progress=progress, on_pair=on_pair)
     if not isinstance(report, bool) and report != FULL:
         raise SettingsError(f"report is {report!r:.60}", hint=f"give True, False or {FULL!r}")
-    own = ("settings", "out", "save", "report", "progress", "on_pair")
-    settings, path_traced = _settings_of(scene, settings, options, own)
+    arguments = ("settings", "out", "save", "report", "progress", "on_pair")
+    settings, path_traced = _settings_of(scene, settings, options, arguments)
     saved = _saves(save)
     folder = _folder(out)
     if folder is None and (saved or report):
@@ -105,7 +105,7 @@ def _recorder(folder: Path, report: bool | str, settings: Settings) -> FrameReco
 
 
 def _write_views(run: Run, saver: _Saver, report: bool) -> list[Path]:
-    """Write the images, tables, plots and the page of a run, before its summary.json.  -> all files but the rows."""
+    """Write images, tables, plots and the page of a run, before its summary.json; returns all files but the rows."""
     saver.finish(run)
     written = [*saver.written, *write_report(run.summary, run.frames, run.out)]
     if report:
@@ -132,8 +132,8 @@ def pairs(
     >>> for pair in pairs("scene.glb", size="640x360", columns="position,normal"):  # doctest: +SKIP
     ...     print(pair.frame, pair.mask.shape, pair.explain(320, 180))
     """
-    own = ("settings", "channels", "input", "reference")
-    settings, path_traced = _settings_of(scene, settings, options, own)
+    arguments = ("settings", "channels", "input", "reference")
+    settings, path_traced = _settings_of(scene, settings, options, arguments)
     light, drawn = TrainingOptions(input=input, reference=reference), _channels(channels)
     if light.wanted:
         if is_sequence(scene):
@@ -144,12 +144,12 @@ def pairs(
         drawn = tuple(dict.fromkeys((*drawn, "emission")))
     if not is_sequence(scene):
         scene, settings = _readable(scene), settings.replace(pairs="all") if settings.metrics.all_pairs else settings
-    chosen = choose_input(scene, settings, path_traced)
-    return _pairs(partial(Session, chosen, Wants(images=True, channels=drawn)), light)
+    plan = choose_plan(scene, settings, path_traced)
+    return _pairs(partial(Session, plan, Readback(images=True, channels=drawn)), light)
 
 
 def _readable(scene: Scene | str | Path) -> Scene | str | Path:
-    """``scene``, or the converted file in the cache of a file that only Blender reads."""
+    """A scene that can be read: ``scene`` itself, or the cached conversion of a file that only Blender reads."""
     return scene if isinstance(scene, Scene) or not is_convertible(scene) else converted(scene)
 
 
@@ -161,18 +161,18 @@ def _pairs(open_session: Callable[[], Session], light: TrainingOptions) -> Itera
 
 
 def _light_of(session: Session, light: TrainingOptions) -> Callable[[Pair], Pair]:
-    """What reads images and light of a pair of ``session``."""
+    """A function that reads the images and the light of a pair of ``session``, and returns the pair."""
     from taubench_gl.reuse.derived import ComposePass
     from taubench_gl.reuse.frame import read_result
     from taubench_gl.reuse.light_pairs import LightPairs
 
-    animated = session.given.animated
+    animated = session.plan.animated
     # Images need their exposure whatever the columns.
-    opened = open_scene(animated.scene, session.settings.replace(columns=COLUMNS), animated.camera)
+    lit_settings = plan_scene(animated.scene, session.settings.replace(columns=COLUMNS), animated.camera).settings
     with session.gpu:
-        lit = session.own(LightPairs(session.gpu, animated, opened.settings, light))
+        lit = session.own(LightPairs(session.gpu, animated, lit_settings, light))
         whole = {"direct", "indirect"} <= set(session.source.radiance)
-        compose = ComposePass(session, session.source, opened.settings) if whole else None
+        compose = ComposePass(session, session.source, lit_settings) if whole else None
 
     def complete(pair: Pair) -> Pair:
         pair.load()
@@ -189,9 +189,9 @@ def _light_of(session: Session, light: TrainingOptions) -> Callable[[Pair], Pair
 
 
 def _settings_of(
-    scene: Any, settings: Settings | None, options: Mapping[str, Any], own: tuple[str, ...]
+    scene: Any, settings: Settings | None, options: Mapping[str, Any], arguments: tuple[str, ...]
 ) -> tuple[Settings, PathTracedOptions]:
-    """Settings and path-traced options from ``options``; ``own``: arguments of the function itself."""
+    """Settings and path-traced options from ``options``, keywords of a function with the arguments ``arguments``."""
     if not isinstance(scene, Scene | str | os.PathLike):
         raise SettingsError(f"scene is {scene!r:.60}", hint="give a Scene, the path of a file, or exr:DIR")
     if not isinstance(settings, Settings | None):
@@ -199,14 +199,14 @@ def _settings_of(
     options = dict(options)
     for name in options:
         if name not in (*KEYS, *_PATH_TRACED, "path_traced", "sequence", "metrics", "lighting"):
-            raise unknown_setting(name, (*own, *_PATH_TRACED))
+            raise unknown_setting(name, (*arguments, *_PATH_TRACED))
     path_traced = options.pop("path_traced", None)
     if not isinstance(path_traced, PathTracedOptions | None):
         raise SettingsError(f"path_traced is {path_traced!r:.60}", hint="give its fields by name")
-    given = {name: field.value_of(options.pop(name)) for name, field in _PATH_TRACED.items() if name in options}
-    _require_used(scene, given | ({} if path_traced is None else {"path_traced": path_traced}), options)
+    of_files = {name: field.value_of(options.pop(name)) for name, field in _PATH_TRACED.items() if name in options}
+    _require_used(scene, of_files | ({} if path_traced is None else {"path_traced": path_traced}), options)
     settings = (settings or Settings()).replace(**options)
-    return settings, dataclasses.replace(path_traced or PathTracedOptions(), **given)
+    return settings, dataclasses.replace(path_traced or PathTracedOptions(), **of_files)
 
 
 def _require_used(scene: Any, path_traced: Mapping[str, Any], options: Mapping[str, Any]) -> None:

@@ -1,8 +1,8 @@
-"""Result files that notice a later change: a block ``stored`` with SHA-256 sums.
+"""Result files that notice damage: a block ``stored`` with SHA-256 sums.
 
-``stored.sha256`` is of the JSON values without it (keys sorted, no spaces: indentation and order may change),
-``stored.rows_sha256`` of the bytes of frames.csv, ``stored.files`` names further files of the run.  This finds damage
-and careless edits; it is no signature.  Values without the block are read as they are.
+``stored.sha256`` is the sum of the JSON values without itself (keys sorted, no spaces: indentation and order may
+change), ``stored.rows_sha256`` of the bytes of frames.csv; ``stored.files`` names further files of the run.  The sums
+protect against damage and careless edits, not against forgery.  Values without the block are read as they are.
 """
 
 from __future__ import annotations
@@ -15,28 +15,31 @@ from typing import Any
 
 import msgspec
 
-from taubench_gl.data_files import checked, hashed, schema_fault
+from taubench_gl.data_files import hashed, one_line
 from taubench_gl.errors import OutputError
 
 KEY = "stored"
 
 
 class _Stored(msgspec.Struct):
+    """The block ``stored`` of a result file."""
+
     sha256: str
     rows_sha256: str | None = None
     files: list[str] = []
 
 
 def values_sha256(values: Any) -> str:
-    """Of JSON values, whatever their indentation and the order of their keys."""
+    """Hash of JSON values, whatever their indentation and the order of their keys."""
     text = json.dumps(values, sort_keys=True, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def with_checksums(values: Mapping[str, Any], rows: Path | None = None, files: Iterable[Path] = ()) -> dict[str, Any]:
-    """``values``, as JSON reads them back, with the block ``stored``.
+    """Add the block ``stored`` to ``values``, which are as JSON reads them back.
 
-    ``rows``: frames.csv, if they have one; ``files``: others of its folder.  Raises OutputError for a missing one.
+    ``rows``: frames.csv, None for a result without rows; ``files``: further files in its folder.  Raises OutputError
+    for a file that is missing.
     """
     about: dict[str, Any] = {}
     if rows is not None:
@@ -53,25 +56,23 @@ def with_checksums(values: Mapping[str, Any], rows: Path | None = None, files: I
 
 
 def without_checksums(values: dict[str, Any], path: Path, rows: Path | None = None) -> tuple[dict[str, Any], list[str]]:
-    """``values`` of the file ``path`` without the block ``stored``, and those of its files that are missing.
+    """The ``values`` of the file ``path`` without the block ``stored``, and the names of missing files of the run.
 
     Raises OutputError where values or ``rows`` are not those that were written.
     """
     if KEY not in values:
         return values, []
-    try:
-        about = checked(values[KEY], _Stored)
-    except msgspec.ValidationError as error:
-        raise OutputError(f"{KEY}.{schema_fault(error)}", where=str(path), hint="is the file damaged?") from None
-    out = {key: value for key, value in values.items() if key != KEY}
-    rest = {key: value for key, value in about.items() if key != "sha256"}
-    if values_sha256(out | {KEY: rest}) != about["sha256"]:
-        hint = f"write it again; to read a file that you changed yourself, remove its block {KEY!r}"
+    out = dict(values)
+    about = out.pop(KEY)
+    with one_line(path, hint="is the file damaged?"):
+        stored = msgspec.convert(about, _Stored)
+    unsealed = {key: value for key, value in about.items() if key != "sha256"}
+    remove = f"remove the block {KEY!r} of {path.name}"
+    if values_sha256(out | {KEY: unsealed}) != stored.sha256:
+        hint = f"write it again; to read a file that you changed yourself, {remove}"
         raise OutputError("a value was changed after the file was written", where=str(path), hint=hint)
-    if rows is not None and hashed(rows).hexdigest() != about.get("rows_sha256"):
-        hint = f"write it again; to read rows that you changed yourself, remove the block {KEY!r} of {path.name}"
-        raise OutputError(
-            f"is not the file that belongs to {path.name}: its rows were changed", where=str(rows), hint=hint
-        )
-    missing = [name for name in about.get("files", ()) if not (path.parent / name).is_file()]
-    return out, missing
+    if rows is not None and hashed(rows).hexdigest() != stored.rows_sha256:
+        hint = f"write it again; to read rows that you changed yourself, {remove}"
+        message = f"is not the file that belongs to {path.name}: its rows were changed"
+        raise OutputError(message, where=str(rows), hint=hint)
+    return out, [name for name in stored.files if not (path.parent / name).is_file()]

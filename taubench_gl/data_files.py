@@ -20,7 +20,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import msgspec
 
@@ -50,6 +50,7 @@ _ARRAY_FAULTS = (
 _READ_FAULTS = (ValueError, RecursionError, OverflowError, csv.Error)
 
 Fault = type[TaubenchError]
+T = TypeVar("T")
 
 
 def opened(
@@ -104,8 +105,8 @@ def read_bytes(
         try:
             data = file.read(os.fstat(file.fileno()).st_size)
             # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
-            while len(data) <= max_bytes and (more := file.read(_BLOCK)):
-                data += more
+            while len(data) <= max_bytes and (block := file.read(_BLOCK)):
+                data += block
         except OSError as error:
             raise fault(f"cannot be read: {error.strerror}", where=where or str(path)) from None
     if len(data) > max_bytes:
@@ -128,7 +129,7 @@ def stored_arrays(path: str | Path, fault: Fault = OutputError, hint: str | None
 
 
 def hashed(path: str | Path, fault: Fault = OutputError, digest: Any = None) -> Any:
-    """``digest``, by default a new SHA-256, with the bytes of a file added.  Raises ``fault``."""
+    """Add the bytes of a file to ``digest``, by default a new SHA-256, which is returned.  Raises ``fault``."""
     digest = hashlib.sha256() if digest is None else digest
     with opened(path, fault) as file:
         try:
@@ -154,7 +155,7 @@ def code_hash(modules: Iterable[str], shaders: Iterable[str] = ("",)) -> str:
 
 
 def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES, links: bool = True) -> str:
-    """``read_bytes`` as UTF-8 text, without a byte order mark.  Raises ``fault``."""
+    """The content of a file as UTF-8 text, without a byte order mark.  Raises ``fault``, as ``read_bytes``."""
     data = read_bytes(path, fault, max_bytes=max_bytes, links=links)
     try:
         return data.decode("utf-8-sig")
@@ -172,27 +173,32 @@ def read_json(
 ) -> Any:
     """The value of a JSON file, which matches the type ``kind`` (``checked``).  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
-    with _one_line(path, fault, "is not valid JSON", hint):
+    with one_line(path, fault, "is not valid JSON", hint):
         return checked(parse_json(text), kind)
 
 
 def read_toml(
     path: str | Path,
-    kind: Any = dict[str, Any],
+    kind: type[T] = dict[str, Any],
     fault: Fault = OutputError,
     *,
     hint: str | None = None,
     max_bytes: int = MAX_TOML_BYTES,
-) -> dict[str, Any]:
-    """The tables of a TOML file, which match the type ``kind`` (``checked``).  Raises ``fault``."""
+) -> T:
+    """The content of a TOML file as ``kind``, a msgspec.Struct or a dict of its tables.  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
-    with _one_line(path, fault, "is not TOML", hint):
-        return checked(parse_toml(text), kind)
+    with one_line(path, fault, "is not TOML", hint):
+        return msgspec.convert(parse_toml(text), kind)
 
 
 @contextmanager
-def _one_line(path: str | Path, fault: Fault, problem: str, hint: str | None) -> Iterator[None]:
-    """Turns exceptions of parsers and schemas into ``fault``; ``problem``: how the message begins."""
+def one_line(
+    path: str | Path, fault: Fault = OutputError, problem: str = "is damaged", hint: str | None = None
+) -> Iterator[None]:
+    """Turns an exception of a parser or of msgspec inside the block into a ``fault`` of the file ``path``.
+
+    ``problem`` begins the message about text that cannot be parsed; a value of another type is named by its key.
+    """
     try:
         yield
     except msgspec.ValidationError as error:
@@ -236,7 +242,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def checked(value: Any, kind: Any) -> Any:
-    """``value`` itself, if it matches the type ``kind`` as msgspec reads types.  Raises msgspec.ValidationError."""
+    """The value itself, if it matches the type ``kind`` as msgspec reads types.  Raises msgspec.ValidationError."""
     if kind is not Any:
         msgspec.convert(value, kind)
     return value
@@ -252,6 +258,7 @@ def schema_fault(error: msgspec.ValidationError) -> str:
 
 
 def _in_words(kinds: str) -> str:
+    """Names of types in msgspec's messages, as people who write TOML and JSON know them."""
     return " or ".join(_WORDS.get(kind, kind) for kind in kinds.split(" | "))
 
 
@@ -284,7 +291,7 @@ def _no_constant(text: str) -> float:
 
 
 def _bounded(value: Any) -> Any:
-    """``value``, if it is not nested too deep and its integers fit.  Raises ValueError."""
+    """The value itself, if it is not nested too deep and its integers fit 64 bits.  Raises ValueError."""
     level = [value]
     for _ in range(MAX_DEPTH):
         below: list[Any] = []
@@ -302,6 +309,7 @@ def _bounded(value: Any) -> Any:
 
 
 def _short(error: Exception) -> str:
+    """The message of a parser, at most 200 characters of it."""
     if isinstance(error, RecursionError):
         return f"more than {MAX_DEPTH} levels of nesting"
     return f"{error!s:.200}"

@@ -54,29 +54,29 @@ class Check:
 
 
 def value_text(name: str, value: Any) -> str:
-    """``NAME is VALUE``, the usual text of a fault."""
+    """The usual text of a fault: ``NAME is VALUE``."""
     return f"{name} is {value!r:.60}"
 
 
 def at_least(least: float, text: str = "", most: float = math.inf) -> Check:
-    """A finite number in [least, most]."""
+    """A check that a value is a finite number in [least, most]."""
     text = text or (f"{least:g} or more" if most == math.inf else f"{least:g} to {most:.17g}")
     return Check(text, lambda name, x: None if math.isfinite(x) and least <= x <= most else value_text(name, x))
 
 
 def above_zero(text: str = "a number above 0") -> Check:
-    """A finite number above 0."""
+    """A check that a value is a finite number above 0."""
     return Check(text, lambda name, x: None if math.isfinite(x) and x > 0 else value_text(name, x))
 
 
 def one_of(allowed: Collection[str]) -> Check:
-    """One word of ``allowed``."""
+    """A check that a value is one word of ``allowed``."""
     words = tuple(allowed)
     return Check(f"one of {', '.join(words)}", lambda name, x: None if x in words else value_text(name, x), words)
 
 
 def some_of(allowed: Collection[str], *, least: int = 0) -> Check:
-    """A sequence of words of ``allowed``, at least ``least`` of them."""
+    """A check that a value is a sequence of words of ``allowed``, at least ``least`` of them."""
     words = tuple(allowed)
 
     def fault(name: str, value: Any) -> str | None:
@@ -123,7 +123,7 @@ class Setting:
 
     @property
     def default_text(self) -> str:
-        """The default for people; empty for none, and for switches that are off."""
+        """The default in words; empty for none, and for switches that are off."""
         if self.shown:
             return self.shown
         if self.default is REQUIRED or self.default is None or self.default is False or self.default in ((), {}, ""):
@@ -132,7 +132,7 @@ class Setting:
 
     @property
     def help(self) -> str:
-        """Meaning and default, as a help text."""
+        """The help text of an option: meaning and default."""
         return f"{self.meaning}." + (f"  [default: {self.default_text}]" if self.default_text else "")
 
     def value_of(self, value: Any, name: str = "") -> Any:
@@ -167,7 +167,7 @@ class Setting:
             return value_text(name, value)
 
     def checked(self, value: Any, name: str = "") -> Any:
-        """``value_of`` of a value in range.  Raises SettingsError."""
+        """``value`` in the type of the field, as ``value_of`` reads it.  Raises SettingsError, also out of range."""
         value = self.value_of(value, name)
         fault = self.fault(value, name)
         if fault is not None:

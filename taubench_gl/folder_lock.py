@@ -19,14 +19,14 @@ LOCK_FILE = ".lock"
 _MAX_BYTES = 1 << 16
 
 ATTEMPTS = 8
-"""``lock_holder`` takes a shared lock for a moment; a writer that starts then must not report another writer."""
+"""Tries to take the lock: ``lock_holder`` takes a shared lock for a moment, and is no writer to report."""
 
 
 class FolderLock:
-    """Held by the process that writes into ``out``, which is created; a second one raises OutputError.
+    """A lock that the process which writes into ``out`` holds; ``out`` is created; a second lock raises OutputError.
 
     The file names its holder and is removed with the lock.  A killed holder leaves the file, without a lock on it.
-    Forked children of the holder do not extend the lock.  ``wait``: until the holder is done, instead of the error.
+    Forked children of the holder do not extend the lock.  ``wait``: wait until the holder is done, without an error.
     """
 
     def __init__(self, out: str | Path, *, wait: bool = False):
@@ -72,11 +72,9 @@ class FolderLock:
                 who, waited = lock_holder(self.path.parent), waited + 1
                 if who is None and waited < ATTEMPTS:
                     continue  # the other process only asked for the holder
-                problem, hint = (
-                    f"{who or 'another process'} is writing here",
-                    "wait for it, or give --out another folder",
-                )
-                raise OutputError(problem, where=str(self.path.parent), hint=hint) from None
+                message = f"{who or 'another process'} is writing here"
+                hint = "wait for it, or give --out another folder"
+                raise OutputError(message, where=str(self.path.parent), hint=hint) from None
             except OSError:
                 return file  # a file system without locks
             if self._is_current(file):
@@ -84,6 +82,7 @@ class FolderLock:
             file.close()  # its holder has removed it in the meantime: it protects nothing
 
     def _is_current(self, file: FileIO) -> bool:
+        """Whether the lock's path still leads to the open ``file``."""
         try:
             return os.path.samestat(os.stat(self.path), os.fstat(file.fileno()))
         except FileNotFoundError:

@@ -431,14 +431,14 @@ def definitions(terms: Mapping[object, Term]) -> str:
 
 _HEAD = """# Glossary
 
-This page is written by `python -m taubench_gl.apps.doc` from `taubench_gl/glossary.py`. The help of the command line
+This page is written by `tools/record commands` from `taubench_gl/glossary.py`. The help of the command line
 and the tooltips of the report and of the viewer show the same sentences. Equations are the paper's;
 [conventions.md](conventions.md) explains what the paper leaves open.
 """
 
 
 def page() -> str:
-    """docs/glossary.md."""
+    """The Markdown text of docs/glossary.md."""
     bits = {reason: str(int(reason)) for reason in REASONS}
     return "\n".join(
         (

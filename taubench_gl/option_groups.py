@@ -42,7 +42,7 @@ REUSE_SETTINGS = (
 
 
 def _numbers(values: Any) -> Any:
-    """Integers from texts."""
+    """Integers that ``values``, texts or numbers, spell.  Raises SettingsError."""
     try:
         return tuple(int(value) for value in values)
     except (TypeError, ValueError):
@@ -231,7 +231,7 @@ class FitOptions(Checked):
 
 
 def _seconds(value: Any) -> Any:
-    """``90s``, ``5m``, ``1h`` -> seconds; ``none``: None."""
+    """Seconds that ``90s``, ``5m`` or ``1h`` spells, None for ``none``; other values come back unchanged."""
     if not isinstance(value, str):
         return value
     match = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)|none", value.strip())
@@ -271,7 +271,7 @@ class CostOptions(Checked):
 
 
 def _rates(values: Any) -> Any:
-    """Numbers from texts."""
+    """Numbers that ``values``, texts or numbers, spell.  Raises SettingsError."""
     try:
         return tuple(float(value) for value in values)
     except (TypeError, ValueError):
@@ -328,7 +328,7 @@ class PaperOptions(Checked):
 
 @dataclass(frozen=True, slots=True)
 class EngineOptions(Checked):
-    """What runs the units of a study."""
+    """Which engine runs the units of a study, with how many workers, and how many pairs a unit has."""
 
     workers: int | None = setting(None, "Worker processes on this machine", short=True, shown="none")
     engine: str | None = setting(

@@ -45,7 +45,7 @@ def cannot_write(path: str | Path, error: OSError) -> OutputError:
 
 
 def text_bytes(text: str) -> bytes:
-    """``text`` as UTF-8.
+    """A text as UTF-8.
 
     A byte of a path that is not UTF-8 is a lone surrogate in Python; it becomes a literal ``\\udce9``.  In JSON this is
     the escape of the same surrogate, so that reading restores the path.
@@ -54,12 +54,12 @@ def text_bytes(text: str) -> bytes:
 
 
 def plain_text(text: str) -> str:
-    """``text`` without lone surrogates, for font renderers and file headers; the same escapes as ``text_bytes``."""
+    """A text without lone surrogates, for font renderers and file headers; the same escapes as ``text_bytes``."""
     return text_bytes(text).decode("utf-8")
 
 
 def duration_text(seconds: float) -> str:
-    """``40 s``, ``12 min``, ``3.4 h``."""
+    """A duration for people: ``40 s``, ``12 min``, ``3.4 h``."""
     if seconds < 90:
         return f"{max(seconds, 1):.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
@@ -106,9 +106,9 @@ def put_in_place(partial: Path, path: Path) -> None:
 def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
     """Write ``data``, text by ``text_bytes``, completely or not at all.  Raises OutputError."""
     with replacing(path, parents=parents) as partial, open(partial, "wb", buffering=0) as file:
-        rest = memoryview(text_bytes(data) if isinstance(data, str) else data)
-        while rest:
-            rest = rest[file.write(rest) :]
+        unwritten = memoryview(text_bytes(data) if isinstance(data, str) else data)
+        while unwritten:
+            unwritten = unwritten[file.write(unwritten) :]
 
 
 def copy_atomically(source: BinaryIO, path: Path) -> None:
@@ -151,11 +151,13 @@ def log_file(path: Path) -> TextIO:
     return io.TextIOWrapper(io.BufferedWriter(file), encoding="utf-8", errors="replace", line_buffering=True)
 
 
+# Flags of a file that must not exist yet.
 _NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
 @contextlib.contextmanager
 def _opened(folder: Path) -> Iterator[int]:
+    """The descriptor of a folder, in which files are created whatever its path means later.  Raises OSError."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         yield descriptor
@@ -198,6 +200,7 @@ def csv_text(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _cell(value: Any) -> Any:
+    """A cell of CSV: nothing for None, formulas as text."""
     if not isinstance(value, str) or not value.startswith(_FORMULA):
         return "" if value is None else value
     try:

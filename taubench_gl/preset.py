@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import msgspec
 
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError
@@ -15,7 +17,13 @@ from taubench_gl.settings import FIELDS, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
 
-_HINT = "'taubench-gl cost' writes presets"
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    """The keys of a preset; ``measured`` is for people and is not read back."""
+
+    schema: Literal["taubench-gl/preset/1"]
+    settings: dict[str, Any]
+    measured: dict[str, Any] = {}
 
 
 def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
@@ -30,28 +38,19 @@ def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> 
 
 def load_preset(path: str | Path) -> dict[str, Any]:
     """Fields of ``Settings`` by name, checked.  Raises SettingsError for any other file and for invalid values."""
-    path = Path(path)
-    values = read_toml(path, fault=SettingsError)
-    if values.get("schema") != PRESET_SCHEMA:
-        message = f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}"
-        raise SettingsError(message, where=str(path), hint=_HINT)
-    settings = values.get("settings")
-    if not isinstance(settings, dict):
-        message = "has no table [settings]" if settings is None else "settings is not a table"
-        raise SettingsError(message, where=str(path), hint=_HINT)
+    file = read_toml(path, _File, SettingsError, hint="'taubench-gl cost' writes presets")
     allowed = tuple(name for name in FIELDS if name not in SELECTING)
     try:
-        for name in settings:
-            if name not in allowed:
-                raise unknown_field(name, allowed)
-        checked = Settings.from_dict(settings)
+        if unknown := next((name for name in file.settings if name not in allowed), None):
+            raise unknown_field(unknown, allowed)
+        settings = Settings.from_dict(file.settings)
     except SettingsError as error:
         raise SettingsError(error.what, where=str(path), hint=error.hint) from None
-    return {name: checked.get(name) for name in settings}
+    return {name: settings.get(name) for name in file.settings}
 
 
 def _toml(value: Any) -> str:
-    """Strings, numbers, lists and one level of tables, as TOML 1.0 writes them."""
+    """A string, number, list or one level of tables as TOML 1.0 writes it; None as an empty string."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

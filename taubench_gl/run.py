@@ -10,16 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from taubench_gl.checksums import with_checksums, without_checksums
 from taubench_gl.conventions import SUMMARY_SCHEMA
-from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
+from taubench_gl.data_files import checked, integer, one_line, read_csv, read_json, real
 from taubench_gl.errors import OutputError
 from taubench_gl.features import COLUMNS
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.outputs import cannot_write, csv_text, new_file, text_bytes, write_atomically
-from taubench_gl.run_check import contradiction
 from taubench_gl.run_schema import (
     COUNT_COLUMNS,
     DECIDED_COLUMNS,
@@ -45,7 +42,7 @@ def total_discards(row: Mapping[str, Any]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Reported once per evaluated pair, and then after each round of sampled light.
+    """How far an evaluation is: reported once per evaluated pair, and then after each round of sampled light.
 
     ``frame_seconds``: wall-clock time of this pair, 0 of a round; ``text``: about the round, else empty.
     """
@@ -59,7 +56,7 @@ class Progress:
 
 @dataclass(slots=True)
 class Run:
-    """What ``evaluate`` returns and ``load_run`` reads back.
+    """A finished evaluation: what ``evaluate`` returns and ``load_run`` reads back.
 
     ``summary`` is summary.json as plain Python values; ``frames`` has one dict per pair with FRAME_COLUMNS as keys, and
     ``None`` for a value that was not measured; ``out`` is the folder of the files, if any; ``missing``: files that the
@@ -95,7 +92,7 @@ class Run:
         return frames_plot(self.summary, self.frames).figure
 
     def to_pandas(self) -> Any:
-        """``frames`` as a pandas DataFrame: one row per pair, FRAME_COLUMNS as columns, NaN where not measured.
+        """The pairs as a pandas DataFrame: one row per pair, FRAME_COLUMNS as columns, NaN where not measured.
 
         Raises OutputError without pandas, which is optional.
         """
@@ -103,7 +100,8 @@ class Run:
             import pandas
         except ImportError:
             raise OutputError("to_pandas needs pandas", hint="run: pip install pandas") from None
-        columns = sorted(self.frames[0] if self.frames else FRAME_COLUMNS, key=_place_of)
+        known = {name: place for place, name in enumerate(FRAME_COLUMNS)}  # other columns come last
+        columns = sorted(self.frames[0] if self.frames else FRAME_COLUMNS, key=lambda c: known.get(c, len(known)))
         table = pandas.DataFrame(self.frames, columns=columns)
         unmeasured = [name for name in columns if table[name].isna().all()]
         return table.astype(dict.fromkeys(unmeasured, float))
@@ -126,7 +124,7 @@ class Run:
         return f"<p>{escape(self._title())}</p>{self.table(paper=False)._repr_html_()}{listed}"
 
     def _title(self) -> str:
-        """``demo: 60 pairs at 24 fps, 1920x1080``."""
+        """What was evaluated, such as ``demo: 60 pairs at 24 fps, 1920x1080``."""
         settings = self.summary.get("settings", {})
         size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
         name = self.summary.get("scene", {}).get("name", "?")
@@ -147,11 +145,11 @@ class Run:
 
 
 class RunWriter:
-    """Writes a run pair by pair.  A context manager; ``with`` creates and locks the folder or raises OutputError.
+    """Writes a run pair by pair.  It is a context manager; ``with`` creates and locks the folder or raises OutputError.
 
     ``frames.csv`` grows by one whole line per evaluated pair, each written in one unbuffered call: an interrupted run
     keeps its pairs, and a run that fails before the first pair leaves no file.  ``summary.json`` is written last, to
-    a temporary file that is renamed; that of an earlier run is removed first, so that it never describes other rows.
+    a temporary file that is renamed; the summary of an earlier run is removed first: it would describe other rows.
     """
 
     def __init__(self, out: str | Path, frame_columns: Sequence[str] = FRAME_COLUMNS):
@@ -183,6 +181,7 @@ class RunWriter:
         self._lock.__exit__(*exc)
 
     def _close(self) -> None:
+        """Close frames.csv, if it is open."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -207,9 +206,9 @@ class RunWriter:
 
     def write_row(self, row: Mapping[str, Any]) -> None:
         """Append one pair.  Raises KeyError for a column that was not declared, OutputError if it cannot be written."""
-        self._check(row)
+        cells = self._cells(row)
         try:
-            self._write_line([_cell(row.get(name)) for name in self.columns])
+            self._write_line(cells)
         except OSError as error:
             raise cannot_write(self.path(FRAMES_FILE), error) from None
         self.rows += 1
@@ -219,11 +218,9 @@ class RunWriter:
 
         Appending afterwards raises ValueError.
         """
-        for row in rows:
-            self._check(row)
-        lines = [_line(self.columns), *(_line([_cell(row.get(name)) for name in self.columns]) for row in rows)]
+        text = csv_text([self.columns, *map(self._cells, rows)])
         self._close()
-        write_atomically(self.path(FRAMES_FILE), "".join(lines))
+        write_atomically(self.path(FRAMES_FILE), text)
         self.rows = len(rows)
 
     def write_summary(self, summary: Mapping[str, Any], files: Iterable[Path] = ()) -> None:
@@ -236,21 +233,23 @@ class RunWriter:
         write_atomically(self.path(SUMMARY_FILE), json.dumps(whole, indent=2, ensure_ascii=False) + "\n")
 
     def _write_line(self, cells: Sequence[Any]) -> None:
+        """Append one line to frames.csv in one call.  Raises ValueError if it is not open, OSError."""
         if self._file is None:
             raise ValueError("frames.csv is not open: write rows inside the with block, before rewrite_rows")
-        self._file.write(text_bytes(_line(cells)))
+        self._file.write(text_bytes(csv_text([cells])))
 
-    def _check(self, row: Mapping[str, Any]) -> None:
-        unknown = row.keys() - set(self.columns)
-        if unknown:
+    def _cells(self, row: Mapping[str, Any]) -> list[Any]:
+        """A pair as cells in the order of the columns.  Raises KeyError for a column that was not declared."""
+        if unknown := row.keys() - set(self.columns):
             raise KeyError(f"frames.csv has no column {', '.join(sorted(unknown))}")
+        return [_cell(row.get(name)) for name in self.columns]
 
 
 def load_run(folder: str | Path) -> Run:
     """Read a stored run; ``folder`` may also name its summary.json.
 
-    Raises OutputError if it is missing, unfinished, damaged, changed, or of another schema version, and where summary,
-    rows and histogram contradict each other.
+    Raises OutputError if the run is missing, unfinished, damaged or of another schema version.  The checksums in
+    summary.json notice damage; they are no protection against forgery, and numbers are not computed again.
     """
     out = Path(folder)
     if out.name == SUMMARY_FILE:
@@ -269,14 +268,9 @@ def load_run(folder: str | Path) -> Run:
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
-    try:
+    with one_line(path, hint="is the file damaged?"):
         checked(summary, Summary)
-    except msgspec.ValidationError as error:
-        raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
     rows = read_frames(out / FRAMES_FILE)
-    if (fault := contradiction(summary, rows)) is not None:
-        where = out / (FRAMES_FILE if fault.in_rows else SUMMARY_FILE)
-        raise OutputError(str(fault), where=str(where), hint="the file was changed or damaged: evaluate again")
     summary, missing = without_checksums(summary, path, out / FRAMES_FILE)
     return Run(summary, rows, out, missing)
 
@@ -309,20 +303,17 @@ def read_frames(
     return rows
 
 
-def _line(cells: Sequence[Any]) -> str:
-    return csv_text([cells])
-
-
 def _cell(value: Any) -> Any:
-    """None as an empty cell, booleans as 0 or 1, NumPy scalars as Python numbers; floats keep every digit."""
+    """The value of a cell: booleans as 0 or 1, NumPy scalars as Python numbers; floats keep every digit."""
     value = value.item() if hasattr(value, "item") else value
-    if value is None:
-        return ""
     return int(value) if isinstance(value, bool) else value
 
 
 def _number(column: str, cell: str, integers: Collection[str]) -> int | float | None:
-    """Raises ValueError for text, for infinity and NaN, and for a fraction where the column holds integers."""
+    """The number in a cell, None for an empty one.
+
+    Raises ValueError for text, for infinity and NaN, and for a fraction where the column holds integers.
+    """
     if cell == "":
         return None
     try:
@@ -337,7 +328,7 @@ def _number(column: str, cell: str, integers: Collection[str]) -> int | float | 
 
 
 def _plain(value: Any) -> Any:
-    """NumPy scalars and arrays, and paths, as JSON values."""
+    """A NumPy scalar or array, or a path, as a JSON value.  Raises TypeError for another object."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Path):
@@ -345,12 +336,8 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be written to summary.json")
 
 
-def _place_of(column: str) -> int:
-    """The place of a column in frames.csv; columns it does not know come last."""
-    return FRAME_COLUMNS.index(column) if column in FRAME_COLUMNS else len(FRAME_COLUMNS)
-
-
 def _no_summary(out: Path) -> OutputError:
+    """The error for a folder without summary.json: how far its run is, if it has begun one."""
     frames = out / FRAMES_FILE
     if frames.is_file():
         pairs = len(read_frames(frames))

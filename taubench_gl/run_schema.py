@@ -43,187 +43,67 @@ SAMPLED_COLUMNS = ("sampled", *(f"sampled_{f.name}" for f in BY_BIT if f.light))
 """More columns of a run with sampled light: sampled pixels of the pair, and those that path-traced light discards; the
 other columns are the preview's."""
 
-Count = Annotated[int, Meta(ge=0)] | None
+
+def _block(name: str, base: type[Struct] | None = None, /, **kinds: Any) -> Any:
+    """A block of summary.json: each key may be missing or null, or has the type that its keyword gives."""
+    return defstruct(name, [(key, kind | None, None) for key, kind in kinds.items()], bases=base and (base,))
 
 
-class Statistic(Struct):
-    mean: float | None = None
-    variance: float | None = None
-    max: float | None = None
-    median: float | None = None
-    p95: float | None = None
-    reason: str | None = None
+Count = Annotated[int, Meta(ge=0)]
 
-
-class Quantity(Statistic):
-    without_cuts: Statistic | None = None
-
-
-class Rate(Struct):
-    """A share of the pixels: a column of Table 4, a rate of reusable pixels, or a reason."""
-
-    mean_percent: float | None = None
-    comparable_mean_percent: float | None = None
-    without_cuts_mean_percent: float | None = None
-    min_percent: float | None = None
-    max_percent: float | None = None
-    of_picture_percent: float | None = None
-    at_half_exposure_percent: float | None = None
-    at_twice_exposure_percent: float | None = None
-    method: str | None = None
-    interval95_percent: list[float] | None = None
-    preview_percent: float | None = None
-    undecided_percent: float | None = None
-    pixels: float | None = None
-    reason: str | None = None
-
-
-class Reason(Struct):
-    mean_percent: float
-    method: str | None = None
-    interval95_percent: list[float] | None = None
-    preview_percent: float | None = None
-    pixels: float | None = None
-
-
-Columns = defstruct("Columns", [(name, Rate | None, None) for name in COLUMNS])
-"""Per column of Table 4."""
-
-
-class Reusable(Struct):
-    surface: Rate | None = None
-    shading: Rate | None = None
-    sky_percent: float | None = None
-    reprojection: str | None = None
-    reasons_of: str | None = None
-    reasons: dict[str, Reason] | None = None
-    color_only: Rate | None = None
-
-
-class ExactRate(Rate):
-    share_percent: float | None = None
-
-
-class Exact(Struct):
-    visible: Rate | None = None
-    occluded: Rate | None = None
-    outside: Rate | None = None
-    behind: Rate | None = None
-    new: Rate | None = None
-    invalid: Rate | None = None
-    misregistered: dict[str, ExactRate] | None = None
-    missed: ExactRate | None = None
-    brightened: Rate | None = None
-    darkened: Rate | None = None
-    view_dependent: Rate | None = None
-    light_noise: Rate | None = None
-    reprojection: str | None = None
-
-
-class SceneFacts(Struct):
-    name: str | None = None
-    path: str | None = None
-    sha256: str | None = None
-    duration_s: float | None = None
-    playing: list[str] | None = None
-    stand_in: str | None = None
-
-
-class RunSettings(Struct):
-    width: float | None = None
-    height: float | None = None
-    fps: float | None = None
-    reprojection: str | None = None
-    sampling: str | None = None
-    thresholds: dict[str, float] | None = None
-    unit_scale: float | None = None
-    samples_per_pixel: Count = None
-    pairs: str | None = None
-    exact: bool | None = None
-    light_unit: str | None = None
-    exposure: float | str | None = None
-    environment: str | list[float] | None = None
-    light: str | None = None
-    first_frame: Count = None
-    last_frame: Count = None
-
-
-class CameraFacts(Struct):
-    position: Quantity | None = None
-    yaw: Quantity | None = None
-    pitch: Quantity | None = None
-    roll: Quantity | None = None
-    angle: Quantity | None = None
-    fps: float | None = None
-    samples: float | None = None
-    cuts: list[int] | None = None
-    gimbal_pairs: list[int] | None = None
-    source: str | None = None
-    reason: str | None = None
-
-
-class Census(Struct):
-    dynamic_rigid_objects: Count = None
-    armatures: Count = None
-    bones: Count = None
-    static_point_lights: Count = None
-    dynamic_point_lights: Count = None
-    reason: str | None = None
-
-
-class Curve(Struct):
-    edges: list[float] | None = None
-    counts: list[int] | None = None
-    at_or_above: list[int] | None = None
-    comparable: int | None = None
-    reason: str | None = None
-
-
-class MaskHistogram(Struct):
-    words: list[Count] | None = None
-    pixels: list[Count] | None = None
-    reason: str | None = None
-
-
-class Effect(Struct):
-    on: bool | None = None
-    reason: str | None = None
-
-
-class Timing(Struct):
-    clock: str | None = None
-    unit: str | None = None
-    passes: dict[str, float | None] | None = None
-    samples: dict[str, float | None] | None = None
-
-
-class Provenance(Struct):
-    version: str | None = None
-    command: str | None = None
-    backend: str | None = None
-    renderer: str | None = None
-    driver: str | None = None
-    clock: str | None = None
-    git: str | None = None
-
-
-class Summary(Struct):
-    pairs: float | None = None
-    scene: SceneFacts | None = None
-    settings: RunSettings | None = None
-    lighting: dict[str, str | None] | None = None
-    reusable: Reusable | None = None
-    discard: Columns | None = None
-    noise_floor: Columns | None = None
-    exact: Exact | None = None
-    census: Census | None = None
-    camera: CameraFacts | None = None
-    curves: dict[str, Curve | None] | None = None
-    mask_histogram: MaskHistogram | None = None
-    classes: dict[str, float | None] | None = None
-    notes: list[str] | None = None
-    effects: dict[str, Effect] | None = None
-    timing: Timing | None = None
-    path_traced: dict[str, Any] | None = None
-    provenance: Provenance | None = None
-    brightness: dict[str, Any] | None = None
+Statistic = _block("Statistic", mean=float, variance=float, max=float, median=float, p95=float, reason=str)
+Quantity = _block("Quantity", Statistic, without_cuts=Statistic)
+Share = _block(
+    "Share", mean_percent=float, method=str, interval95_percent=list[float], preview_percent=float,
+    pixels=float, reason=str,
+)  # fmt: skip
+Rate = _block(
+    "Rate", Share, comparable_mean_percent=float, without_cuts_mean_percent=float, min_percent=float,
+    max_percent=float, of_picture_percent=float, at_half_exposure_percent=float, at_twice_exposure_percent=float,
+    undecided_percent=float, share_percent=float,
+)  # fmt: skip
+"""A share of the pixels: a column of Table 4, a rate of reusable pixels, or a fate of pixels."""
+Columns = _block("Columns", **dict.fromkeys(COLUMNS, Rate))
+"""A rate per column of Table 4."""
+Reusable = _block(
+    "Reusable", surface=Rate, shading=Rate, sky_percent=float, reprojection=str, reasons_of=str,
+    reasons=dict[str, Share], color_only=Share,
+)  # fmt: skip
+Exact = _block(
+    "Exact", misregistered=dict[str, Rate], reprojection=str,
+    **dict.fromkeys(("visible", "occluded", "outside", "behind", "new", "invalid", "missed", "brightened", "darkened",
+                     "view_dependent", "light_noise"), Rate),
+)  # fmt: skip
+SceneFacts = _block(
+    "SceneFacts", name=str, path=str, sha256=str, duration_s=float, playing=list[str], stand_in=str
+)  # fmt: skip
+RunSettings = _block(
+    "RunSettings", width=float, height=float, fps=float, reprojection=str, sampling=str,
+    thresholds=dict[str, float], unit_scale=float, samples_per_pixel=Count, pairs=str, exact=bool, light_unit=str,
+    exposure=float | str, environment=str | list[float], light=str, first_frame=Count, last_frame=Count,
+)  # fmt: skip
+CameraFacts = _block(
+    "CameraFacts", position=Quantity, yaw=Quantity, pitch=Quantity, roll=Quantity, angle=Quantity, fps=float,
+    samples=float, cuts=list[int], gimbal_pairs=list[int], source=str, reason=str,
+)  # fmt: skip
+Census = _block(
+    "Census", dynamic_rigid_objects=Count, armatures=Count, bones=Count, static_point_lights=Count,
+    dynamic_point_lights=Count, reason=str,
+)  # fmt: skip
+Curve = _block("Curve", edges=list[float], counts=list[int], at_or_above=list[int], comparable=int, reason=str)
+MaskHistogram = _block("MaskHistogram", words=list[Count], pixels=list[Count], reason=str)
+Effect = _block("Effect", on=bool, reason=str)
+Timing = _block(
+    "Timing", clock=str, unit=str, passes=dict[str, float | None], samples=dict[str, float | None]
+)  # fmt: skip
+Provenance = _block("Provenance", **dict.fromkeys(
+    ("version", "command", "backend", "renderer", "driver", "clock", "git"), str
+))  # fmt: skip
+Summary = _block(
+    "Summary", pairs=float, scene=SceneFacts, settings=RunSettings, lighting=dict[str, str | None],
+    reusable=Reusable, discard=Columns, noise_floor=Columns, exact=Exact, census=Census, camera=CameraFacts,
+    curves=dict[str, Curve | None], mask_histogram=MaskHistogram, classes=dict[str, float | None], notes=list[str],
+    effects=dict[str, Effect], timing=Timing, path_traced=dict[str, Any], provenance=Provenance,
+    brightness=dict[str, Any],
+)  # fmt: skip
+"""What readers of summary.json rely on."""

@@ -13,11 +13,8 @@ Values are also accepted as the command line spells them: ``Settings(size="640x3
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-import operator
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -36,9 +33,29 @@ from taubench_gl.fields import (
     one_of,
     setting,
     unknown_field,
-    value_text,
 )
 from taubench_gl.glossary import OPTIONS
+from taubench_gl.setting_values import (
+    AUTO,
+    FLOAT32_MAX,
+    MAX_EXPOSURE,
+    MAX_SIZE,
+    PAIR_SAMPLES,
+    PAPER_SIZE,
+    columns_fault,
+    environment_fault,
+    exposure_fault,
+    pairs_fault,
+    parse_animation,
+    parse_columns,
+    parse_environment,
+    parse_frames,
+    parse_number,
+    parse_size,
+    parse_thresholds,
+    size_fault,
+    thresholds_fault,
+)
 
 SCENE, PICTURE, MASKS, LIGHT, OUTPUT, FILES, MACHINE = (
     "Scene", "Picture", "Masks", "Light", "Output", "Path-traced files", "Machine",
@@ -70,156 +87,22 @@ LIGHT_UNITS = ("auto", "watt", "candela")
 FIXED_LIGHTING: dict[str, Any] = {"light_unit": "candela", "exposure": 1.0, "environment": "none"}
 """Radiance as the file gives it: intensities as written, exposure 1, no environment."""
 
-AUTO = "auto"
-"""Value of ``light_unit``, ``exposure`` and ``environment`` until ``evaluation.resolve_lighting`` has chosen one."""
-
-ENVIRONMENTS = ("auto", "none", "default")
-"""Values of ``environment`` besides a radiance (r, g, b) and the path of an image."""
-
-ENVIRONMENT_FILES = (".hdr", ".exr")
-MAX_EXPOSURE = 1e30
-"""Radiance times exposure stays within float32; 1 / ``MAX_EXPOSURE`` is the least exposure."""
-
 STORAGES = ("float", "half")
-PAIR_SAMPLES = ("auto", "all", "every:K", "strata:H")
-_PAIR_SAMPLE = re.compile(r"auto|all|(every|strata):([1-9][0-9]{0,6})")
-
 STEREO = ("history", "eyes", "eye", "convergence", "other_eye")
 """Settings that say which image is the history."""
 
 DEFAULT_SIZE = (640, 360)
-PAPER_SIZE = (1920, 1080)
-"""Pixels; ``size`` names the second one ``paper``: the images of Table 4."""
-
-MAX_SIZE = 16384
 MAX_FRAMES = 1_000_000
 """Frames of one evaluation: more than eleven hours at 24 fps.  Per-frame data of this many frames fits in memory."""
-_FLOAT32_MAX = 3.4e38
 LEAST_LENGTH = 2.0**-63
 """Least distance whose square float32 holds with all its digits."""
-
-
-def _size_fault(name: str, value: Any) -> str | None:
-    return None if all(1 <= side <= MAX_SIZE for side in value) else f"{name} is {value[0]}x{value[1]}"
-
-
-def _columns_fault(_name: str, value: Any) -> str | None:
-    return next((f"no column is named {column!r:.60}" for column in value if column not in COLUMNS), None)
-
-
-def _environment_fault(name: str, value: Any) -> str | None:
-    if isinstance(value, str):
-        return None if value in ENVIRONMENTS or value.lower().endswith(ENVIRONMENT_FILES) else value_text(name, value)
-    return None if len(value) == 3 and all(0 <= c <= _FLOAT32_MAX for c in value) else value_text(name, value)
-
-
-def _exposure_fault(name: str, value: Any) -> str | None:
-    if isinstance(value, str):
-        return None if value == AUTO else value_text(name, value)
-    return None if 1.0 / MAX_EXPOSURE <= value <= MAX_EXPOSURE else value_text(name, value)
-
-
-def _pairs_fault(name: str, value: Any) -> str | None:
-    return None if _PAIR_SAMPLE.fullmatch(value) else value_text(name, value)
-
-
-def _thresholds_fault(_name: str, value: Any) -> str | None:
-    for feature, threshold in value.items():
-        if feature not in FEATURES:
-            return f"no feature is named {feature!r:.60}"
-        if not (math.isfinite(threshold) and threshold >= 0):
-            return f"threshold of {feature} is {threshold!r}"
-    return None
-
-
-# Values as people write them
-
-
-def parse_size(value: Any) -> tuple[int, int]:
-    """(width, height) of ``"1280x720"``, ``"paper"`` or two numbers.  Raises SettingsError; checks no range."""
-    if isinstance(value, str) and value == "paper":
-        return PAPER_SIZE
-    sides = value.lower().split("x") if isinstance(value, str) else value
-    with contextlib.suppress(TypeError, ValueError):
-        width, height = (int(side) if isinstance(side, str) else operator.index(side) for side in sides)
-        return width, height
-    raise SettingsError(f"{value!r:.60} is not a size", hint="give a size such as 1280x720, or paper", setting="size")
-
-
-def parse_frames(value: Any) -> tuple[int | None, int | None]:
-    """(A, B) of ``"A:B"``, a range, a slice or two numbers; a missing end is None.  Raises SettingsError."""
-    hint = "give a range of frames such as 0:24, 100: or :-1"
-    if isinstance(value, range | slice):
-        if value.step not in (None, 1):
-            hint = 'every K-th pair: pairs="every:K"'
-            raise SettingsError(f"frames have the step {value.step}", hint=hint, setting="frames")
-        value = (value.start, value.stop)
-    ends = [end.strip() or None for end in value.split(":")] if isinstance(value, str) else value
-    with contextlib.suppress(TypeError, ValueError):
-        first, stop = (int(e) if isinstance(e, str) else e if e is None else operator.index(e) for e in ends)
-        return first, stop
-    raise SettingsError(f"{value!r:.60} is not a range of frames", hint=hint, setting="frames")
-
-
-def parse_threshold(text: str) -> tuple[str, float]:
-    """(feature, threshold) of ``"normal=0.1"``.  Raises SettingsError; the name is checked later."""
-    name, equals, number = text.partition("=")
-    with contextlib.suppress(ValueError):
-        if equals:
-            return name.strip(), float(number)
-    raise SettingsError(f"{text!r:.60} is not a threshold", hint="give one such as normal=0.1", setting="thresholds")
-
-
-def _parse_thresholds(value: Any) -> Any:
-    """A mapping, from thresholds as text, ``"normal=0.1,color=0.2"``, or from a sequence of texts."""
-    texts = value.split(",") if isinstance(value, str) else value
-    if isinstance(texts, list | tuple) and all(isinstance(text, str) for text in texts):
-        return dict(map(parse_threshold, texts))
-    return value
-
-
-def _parse_columns(value: Any) -> Any:
-    """Names of columns without duplicates, from a sequence or comma-separated text; a set in the order of Table 4."""
-    if isinstance(value, str):
-        value = [name.strip() for name in value.split(",")]
-    if isinstance(value, set | frozenset):
-        value = [name for name in COLUMNS if name in value] + sorted(map(str, value - {*COLUMNS}))
-    return tuple(dict.fromkeys(map(str, value))) if isinstance(value, list | tuple) else value
-
-
-def _parse_animation(value: Any) -> Any:
-    """One animation stands for a sequence of one; an empty sequence for all."""
-    return (value,) if isinstance(value, str | int) else value or None
-
-
-def _parse_number(value: Any) -> Any:
-    """Text that is a number as that number."""
-    with contextlib.suppress(ValueError):
-        return float(value) if isinstance(value, str) else value
-    return value
-
-
-def parse_environment(text: Any) -> Any:
-    """The value of ``environment`` that ``text`` spells: one number or R,G,B is a radiance (r, g, b).
-
-    Values that are neither text nor numbers are returned unchanged.
-    """
-    if isinstance(text, float | int) and not isinstance(text, bool):
-        return (text,) * 3
-    if not isinstance(text, str):
-        return text
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        return text
-    return numbers * 3 if len(numbers) == 1 else numbers
 
 
 _SIDE = at_least(1, f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE)
 
 
 def _values(*names: str) -> str:
-    """``camera: the glossary's definition.  motion: ...`` for the values of a field."""
+    """A help text that defines each of the values ``names`` as the glossary does: ``camera: ...  motion: ...``."""
     return "  ".join(f"{name}: {OPTIONS[name].sentence}" for name in names).removesuffix(".")
 
 
@@ -228,7 +111,7 @@ SIZE = Setting(
     kind=tuple[int, int],
     default=DEFAULT_SIZE,
     meaning="Width and height of the image in pixels; paper: {}x{}".format(*PAPER_SIZE),
-    check=Check(f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", _size_fault),
+    check=Check(f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", size_fault),
     read=parse_size,
     group=PICTURE,
     short=True,
@@ -271,7 +154,7 @@ class SequenceSettings(Checked):
         None,
         "Animation to play; may be repeated",
         selects=True,
-        read=_parse_animation,
+        read=parse_animation,
         metavar="NAME|INDEX",
         shown="all that do not collide",
         repeats=True,
@@ -336,8 +219,8 @@ class MetricsSettings(Checked):
     thresholds: Mapping[str, float] = setting(
         {},
         "Threshold of color, position (meters), normal, direct or indirect, a_B of the paper; may be repeated",
-        Check("finite numbers of at least 0 for " + ", ".join(FEATURES), _thresholds_fault, FEATURES),
-        read=_parse_thresholds,
+        Check("finite numbers of at least 0 for " + ", ".join(FEATURES), thresholds_fault, FEATURES),
+        read=parse_thresholds,
         flag="--threshold",
         metavar="NAME=V",
         shown="32/255",
@@ -347,8 +230,8 @@ class MetricsSettings(Checked):
     columns: tuple[str, ...] = setting(
         COLUMNS,
         f"Columns of Table 4 to measure, comma-separated: {', '.join(COLUMNS)}; what no column needs is not simulated",
-        Check("names from " + ", ".join(COLUMNS), _columns_fault, COLUMNS),
-        read=_parse_columns,
+        Check("names from " + ", ".join(COLUMNS), columns_fault, COLUMNS),
+        read=parse_columns,
         short=True,
         metavar="LIST",
         shown="all",
@@ -363,7 +246,7 @@ class MetricsSettings(Checked):
         AUTO,
         "Pairs to evaluate: every K-th, or two from each of H strata; with confidence intervals.  auto: all of an "
         "animation as long as the paper's, else strata:H; with path-traced light as many as take about a minute",
-        Check(f"one of {', '.join(PAIR_SAMPLES)}", _pairs_fault),
+        Check(f"one of {', '.join(PAIR_SAMPLES)}", pairs_fault),
         metavar="|".join(PAIR_SAMPLES),
     )
     exact: bool = setting(
@@ -409,9 +292,9 @@ class MetricsSettings(Checked):
         filled = {name: float(self.thresholds.get(name, FEATURE[name].threshold)) for name in FEATURES}
         object.__setattr__(self, "thresholds", filled)
         for name in FEATURES:
-            if self.threshold(name) > _FLOAT32_MAX or 0.0 < self.threshold(name) < LEAST_LENGTH:
+            if self.threshold(name) > FLOAT32_MAX or 0.0 < self.threshold(name) < LEAST_LENGTH:
                 what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
-                hint = f"masks square distances as float32, give 0, or {LEAST_LENGTH:.2g} to {_FLOAT32_MAX:g}"
+                hint = f"masks square distances as float32, give 0, or {LEAST_LENGTH:.2g} to {FLOAT32_MAX:g}"
                 raise SettingsError(what, hint=hint, setting="thresholds")
 
     def threshold(self, feature: str) -> float:
@@ -459,8 +342,8 @@ class LightingSettings(Checked):
     exposure: float | str = setting(
         AUTO,
         "Factor on radiance before thresholds and tone mapping, or auto: 1 for watt, else metered",
-        Check(f"auto, or a factor from {1 / MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}", _exposure_fault),
-        read=_parse_number,
+        Check(f"auto, or a factor from {1 / MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}", exposure_fault),
+        read=parse_number,
         group=PICTURE,
         metavar="VALUE",
     )
@@ -468,7 +351,7 @@ class LightingSettings(Checked):
         AUTO,
         "Light from all around: none, default (a uniform sky and a sun), R,G,B (uniform radiance), an equirectangular "
         "FILE.hdr or FILE.exr, or auto: default where the file has no light",
-        Check("auto, none, default, three radiances of at least 0 or a .hdr or .exr file", _environment_fault),
+        Check("auto, none, default, three radiances of at least 0 or a .hdr or .exr file", environment_fault),
         read=parse_environment,
         metavar="ENVIRONMENT",
     )
@@ -631,7 +514,7 @@ class Settings:
         return Settings(**{name: getattr(self, name) for name in GROUPS} | self._changed(values))
 
     def _changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The groups that ``values`` changes, by name."""
+        """The groups of settings that ``values`` changes, by the name of the group."""
         groups: dict[str, Any] = {}
         changed: dict[str, dict[str, Any]] = {}
         for name, value in _with_sides(values).items():
@@ -732,7 +615,7 @@ def _group_of(name: str) -> str:
 
 
 def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` with ``size`` as width and height."""
+    """``values`` with ``width`` and ``height`` in place of ``size``."""
     values = dict(values)
     if "size" in values:
         values["width"], values["height"] = parse_size(values.pop("size"))
@@ -740,7 +623,7 @@ def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """JSON values: tuples as lists, mappings as dicts."""
+    """``value`` as a JSON value: tuples become lists, mappings dicts."""
     if isinstance(value, Mapping):
         return dict(value)
     return [_plain(element) for element in value] if isinstance(value, tuple) else value

@@ -18,7 +18,8 @@ PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
     "checksums", "conventions", "channels", "data_files", "errors", "features", "fields", "folder_lock", "glossary",
-    "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "settings", "srgb",
+    "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "setting_values",
+    "settings", "srgb",
 }  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (
@@ -27,7 +28,7 @@ LAYERS: tuple[set[str], ...] = (
     {"animation"},
     {"effects"},
     {"frame"},
-    {"report", "run_check"},
+    {"report"},
     {"run", "provenance"},
     {"evaluation"},
     {"pathtraced"},
@@ -47,7 +48,7 @@ LAYERS: tuple[set[str], ...] = (
 """Packages and top-level modules, lowest first.  Each imports only from lower layers and from itself; leaf modules may
 import each other."""
 
-NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", "run_check", *LEAF}
+NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", *LEAF}
 """Packages that must import without OpenGL."""
 
 NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("check", "compare", "blender.convert", "blender.render"))

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+import record_files
 import recorders
 from records import EVERY, Record, Records
 
@@ -90,10 +91,10 @@ def test_a_marked_part_is_replaced(tmp_path):
     page = tmp_path / "page.md"
     text = "before\n\n<!-- record: a -->\n\n| old |\n\n<!-- end -->\n\nafter\n<!-- record: b -->\n<!-- end -->\n"
     page.write_text(text)
-    recorders.write_marked(page, "a", "| new |\n")
+    record_files.write_marked(page, "a", "| new |\n")
     assert page.read_text() == text.replace("old", "new")
     with pytest.raises(SystemExit):
-        recorders.write_marked(page, "c", "text")
+        record_files.write_marked(page, "c", "text")
 
 
 def test_the_readme_shows_parts_of_the_output():

@@ -18,10 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-DATA = Path(os.environ.get("TAUBENCH_DATA") or ROOT.parent / "shared" / "data")
-DEMO = ROOT / "assets" / "demo.glb"
-DOCS = ROOT / "docs"
+from record_files import DEMO, DOCS, ROOT, keep_image, number, table, taubench, write_marked
 
 SCREEN = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
 VIEWER_STEPS = "frame 22\nset probe 545,190\nset probe_pinned on\n"
@@ -33,16 +30,6 @@ README_PARTS = (
     (r"^at half and twice the exposure: .*?\.\n", "the sensitivity to the exposure"),
 )
 """Patterns of what the README shows of the output of tools/demo."""
-
-
-def taubench(*arguments: object, before: tuple[str, ...] = (), fine: tuple[int, ...] = (0,)) -> str:
-    """Run a command of the package, print it, return what it prints.  Exit codes not in ``fine`` end the program."""
-    print("taubench-gl", *arguments, flush=True)
-    command = [*before, sys.executable, "-m", "taubench_gl", *map(str, arguments)]
-    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    if done.returncode not in fine:
-        sys.exit(f"tools/record: this command failed with exit code {done.returncode}")
-    return done.stdout
 
 
 def program(name: str, *options: object) -> Callable[[Path], None]:
@@ -57,31 +44,10 @@ def program(name: str, *options: object) -> Callable[[Path], None]:
     return run
 
 
-def write_marked(page: Path, name: str, text: str) -> None:
-    """Replace what is between ``<!-- record: NAME -->`` and the next ``<!-- end -->`` in a page."""
-    mark = f"<!-- record: {name} -->\n"
-    before, found, rest = page.read_text(encoding="utf-8").partition(mark)
-    _, end, after = rest.partition("<!-- end -->\n")
-    if not (found and end):
-        sys.exit(f"tools/record: {page.name} has no marks for {name}")
-    page.write_text(f"{before}{mark}\n{text.strip()}\n\n{end}{after}", encoding="utf-8")
-
-
-def keep_image(image_file: Path, name: str) -> None:
-    """Save to docs/images without a palette, so that mask colors match their legends."""
-    from PIL import Image
-
-    image = Image.open(image_file).convert("RGB")
-    if name.endswith(".jpg"):  # noise compresses badly as PNG
-        image.save(DOCS / "images" / name, quality=88, subsampling=0)
-    else:
-        image.save(DOCS / "images" / name, optimize=True)
-
-
 def command_pages() -> dict[Path, str]:
-    from taubench_gl.apps import doc
+    import reference_pages
 
-    return doc.pages()
+    return reference_pages.pages()
 
 
 def selftest_pictures(work: Path) -> None:
@@ -293,25 +259,6 @@ def reject_image(work: Path) -> None:
     keep_image(next(work.glob("*-ground.png")), "reject.png")
 
 
-def rejection(work: Path) -> None:
-    from rejection_tables import TABLES, Results
-
-    results = Results(work)
-    for name, make in TABLES.items():
-        write_marked(DOCS / "reject.md", name, make(results))
-
-
-def gates(work: Path) -> None:
-    """Twenty minutes."""
-    from rejection_tables import GATE_TABLES, Results, gates_figure
-
-    results = Results(work)
-    for name, make in GATE_TABLES.items():
-        write_marked(DOCS / "reject.md", name, make(results))
-    gates_figure(results, work / "gates.png")
-    keep_image(work / "gates.png", "gates.png")
-
-
 SAMPLED = {
     "demo": ("demo", ("--frames", "20:26")),
     "many_lights": ("many_lights", ("--light-unit", "watt", "--environment", "none", "--frames", "0:6")),
@@ -323,8 +270,6 @@ SAMPLED = {
 
 def light_samples(work: Path) -> None:
     """Ten minutes."""
-    from rejection_tables import number, table
-
     from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
 
     one_ray = {"ris": "ris", "restir-di": "restir-di@visibility_reuse=false"}

@@ -21,9 +21,11 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
 
 import recorders as by  # noqa: E402
+from rejection_tables import gates, rejection  # noqa: E402
 
 SOURCES = (
-    "taubench_gl/scene", "taubench_gl/animation", "taubench_gl/settings.py", "taubench_gl/conventions.py",
+    "taubench_gl/scene", "taubench_gl/animation", "taubench_gl/settings.py",
+    "taubench_gl/setting_values.py", "taubench_gl/conventions.py",
     "taubench_gl/features.py",
 )  # fmt: skip
 FRAME = (
@@ -163,11 +165,11 @@ EVERY = (
     ),
     Record(
         "rejection", ("docs/reject.md",),
-        (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/reject", "shaders/reject", "taubench_gl/datasets"), by.rejection,
+        (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/reject", "shaders/reject", "taubench_gl/datasets"), rejection,
     ),
     Record(
         "gates", ("docs/reject.md", "docs/images/gates.png"),
-        (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/reject", "shaders/reject", "taubench_gl/datasets"), by.gates,
+        (DEMO, *FRAME, *RAYS, *REUSE, "taubench_gl/reject", "shaders/reject", "taubench_gl/datasets"), gates,
     ),
     Record(
         "light-samples", ("docs/reuse-evaluation.md",),

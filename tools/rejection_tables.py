@@ -1,4 +1,4 @@
-"""The tables of docs/reject.md, measured by commands of the package: ``TABLES``, for tools/record."""
+"""Records of docs/reject.md: scores of rejection tests, and of such tests as gates of reservoirs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from recorders import DATA, ROOT, taubench
+from record_files import DATA, DOCS, ROOT, keep_image, number, table, taubench, write_marked
 
 SIZE, SMALL, TINY = "640x360", "128x72", "64x36"
 TESTS = (
@@ -118,14 +118,6 @@ def gate_of(test: str) -> str:
     return f"gate_{test.partition('=')[0].replace('+', '_and_')}"
 
 
-def table(head: list[str], rows: list[list[str]]) -> str:
-    return "\n".join(f"| {' | '.join(row)} |" for row in (["", *head], ["---"] * (len(head) + 1), *rows)) + "\n"
-
-
-def number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
-
-
 def exact_table(results: Results) -> str:
     found = {name: results.exact(name) for name in SCENES}
 
@@ -234,5 +226,16 @@ def gates_figure(results: Results, path: Path) -> None:
     plot.save(path)
 
 
-GATE_TABLES: dict[str, Callable[[Results], str]] = {"gates": gates_table}
-TABLES: dict[str, Callable[[Results], str]] = {"exact": exact_table, "scores": scores_table, "images": images_table}
+def rejection(work: Path) -> None:
+    """Write three tables of docs/reject.md."""
+    results = Results(work)
+    for name, make in {"exact": exact_table, "scores": scores_table, "images": images_table}.items():
+        write_marked(DOCS / "reject.md", name, make(results))
+
+
+def gates(work: Path) -> None:
+    """Write table and figure of gates in docs/reject.md, in twenty minutes."""
+    results = Results(work)
+    write_marked(DOCS / "reject.md", "gates", gates_table(results))
+    gates_figure(results, work / "gates.png")
+    keep_image(work / "gates.png", "gates.png")

@@ -25,8 +25,22 @@ ORBIT_YFOV = math.radians(45.0)
 ORBIT_ELEVATION = math.radians(20.0)
 """Radians above the horizon: shows the tops of objects; a look-at along +Y would be undefined."""
 
-ORBIT_FILL = 0.8
-"""Share of the image height that the subject covers, or of the width where that is the tighter limit."""
+ORBIT_FILL = 0.95
+"""Share of the image height within which the subject stays, or of the width where that is the tighter limit."""
+
+FOLLOW_SECONDS = 1.0
+"""The position of a subject that travels is averaged over this time, so that its steps do not shake the camera."""
+
+CLOSED = 0.75
+"""Share of the directions from the middle of the scene in which a front face is the nearest surface, from which on it
+is a room."""
+
+ROOM_RADIUS = 0.8
+"""Distance of the camera in a room from its middle, as a share of that of the nearest walls; the height likewise."""
+
+ROOM_DIRECTIONS, ROOM_TRIANGLES, NEAR_WALLS = 256, 20_000, 10.0
+"""Rays that look for walls; triangles that they meet, the largest as seen from the middle; percentile of the distances
+of the walls that counts as the nearest: a pillar does not bring the camera to the middle."""
 
 ORBIT_STEP = 0.02
 """Distance that the camera moves per frame at ORBIT_FPS, as a share of the subject's size."""
@@ -79,11 +93,15 @@ class OrbitCamera:
     """Orbits the subject, everything that is drawn, about +Y, from the +Z side towards +X.
 
     Framing: over the animation, the projection of the subject fills ORBIT_FILL of the image height, or of the width
-    where the subject is wider than the image, and is centered.  Exact for the posed vertices at ``times``.
+    where the subject is wider than the image, and is centered.  Exact for the posed vertices at ``times``.  A subject
+    whose center travels by more than its own size is followed: the orbit is about that center, averaged over
+    FOLLOW_SECONDS.  Around the middle of a closed room, whose surfaces face it on all sides, the camera moves inside
+    the bounds and looks across.
 
-    Motion: the camera moves ``step`` = ORBIT_STEP of ``subject_size`` per frame at ORBIT_FPS, both in scene units.
-    ``subject_size`` is the diagonal of the box that contains the subject over the animation.  The rotation per frame
-    follows from the radius of the orbit, so it depends on the shape of the subject and of the image.
+    Motion: the camera moves ``step`` = ORBIT_STEP of ``subject_size`` per frame at ORBIT_FPS around the subject, both
+    in scene units.  ``subject_size`` is the diagonal of the box that contains the subject over the animation, about
+    the followed center, or in a room the diameter of the orbit.  The rotation per frame follows from the radius of the
+    orbit, so it depends on the shape of the subject and of the image.
 
     ``size``: width and height of the image, pixels.  ``duration``: seconds; at least STILL_SECONDS if the scene is
     still.  The view is a pure function of the time.
@@ -99,15 +117,30 @@ class OrbitCamera:
         self.duration = max(scene.duration, STILL_SECONDS) if still else scene.duration
         self.times = np.linspace(0.0, self.duration, int(np.clip(12.0 * self.duration, 24, 96)) + 1)
         clouds = [subject.at(0.0)] * len(self.times) if still else [subject.at(t) for t in self.times]
-        points = np.concatenate(clouds)
-        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
-        self.center = 0.5 * low + 0.5 * high
-        self.subject_size = float(np.linalg.norm(high - low))
+        self._targets = _targets(self.times, clouds)  # world, one for each time
+        relative = [cloud - target for cloud, target in zip(clouds, self._targets, strict=True)]
+        points = np.concatenate(relative)
+        self.center, half = self._targets[0], 0.5 * np.ptp(points, axis=0) if len(points) else np.zeros(3)
+        self.subject_size = 2.0 * float(np.linalg.norm(half))
         if self.subject_size == 0.0:  # nothing, or a single point
-            unit = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
-            self.subject_size, clouds = float(np.linalg.norm(unit[1] - unit[0])), [self.center + unit] * len(self.times)
-        self.step = ORBIT_STEP * self.subject_size
-        self._frame([cloud - self.center for cloud in clouds], size[0] / size[1])
+            relative = [np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])] * len(self.times)
+            self.subject_size = float(np.linalg.norm(np.ptp(relative[0], axis=0)))
+        room = subject.room_around(self.center)
+        if room is not None:
+            self._stand_in_room(*room, 2.0 * float(np.linalg.norm(half)))
+        else:
+            self.step = ORBIT_STEP * self.subject_size
+            self._frame(relative, size[0] / size[1])
+
+    def _stand_in_room(self, walls: float, ceiling: float, far: float) -> None:
+        """Orbit inside ``walls`` and ``ceiling``, distances from the center; ``far``: the longest that can be seen."""
+        radius = ROOM_RADIUS * walls
+        self.subject_size, self.step = 2.0 * radius, 2.0 * ORBIT_STEP * radius
+        self.rate = ORBIT_FPS * 2.0 * math.asin(ORBIT_STEP)
+        height = min(radius * math.tan(ORBIT_ELEVATION), ROOM_RADIUS * ceiling)
+        up, back = math.sin(ORBIT_ELEVATION), math.cos(ORBIT_ELEVATION)
+        self._offset = np.array([0.0, height * back - radius * up, height * up + radius * back])
+        self.camera = Camera(name=self.name, yfov=ORBIT_YFOV, znear=1e-3 * far, zfar=far)
 
     def _frame(self, clouds: list[Array], aspect: float) -> None:
         """Find the rotation per second, the offset of the camera and the clipping planes."""
@@ -120,7 +153,7 @@ class OrbitCamera:
             for t, cloud in zip(self.times, clouds, strict=True):
                 if not len(cloud):
                     continue
-                turned = cloud @ _fast_orbit_axes(rate * t)
+                turned = cloud @ _orbit_axes(rate * t)
                 upper = np.maximum(upper, (turned[:, 2:] + turned[:, :2] / slopes).max(axis=0))
                 lower = np.maximum(lower, (turned[:, 2:] - turned[:, :2] / slopes).max(axis=0))
                 depth = np.array([min(depth[0], turned[:, 2].min()), max(depth[1], turned[:, 2].max())])
@@ -155,36 +188,32 @@ class OrbitCamera:
 
     def view_at(self, state: FrameState) -> View:
         axes = _orbit_axes(self.rate * math.fmod(state.time, self.period))
-        return View(self.center + axes @ self._offset, axes, self.camera)
+        target = np.array([np.interp(state.time, self.times, along) for along in self._targets.T])
+        return View(target + axes @ self._offset, axes, self.camera)
+
+
+def _targets(times: Array, clouds: list[Array]) -> Array:
+    """What the orbit is about at each of ``times``: the middle of the subject, (n, 3), world; see ``OrbitCamera``."""
+    boxes = np.array([(c.min(axis=0), c.max(axis=0)) if len(c) else np.full((2, 3), np.nan) for c in clouds])
+    there = np.isfinite(boxes[:, 0, 0])
+    if not there.any():
+        return np.zeros((len(times), 3))
+    centers, sizes = boxes[there].mean(axis=1), np.linalg.norm(np.ptp(boxes[there], axis=1), axis=1)
+    if np.linalg.norm(np.ptp(centers, axis=0)) <= np.median(sizes):
+        return np.tile(0.5 * (boxes[there, 0].min(axis=0) + boxes[there, 1].max(axis=0)), (len(times), 1))
+    from scipy.ndimage import uniform_filter1d  # imported late
+
+    path = np.stack([np.interp(times, times[there], along) for along in centers.T], axis=1)
+    return uniform_filter1d(path, max(round(FOLLOW_SECONDS / times[1]), 1), axis=0, mode="nearest")
 
 
 def _orbit_axes(angle: float) -> Array:
     """world_from_view of the orbit at ``angle``, radians from +Z towards +X.  (3, 3) float64."""
     # pyrr multiplies row vectors, so the upper left of its view matrix is world_from_view.  The eye is a unit
     # direction from the origin: pyrr's subtraction loses precision far from the origin.
-    eye = np.array(_towards_camera(angle))
-    return matrix44.create_look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)[:3, :3]
-
-
-def _towards_camera(angle: float) -> tuple[float, float, float]:
     level = math.cos(ORBIT_ELEVATION)
-    return level * math.sin(angle), math.sin(ORBIT_ELEVATION), level * math.cos(angle)
-
-
-def _fast_orbit_axes(angle: float) -> Array:
-    """``_orbit_axes`` with its bits, in a tenth of the time: the search for a rotation asks for a thousand."""
-    towards_camera = _towards_camera(angle)
-    forward = _unit(*(0.0 - x for x in towards_camera))
-    side = _unit(*math3d.cross(forward, (0.0, 1.0, 0.0)).tolist())
-    up = _unit(*math3d.cross(side, forward).tolist())
-    look_at = np.eye(4)
-    look_at[:3, :3] = np.stack([side, up, [-x for x in forward]], axis=-1)
-    return look_at[:3, :3]
-
-
-def _unit(x: float, y: float, z: float) -> tuple[float, float, float]:
-    length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
+    eye = np.array([level * math.sin(angle), math.sin(ORBIT_ELEVATION), level * math.cos(angle)])
+    return matrix44.create_look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)[:3, :3]
 
 
 def is_still(scene: Scene, cameras: Iterable[int] = ()) -> bool:
@@ -334,6 +363,51 @@ class _Subject:
         points = np.concatenate(clouds)
         return _hull(points[np.all(np.isfinite(points), axis=-1)])
 
+    def room_around(self, point: Array) -> tuple[float, float] | None:
+        """Distances of the walls and of the ceiling around ``point`` (3,); None where it is not in a closed room.
+
+        Of still surfaces at time 0, by rays in all directions (Moeller and Trumbore 1997) to the largest triangles.
+        """
+        a, b, c = np.moveaxis(self._still_triangles() - point, 1, 0)
+        normal = np.cross(b - a, c - a)
+        away = np.einsum("ij,ij->i", a, normal)  # > 0: a back face
+        distance = np.linalg.norm((a + b + c) / 3.0, axis=1)
+        size = np.abs(away) / np.maximum(distance, 1e-30) ** 3
+        kept = np.argsort(size)[-ROOM_TRIANGLES:]
+        a, b, c, normal, away = (each[kept] for each in (a, b, c, normal, away))
+        found = []
+        for ray in _directions(ROOM_DIRECTIONS):
+            slope = normal @ ray
+            with np.errstate(divide="ignore", invalid="ignore"):
+                reach = away / slope
+                hit = reach[:, None] * ray
+                sides = [np.einsum("ij,ij->i", np.cross(q - p, hit - p), normal) for p, q in ((a, b), (b, c), (c, a))]
+                inside = (reach > 0.0) & np.isfinite(reach) & (np.minimum.reduce(sides) >= 0.0)
+            nearest = np.argmin(np.where(inside, reach, np.inf)) if inside.any() else None
+            found.append((*ray, reach[nearest], slope[nearest] < 0.0) if nearest is not None else (*ray, np.inf, False))
+        rays = np.array(found)
+        front = rays[:, 4] == 1.0
+        level, upward = front & (np.abs(rays[:, 1]) < 0.5), front & (rays[:, 1] > 0.9)
+        if front.mean() < CLOSED or not level.any():
+            return None
+        walls = float(np.percentile(rays[level, 3] * np.hypot(rays[level, 0], rays[level, 2]), NEAR_WALLS))
+        return walls, float(rays[upward, 3].min()) if upward.any() else walls
+
+    def _still_triangles(self) -> Array:
+        """Corners of the triangles of what no skin and no morph deforms, at time 0, front faces counter-clockwise.
+
+        (T, 3, 3) float64, world; instances are left out.
+        """
+        scene, state, corners = self._poser.scene, self._poser.sample(0.0), [np.zeros((0, 3, 3))]
+        for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
+            world_from_node = state.world[node]
+            order = [0, 1, 2] if np.linalg.det(world_from_node[:3, :3]) > 0.0 else [0, 2, 1]
+            for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+                if not (primitive.targets or is_skinned(scene, node, primitive) or node in scene.nodes.instances):
+                    points = math3d.transform_points(world_from_node, primitive.positions.astype(np.float64))
+                    corners.append(points[primitive.triangles[:, order]])
+        return np.concatenate(corners)
+
     def _used_by(self, triangles: Array) -> Array:
         if id(triangles) not in self._used:
             self._used[id(triangles)] = np.unique(triangles)
@@ -344,6 +418,13 @@ class _Subject:
             used = primitive.positions[np.unique(primitive.triangles)].astype(np.float64)
             self._hulls[id(primitive)] = _hull(used)
         return self._hulls[id(primitive)]
+
+
+def _directions(count: int) -> Array:
+    """Unit directions spread evenly over the sphere, (count, 3): a Fibonacci lattice."""
+    y = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angle = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+    return np.stack([np.sqrt(1.0 - y * y) * np.cos(angle), y, np.sqrt(1.0 - y * y) * np.sin(angle)], axis=1)
 
 
 def _hull(points: Array) -> Array:

@@ -112,7 +112,7 @@ def plan(
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.study.engines import available_cores
-    from taubench_gl.study.estimate import announce
+    from taubench_gl.study.progress import announce
 
     selected = read_suite(suite).part(cases)
     entries = entries_of(methods)
@@ -141,8 +141,7 @@ def compare(
     form: str = setting("text", "Format of the tables", one_of(TABLE_FORMATS[:-1]), flag="--format"),
 ) -> None:
     """Print two benchmarks of one suite side by side.  Other suites, versions of it or scenes are refused."""
-    from taubench_gl.benchmark.compare import compared
-    from taubench_gl.benchmark.output import load_benchmark
+    from taubench_gl.benchmark.output import compared, load_benchmark
     from taubench_gl.report.benchmark import comparison_tables
 
     result_a, result_b = load_benchmark(a), load_benchmark(b)

@@ -42,9 +42,9 @@ def check(
     """
     from taubench_gl.pathtraced.check import check_sequence
     from taubench_gl.pathtraced.check_report import check_summary, check_tables, save_check
-    from taubench_gl.pathtraced.evaluation import open_input
+    from taubench_gl.pathtraced.evaluation import plan_sequence
 
-    images = open_input(spec, settings, files)
+    images = plan_sequence(spec, settings, files)
     result = check_sequence(images.sequence, images.camera, images.frames, pairs)
     summary = check_summary(result, images.sequence)
     if as_json:

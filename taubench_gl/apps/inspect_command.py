@@ -121,10 +121,10 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
 def _exposure(scene: Scene, settings: Any) -> dict[str, Any]:
     """``value``: the exposure of every evaluation of this scene with this camera; None without OpenGL or triangles."""
     from taubench_gl.errors import TaubenchError
-    from taubench_gl.evaluation import open_scene
+    from taubench_gl.evaluation import plan_scene
 
     try:
-        resolved = open_scene(scene, settings.replace(light="raster")).lighting  # no samples to choose
+        resolved = plan_scene(scene, settings.replace(light="raster")).lighting  # no samples to choose
     except TaubenchError as error:
         return {"value": None, "reason": error.what}
     return {"value": resolved.settings.lighting.exposure, "reason": resolved.reasons["exposure"]}

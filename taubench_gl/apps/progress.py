@@ -119,10 +119,10 @@ class StudyScreen(Bars, StudyProgress):
     """Progress of a study: on a terminal one bar for everything and one per running job; a line per event, elsewhere
     also one per LINE_SECONDS."""
 
-    def __init__(self, of: str = "pairs") -> None:
-        """``of``: what a weight counts."""
+    def __init__(self, counted: str = "pairs") -> None:
+        """``counted``: what weights count."""
         Bars.__init__(self)
-        StudyProgress.__init__(self, self.say, of)
+        StudyProgress.__init__(self, self.say, counted)
         self._said = time.monotonic()
 
     def __enter__(self) -> StudyScreen:
@@ -146,7 +146,7 @@ class StudyScreen(Bars, StudyProgress):
         self._show_whole()
         if not self.on_terminal and time.monotonic() - self._said >= LINE_SECONDS:
             self._said = time.monotonic()
-            self.say(f"{self.labels[job]}: {self.done[job]}/{self.total[job]} {self.of}{self._rate()}")
+            self.say(f"{self.labels[job]}: {self.done[job]}/{self.total[job]} {self.counted}{self._rate()}")
 
     def job_finished(self, job: str) -> None:
         self.remove_bar(job)
@@ -157,4 +157,4 @@ class StudyScreen(Bars, StudyProgress):
         super().job_failed(job, label, message)
 
     def _show_whole(self, text: str = "") -> None:
-        self.set_bar(f"all {self.of}", sum(self.done.values()), sum(self.total.values()) or None, text)
+        self.set_bar(f"all {self.counted}", sum(self.done.values()), sum(self.total.values()) or None, text)

@@ -48,12 +48,12 @@ def render(
 ) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.effects.lighting import environment_of
-    from taubench_gl.evaluation import environment_image, open_scene
+    from taubench_gl.evaluation import environment_image, plan_scene
     from taubench_gl.pathtraced.blender.job import Quality
     from taubench_gl.pathtraced.blender.render import render_reference
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
 
-    opened = open_scene(scene_path, settings)
+    opened = plan_scene(scene_path, settings)
     settings = opened.settings
     environment = environment_of(settings)
     image = environment_image(settings)

@@ -19,26 +19,11 @@ from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.units import counts_of_record, head_hash, lobes_of_record
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import (
-    Brightness,
-    SampledLight,
-    assemble_summary,
-    camera_row,
-    decides_light,
-    describe_brightness,
-    describe_scale,
-    frame_columns,
-    mark_cuts,
-    missing_of_scene,
-    preview_notes,
-    sampled_pairs,
-    scene_lobes,
-    summarize_lobes,
-)
-from taubench_gl.features import COLUMNS
-from taubench_gl.metrics.exact_rates import exact_summary
-from taubench_gl.metrics.sampled_light import decided_summary
-from taubench_gl.metrics.sequence_stats import SequenceStats
+from taubench_gl.evaluation import light_plan, sampled_pairs
+from taubench_gl.evaluation.lobes import missing_of_scene
+from taubench_gl.evaluation.session import frame_columns
+from taubench_gl.evaluation.summary import mark_cuts
+from taubench_gl.evaluation.tally import Tally
 from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.provenance import combined
 from taubench_gl.report import run_tables
@@ -52,7 +37,7 @@ SCHEMA = "taubench-gl/batch/4"
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
 PROVENANCE_FILE = "provenance.json"
 WORKERS = ("version", "backend", "renderer", "driver", "git", "python", "machine")
-"""Entries of the provenance of a job: of all its workers together."""
+"""Entries of the provenance of a job, which combine those of all its workers."""
 
 
 def require_pyarrow() -> Any:
@@ -76,67 +61,45 @@ def job_positions(job: Job, head: Mapping[str, Any]) -> tuple[int, ...]:
     return sampled_pairs(range(*head["frames"]), job.settings).positions
 
 
-def sampled_light(
+def tally_job(
     job: Job, head: Mapping[str, Any], reports: Sequence[Mapping[str, Any]], pairs: Mapping[int, Mapping[str, Any]]
-) -> SampledLight | None:
-    """The sampled light of a job, all of whose pairs are counted, before its first round; None where it has none."""
-    lobes = scene_lobes(job.lobes, reports[0]["source"]["effects"])
-    light = SampledLight.of(job.settings, range(*head["frames"]), reports[0]["unmeasured"], lobes)
-    if light is not None:
-        for position in job_positions(job, head):
-            light.add(position, counts_of_record(pairs[position]))
-    return light
+) -> Tally:
+    """The tally of a job, all of whose pairs are counted, before the first round of its sampled light.
 
-
-def merge_job(
-    job: Job,
-    head: Mapping[str, Any],
-    pairs: Mapping[int, Mapping[str, Any]],
-    reports: Sequence[Mapping[str, Any]],
-    light: SampledLight | None,
-) -> Run:
-    """The Run of a job, all of whose pairs are counted.  ``pairs``: records by position; ``reports``: one per chunk;
-    ``light``: after its last round."""
-    settings, frames = job.settings, range(*head["frames"])
-    unmeasured = reports[0]["unmeasured"]
-    measured = tuple(c for c in COLUMNS if c not in unmeasured)
-    stats = SequenceStats(measured, unmeasured)
-    lens = Camera()  # camera activity depends on position and direction only
-    views = [View(np.array(p), np.array(r), lens) for p, r in zip(head["positions"], head["rotations"])]
-    rows = []
+    ``reports``: of the workers, one per chunk; ``pairs``: records by position.
+    """
+    frames, settings, report, views = range(*head["frames"]), job.settings, reports[0], _views(head)
+    unmeasured = report["unmeasured"]
+    missing = missing_of_scene(job.lobes, unmeasured, report["source"]["effects"], settings)
+    tally = Tally(settings, frames, light_plan(settings, sampled=True), unmeasured, report["reprojection"], missing)
     for position in job_positions(job, head):
-        frame = frames[position + 1]
-        row = {"frame": frame, "time_s": frame / settings.sequence.fps}
-        row |= stats.add(counts_of_record(pairs[position]))
-        row |= camera_row((views[position], views[position + 1]), settings.metrics.unit_scale)
-        rows.append(row | pairs[position]["added"])
-    columns = () if light is None else light.estimate.columns
-    summary = assemble_summary(head["facts"], frames, settings, views, stats, columns)
-    source = dict(reports[0]["source"])
-    summary["notes"] += source.pop("notes")
-    source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
-    summary |= source
-    brightness = Brightness()
+        record, camera_path = pairs[position], (views[position], views[position + 1])
+        counts, lobes = counts_of_record(record), lobes_of_record(record)
+        tally.add(frames[position + 1], counts, camera_path, lobes, dict(record["added"]))
     for report in reports:
-        brightness.add(report["brightness"])
-    describe_brightness(summary, brightness, settings, light is None and not decides_light(settings))
-    describe_scale(summary, [depth for report in reports for depth in report["depths"]], settings)
-    if decides_light(settings):
-        summary["decided_light"] = decided_summary(rows)
-    if job.lobes:
-        missing = missing_of_scene(job.lobes, unmeasured, source["effects"], settings)
-        summary["lobes"] = summarize_lobes(missing, [lobes_of_record(pairs[p]) for p in job_positions(job, head)])
-    if settings.metrics.exact:
-        summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
-    if light is None:
-        summary["notes"] += preview_notes(settings, unmeasured)
-    else:
-        light.finish(summary, rows, frames)
+        tally.brightness.add(report["brightness"])
+        tally.depths += report["depths"]
+    return tally
+
+
+def merge_job(head: Mapping[str, Any], tally: Tally, reports: Sequence[Mapping[str, Any]]) -> Run:
+    """The Run of a job after the last round of its sampled light, as ``Session.summary`` and ``finish_run`` make it.
+
+    What depends on machine, engine and chunks is left to provenance.json.  ``reports``: of the workers, one per chunk.
+    """
+    source = reports[0]["source"] | {"memory": {"gpu_bytes": None, "reason": IN_PROVENANCE}}
+    summary = tally.summary(head["facts"], _views(head), source)
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
     workers = combined([report["provenance"] for report in reports], WORKERS)
     summary["provenance"] = workers | {"command": None, "clock": None, "reason": IN_PROVENANCE}
-    mark_cuts(rows, summary)
-    return Run(summary, rows)
+    mark_cuts(tally.rows, summary)
+    return Run(summary, tally.rows)
+
+
+def _views(head: Mapping[str, Any]) -> list[View]:
+    """Position and direction of the camera in every frame, all that camera activity depends on."""
+    lens = Camera()
+    return [View(np.array(p), np.array(r), lens) for p, r in zip(head["positions"], head["rotations"], strict=True)]
 
 
 def write_job(
@@ -144,7 +107,7 @@ def write_job(
 ) -> None:
     """Write summary.json and frames.csv as ``evaluate`` does, and provenance.json beside them.
 
-    ``sampled``: with sampled light.
+    ``reports``: one per chunk; ``sampled``: whether the job has sampled light, which adds columns.
     """
     frames = range(*head["frames"])
     chunks = [
@@ -160,10 +123,10 @@ def write_job(
 
 
 def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
-    """Whether the files of a job are there, whole and of this head; if not, removes its summary.json, and the job is
-    written again.
+    """Whether the files of a job are there, undamaged and made with this head; removes its summary.json if not.
 
-    Files appear complete; a disk error or another program can damage them afterwards.
+    A job that is not written is written again.  Files appear complete; a disk error or another program can damage them
+    afterwards.
     """
     folder, frames = job_folder(store, job.id), range(*head["frames"])
     try:
@@ -178,7 +141,10 @@ def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
 
 
 def write_batch(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str, Any]:
-    """Write summary.json, frames.parquet and tables of the whole batch; returns the summary."""
+    """Write summary.json, frames.parquet and tables of the whole batch.  -> the values of summary.json.
+
+    ``failed``: job -> why it failed.
+    """
     jobs, frames, summaries = [], [], []
     for job in spec.jobs:
         entry: dict[str, Any] = {"id": job.id, "scene": job.scene, "sweep": dict(job.sweep)}
@@ -204,7 +170,7 @@ def labelled(job: Job, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[Any]:
-    """Write tables.txt, .md, .csv and .tex of these runs; returns the tables."""
+    """Write tables.txt, .md, .csv and .tex of these runs.  -> the tables."""
     tables = run_tables(list(summaries)) if summaries else []
     if tables:
         write_table_files(store.out, tables)
@@ -214,7 +180,7 @@ def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[A
 def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapping[str, Any]]]]) -> bytes:
     """A Parquet file of all pairs of all jobs: ``job``, ``scene``, swept settings (as text), and frames.csv.
 
-    A count that is not measured is null.
+    ``jobs``: id, name of the scene, swept settings and rows of each.  A count that is not measured is null.
     """
     pa = require_pyarrow()
     jobs = list(jobs)
@@ -239,6 +205,7 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
 
 
 def _text(value: Any) -> str | None:
+    """A swept setting, or a name that may not be UTF-8, as text; None for a setting that a job does not sweep."""
     if value is None:
         return None
     return plain_text(value) if isinstance(value, str) else json.dumps(value)

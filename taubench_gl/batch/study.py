@@ -26,7 +26,7 @@ from taubench_gl.batch.merge import (
     labelled,
     merge_job,
     require_pyarrow,
-    sampled_light,
+    tally_job,
     write_batch,
     write_job,
     write_tables,
@@ -34,13 +34,13 @@ from taubench_gl.batch.merge import (
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
 from taubench_gl.batch.units import head_key, head_unit, light_key, light_unit, pairs_key, pairs_unit, resolved_job
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import SampledLight
+from taubench_gl.evaluation.tally import Tally
 from taubench_gl.folder_lock import lock_holder
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import SUMMARY_FILE, load_run
 from taubench_gl.settings import Settings
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import STUDY_FILE, Store
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine, Unit
@@ -54,6 +54,8 @@ MIN_CHUNK_PAIRS = 4
 
 
 class _Job(msgspec.Struct):
+    """A job in study.json."""
+
     id: Annotated[str, msgspec.Meta(pattern=r"^[^/\0]+$", max_length=255)]
     scene: str
     settings: dict[str, Any]
@@ -62,13 +64,15 @@ class _Job(msgspec.Struct):
 
 
 class _About(msgspec.Struct):
+    """The keys of study.json that a batch adds."""
+
     name: str
     jobs: list[_Job]
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """``failed``: job id -> reason."""
+    """What a batch ends with: its summary.json, and the jobs that ``failed``: job id -> reason."""
 
     summary: dict[str, Any]
     failed: dict[str, str]
@@ -78,7 +82,7 @@ class BatchStudy(Study):
     """The jobs of a batch in a folder."""
 
     def __init__(self, spec: BatchSpec, store: Store, chunk: int | None = None):
-        """``chunk``: pairs per unit; None: chosen by the number of workers.  It does not change results."""
+        """A batch in ``store``; ``chunk``: pairs per unit, which change no result, None: by the number of workers."""
         if chunk is not None and chunk < 1:
             raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
         if any(job.settings.lighting.light_time is not None for job in spec.jobs):
@@ -87,8 +91,8 @@ class BatchStudy(Study):
         super().__init__(store)
         self.spec, self._chunk = spec, chunk
         self._jobs = {job.id: job for job in spec.jobs}
-        self._light: dict[str, SampledLight | None] = {}
-        self._heads: dict[str, dict[str, Any] | None] = {}  # asked for; None: not yet there
+        self._tallies: dict[str, Tally] = {}  # of the jobs whose pairs are all counted
+        self._heads: dict[str, dict[str, Any] | None] = {}  # of jobs that were asked for; None: not yet there
 
     def jobs(self) -> Mapping[str, str]:
         return {job.id: job.label for job in self.spec.jobs}
@@ -115,9 +119,9 @@ class BatchStudy(Study):
 
     def _missing_light(self, job: Job, head: Mapping[str, Any], reports: Any, pairs: Any) -> Sequence[Unit]:
         """Visits of the next round of sampled light that have no record."""
-        if job.id not in self._light:
-            self._light[job.id] = sampled_light(job, head, reports, pairs)
-        light = self._light[job.id]
+        if job.id not in self._tallies:
+            self._tallies[job.id] = tally_job(job, head, reports, pairs)
+        light = self._tallies[job.id].sampled
         while light is not None and not light.done:
             wanted = light.next_round()
             records = [self.store.load(light_key(job.id, visit, head)) for visit in wanted]
@@ -131,10 +135,9 @@ class BatchStudy(Study):
         head = self._heads[job]
         resolved = resolved_job(self._jobs[job], head)
         if not is_written(self.store, resolved, head):
-            reports, pairs = stored_pairs(self.store, job, head)
-            light = self._light[job]
-            run = merge_job(resolved, head, pairs, reports, light)
-            write_job(self.store, resolved, head, run, reports, light is not None)
+            reports, tally = stored_pairs(self.store, job, head)[0], self._tallies[job]
+            run = merge_job(head, tally, reports)
+            write_job(self.store, resolved, head, run, reports, tally.sampled is not None)
 
     def merge(self) -> Outcome:
         return Outcome(write_batch(self.store, self.spec, self.failed), self.failed)
@@ -155,7 +158,7 @@ def stored_pairs(
 ) -> tuple[list[dict[str, Any]], dict[int, dict[str, Any]]]:
     """Reports of the workers in the order of the pairs, and the counted pairs by position.
 
-    ``remove``: damaged records, whose pairs are counted again.
+    ``remove``: whether damaged records are removed, whose pairs are then counted again.
     """
     reports: list[dict[str, Any]] = []
     pairs: dict[int, dict[str, Any]] = {}
@@ -182,29 +185,23 @@ def file_stamp(scene: str) -> list[int] | None:
 
 
 def batch_store(out: str | Path) -> Store:
-    """The folder of a batch."""
+    """The study folder ``out`` as the store of a batch."""
     return Store(out, "batch", SCHEMA)
 
 
 def about_batch(spec: BatchSpec) -> dict[str, Any]:
-    """The jobs as ``study.json`` has them."""
-    jobs = [
-        {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep),
-         "lobes": list(job.lobes)}
-        for job in spec.jobs
-    ]  # fmt: skip
-    return {"name": spec.name, "jobs": jobs}
+    """The jobs of a batch as study.json has them."""
+    jobs = [_Job(j.id, j.scene, j.settings.to_dict(), dict(j.sweep), list(j.lobes)) for j in spec.jobs]
+    return msgspec.to_builtins(_About(spec.name, jobs))
 
 
 def stored_spec(store: Store) -> BatchSpec:
-    """The jobs of an earlier run.  Raises OutputError if there are none."""
+    """The jobs that study.json holds.  Raises OutputError if there is none, or a damaged one."""
     values = store.about()
     try:
-        jobs = [
-            Job(job.id, job.scene, Settings.from_dict(job.settings), job.sweep, {}, tuple(job.lobes))
-            for job in msgspec.convert(values, _About).jobs
-        ]
-        return BatchSpec(values["name"], with_differences(jobs))
+        about = msgspec.convert(values, _About)
+        jobs = [Job(j.id, j.scene, Settings.from_dict(j.settings), j.sweep, {}, tuple(j.lobes)) for j in about.jobs]
+        return BatchSpec(about.name, with_differences(jobs))
     except (msgspec.ValidationError, SettingsError) as error:
         raise OutputError(f"is damaged: {error}", where=str(store.out / STUDY_FILE)) from None
 
@@ -218,7 +215,7 @@ def run_batch(
     chunk: int | None = None,
     listener: Listener | None = None,
 ) -> Outcome:
-    """Run the missing part of ``spec`` in the folder ``out``; None: of the spec stored there.
+    """Run what is missing of ``spec`` in the folder ``out``; None: of the spec that is stored there.
 
     ``engine``, ``workers``: as of ``run_study``; results do not depend on them, or on ``chunk``.  Scenes that fail are
     listed in the outcome.  Raises TaubenchError.
@@ -231,7 +228,7 @@ def run_batch(
 
 @dataclass(frozen=True, slots=True)
 class JobStatus:
-    """State of one job: waiting, part, done or failed.  ``total`` None: number of pairs not known yet."""
+    """The state of one job (waiting, part, done or failed) and its pairs; ``total`` None: not known yet."""
 
     id: str
     label: str

@@ -1,10 +1,13 @@
-"""Units of a job: its head, all that needs no pair, and its pairs in chunks; and the records that they write.
+"""Units of a job: its head (all that needs no pair), its pairs in chunks and its sampled light; and their records.
 
-    head     {"stamp", "frames", "facts", "lighting", "positions", "rotations"}
-    pairs    {"report": of the worker, "pairs": [{"position", "words", "bins", "lobes", "added": columns of adders}]}
+    JOB/head                   {"stamp", "frames", "facts", "lighting", "positions", "rotations"}
+    JOB/pairs-FIRST-LAST-HASH  {"report": what the worker measured, "pairs": [{"position", "words", "bins", "lobes",
+                               "added": columns of column adders}]}
+    JOB/light-PAIR-VISIT-HASH  a visit of sampled light
 
-Counts are sparse, [places, counts]: of reason words in ``words`` and in each of ``lobes``; of histogram bins in
-``bins``, feature * bins + bin in the order of ``features.FEATURES``.
+HASH is of everything in the head that counts depend on.  Counts are sparse, [places, counts]: of reason words in
+``words`` and in each of ``lobes``; of histogram bins in ``bins``, feature * bins + bin in the order of
+``features.FEATURES``.
 """
 
 from __future__ import annotations
@@ -18,32 +21,29 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import camera_of_run
 from taubench_gl.batch.spec import Job
 from taubench_gl.conventions import HISTOGRAM_BINS
-from taubench_gl.errors import SceneError
 from taubench_gl.evaluation import (
-    LightVisits,
-    ResolvedLighting,
-    SceneInput,
+    Readback,
+    ScenePlan,
     Session,
-    Wants,
-    checked_frames,
     environment_image,
-    file_hashes,
     files_identity,
     frame_range,
     frame_schedule,
-    open_scene,
-    pair_schedule,
-    scene_facts,
+    light_plan,
+    plan_scene,
 )
+from taubench_gl.evaluation.brightness import checked_frames
+from taubench_gl.evaluation.lighting import ResolvedLighting
+from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.schedule import pair_schedule
+from taubench_gl.evaluation.summary import static_summary
 from taubench_gl.features import FEATURES, MASK_WORDS
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.provenance import provenance
-from taubench_gl.scene import load_scene
 from taubench_gl.settings import AUTO, Settings
+from taubench_gl.study.scene import LoadedScene
 from taubench_gl.study.store import content_hash, json_bytes
 from taubench_gl.study.unit import Unit, Worker
 from taubench_gl.study.worker import open_context
@@ -65,35 +65,47 @@ class HeadUnit(Unit):
 
     def run(self, worker: Worker) -> bytes:
         worker.release()  # the scene may have changed
-        loaded = _loaded(worker, self.of)
+        loaded = _JobScene.of(worker, self.of)
         if self.of.settings.lighting.exposure == AUTO:
             open_context(self.of.settings)  # its exposure may have to be metered
         return json_bytes(_head_record(loaded, self.of.settings, self.stamp))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PairsUnit(Unit):
-    """Pairs of a job whose lighting is resolved.
-
-    ``positions``: ascending, among the job's pairs; empty for a job without pairs, whose frames are rendered all the
-    same.  ``sha256``: of the files when the head was made (``evaluation.files_identity``).
-    """
+class _RenderedUnit(Unit):
+    """A unit of a job whose lighting is resolved; ``sha256``: of the files when the head was made."""
 
     of: Job
-    positions: tuple[int, ...]
     sha256: str | None
+
+    def opened(self, worker: Worker) -> _JobScene:
+        """The scene of the job, in a current context.  Raises SceneError if its files have changed since the head."""
+        open_context(self.of.settings)
+        loaded = _JobScene.of(worker, self.of)
+        loaded.require_unchanged(self.sha256, self.of.settings, "run the batch again")
+        return loaded
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairsUnit(_RenderedUnit):
+    """Some pairs of a job.
+
+    ``positions``: ascending, among the job's pairs; empty for a job without pairs, whose frames are rendered all the
+    same.
+    """
+
+    positions: tuple[int, ...]
 
     def run(self, worker: Worker) -> bytes:
         started = time.perf_counter()
-        loaded = _unchanged(worker, self.of, self.sha256)
-        pairs, report = self._count(loaded, worker)
+        pairs, report = self._count(self.opened(worker), worker)
         report["provenance"] |= {"host": platform.node(), "pid": os.getpid(), "seconds": time.perf_counter() - started}
         return json_bytes({"report": report, "pairs": pairs})
 
-    def _count(self, loaded: _Loaded, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-        session, settings = loaded.opened(self.of), self.of.settings
+    def _count(self, loaded: _JobScene, worker: Worker) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        session, settings = loaded.session(self.of), self.of.settings
         session.timer.reset()
-        frames = session.given.frames
+        frames = session.plan.frames
         schedule = pair_schedule(frames, self.positions) if self.positions else frame_schedule(frames, settings)
         evaluated = []
         checked = checked_frames(frame_schedule(frames, settings))
@@ -102,30 +114,28 @@ class PairsUnit(Unit):
             worker.done()
         pairs = [
             pair_record(position, pair.counts, pair.lobes, {name: row[name] for name in session.added_columns})
-            for position, pair, row in zip(self.positions, evaluated, session.rows, strict=True)
+            for position, pair, row in zip(self.positions, evaluated, session.tally.rows, strict=True)
         ]
         return pairs, _report(session)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LightUnit(Unit):
+class LightUnit(_RenderedUnit):
     """One visit of sampled light: ``visit``, the position of its pair and the number of the visit."""
 
-    of: Job
     visit: tuple[int, int]
-    sha256: str | None
 
     def run(self, worker: Worker) -> bytes:
-        loaded = _unchanged(worker, self.of, self.sha256)
-        return json_bytes(loaded.visits(self.of).visit(*self.visit).record())
+        return json_bytes(self.opened(worker).light(self.of).visit(*self.visit).record())
 
 
 def head_unit(job: Job, stamp: list[int] | None) -> HeadUnit:
+    """The unit that makes the head of ``job``; ``stamp``: of its file now (``file_stamp``)."""
     return HeadUnit(job=job.id, key=head_key(job.id), name="head", scene=job.scene, of=job, stamp=stamp)
 
 
 def pairs_unit(job: Job, positions: tuple[int, ...], head: Mapping[str, Any]) -> PairsUnit:
-    """``job``: with the lighting of its ``head``."""
+    """The unit that counts the pairs at ``positions``.  ``job``: with the lighting of its ``head``."""
     ends = f"{positions[0]:06d}-{positions[-1]:06d}" if positions else "none"
     name = f"pairs {positions[0]} to {positions[-1]}" if positions else "frames without pairs"
     sha256 = files_identity(head["facts"]["scene"])
@@ -134,94 +144,79 @@ def pairs_unit(job: Job, positions: tuple[int, ...], head: Mapping[str, Any]) ->
 
 
 def light_unit(job: Job, visit: tuple[int, int], head: Mapping[str, Any]) -> LightUnit:
-    """``job``: with the lighting of its ``head``."""
-    name = f"light of pair {visit[0]}"
-    return LightUnit(job=job.id, key=light_key(job.id, visit, head), name=name, scene=job.scene, weight=0, of=job,
-                     visit=visit, sha256=files_identity(head["facts"]["scene"]))  # fmt: skip
+    """The unit of one visit of sampled light.  ``job``: with the lighting of its ``head``."""
+    return LightUnit(job=job.id, key=light_key(job.id, visit, head), name=f"light of pair {visit[0]}", scene=job.scene,
+                     of=job, visit=visit, sha256=files_identity(head["facts"]["scene"]))  # fmt: skip
 
 
 def light_key(job: str, visit: tuple[int, int], head: Mapping[str, Any]) -> str:
-    """Of the record of a visit."""
+    """Key of the record of a visit: (position of the pair, number of the visit)."""
     return f"{job}/light-{visit[0]:06d}-{visit[1]:04d}-{head_hash(head)}"
 
 
 def head_key(job: str) -> str:
-    """Of the record of a job's head."""
+    """Key of the record of a job's head."""
     return f"{job}/head"
 
 
 def pairs_key(job: str, ends: str, head: Mapping[str, Any]) -> str:
-    """Of a record of pairs.  ``ends``: first and last position, or a pattern."""
+    """Key of a record of pairs.  ``ends``: first and last position, or a pattern."""
     return f"{job}/pairs-{ends}-{head_hash(head)}"
 
 
 def head_hash(head: Mapping[str, Any]) -> str:
-    """Of everything in a head that the counts of pairs depend on."""
+    """Hash of everything in a head that the counts of pairs depend on."""
     return content_hash([head[name] for name in ("frames", "facts", "lighting")])
 
 
-@dataclass(slots=True)
-class _Loaded:
-    """A scene and, once it renders, its session: what a worker keeps for the next unit of a job."""
+class _JobScene(LoadedScene):
+    """The scene of a job and, once it renders, its session."""
 
-    animated: AnimatedScene
-    session: Session | None = None
-    light: LightVisits | None = None
+    def __init__(self, path: str, settings: Settings):
+        super().__init__(path, settings)
+        self._session: Session | None = None
+        self._light: LightVisits | None = None
 
-    def opened(self, job: Job) -> Session:
+    @classmethod
+    def of(cls, worker: Worker, job: Job) -> _JobScene:
+        """The scene of ``job`` that ``worker`` keeps."""
+        return cls.kept(worker, job.scene, job.settings, job.id)
+
+    def session(self, job: Job) -> Session:
         """The session of a job whose lighting is resolved."""
-        if self.session is None:
+        if self._session is None:
             frames = frame_range(self.animated.scene, self.animated.camera, job.settings)
-            scene_input = SceneInput(self.animated, frames, ResolvedLighting(job.settings))
-            self.session = Session(scene_input, Wants(lobes=job.lobes, sampled=True))
-        return self.session
+            light = light_plan(job.settings, sampled=True)
+            plan = ScenePlan(self.animated, frames, ResolvedLighting(job.settings), light)
+            self._session = Session(plan, Readback(lobes=job.lobes))
+        return self._session
 
-    def visits(self, job: Job) -> LightVisits:
+    def light(self, job: Job) -> LightVisits:
         """The sampled light of a job whose lighting is resolved."""
-        session = self.opened(job)
-        if self.light is None:
-            self.light = session.open_light()
-        return self.light
+        session = self.session(job)
+        self._light = self._light or session.open_light()
+        return self._light
 
     def release(self) -> None:
-        if self.session is not None:
-            self.session.release()
+        if self._session is not None:
+            self._session.release()
 
 
-def _unchanged(worker: Worker, job: Job, sha256: str | None) -> _Loaded:
-    """The scene of a job whose lighting is resolved.  Raises SceneError if its files have changed since its head."""
-    open_context(job.settings)
-    loaded = _loaded(worker, job)
-    if sha256 != files_identity(file_hashes(loaded.animated.scene, job.settings)):
-        raise SceneError("changed while the batch was running", where=job.scene, hint="run the batch again")
-    return loaded
-
-
-def _loaded(worker: Worker, job: Job) -> _Loaded:
-    sequence = job.settings.sequence
-
-    def load() -> _Loaded:
-        scene = load_scene(job.scene, **sequence.reading)
-        return _Loaded(AnimatedScene(scene, camera_of_run(scene, sequence)))
-
-    return worker.kept((job.id, job.scene, *sequence.reading.values(), sequence.camera), load)
-
-
-def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -> dict[str, Any]:
+def _head_record(loaded: _JobScene, settings: Settings, stamp: list[int] | None) -> dict[str, Any]:
     """All of the summary that needs no pair, and the camera poses of all frames in full precision.
 
-    ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
+    ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job; ``stamp``: of the scene's file.
     """
     scene = loaded.animated.scene
-    given = open_scene(scene, settings, loaded.animated.camera, sampled=True)
-    frames, animated, resolved = given.frames, given.animated, given.lighting
+    plan = plan_scene(scene, settings, loaded.animated.camera, sampled=True)
+    frames, animated, resolved = plan.frames, plan.animated, plan.lighting
     views = [animated.view_at(frame / settings.sequence.fps) for frame in frames]
     # A .glb may refer to images and buffers in other files, whose changes its stamp does not show.
     one_file = scene.files == 1 and environment_image(resolved.settings) is None
     return {
         "stamp": stamp if one_file else None,
         "frames": [frames.start, frames.stop],
-        "facts": scene_facts(animated, frames, resolved),
+        "facts": static_summary(animated, frames, resolved),
         "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},
         "positions": [view.position for view in views],
         "rotations": [view.world_from_view for view in views],
@@ -229,19 +224,19 @@ def _head_record(loaded: _Loaded, settings: Settings, stamp: list[int] | None) -
 
 
 def resolved_job(job: Job, head: Mapping[str, Any]) -> Job:
-    """``job`` with the lighting that its head resolved."""
+    """The job with the settings of LIGHTING that its head resolved."""
     lighting = {name: tuple(v) if isinstance(v, list) else v for name, v in head["lighting"].items()}
     return replace(job, settings=job.settings.replace(**lighting))
 
 
 def _report(session: Session) -> dict[str, Any]:
-    """What a session measured besides the counts."""
+    """What a session measured besides the counts: facts of its source, brightness, depths, times."""
     with session.gpu:
         session.gpu.check("a chunk of a batch")
         return {
             "source": session.source.describe(),
-            "brightness": session.brightness.as_dict(),
-            "depths": session.depths,
+            "brightness": session.tally.brightness.as_dict(),
+            "depths": session.tally.depths,
             "unmeasured": dict(session.source.unmeasured),
             "added": session.added_columns,
             "reprojection": session.source.reprojection,
@@ -252,7 +247,7 @@ def _report(session: Session) -> dict[str, Any]:
 
 # --------------------------------------------------------------------------------------------------------------- counts
 def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added: Mapping[str, Any]) -> dict[str, Any]:
-    """A counted pair as its record has it.  ``added``: the columns of column adders."""
+    """A counted pair as its record has it.  ``added``: values of the columns that column adders add."""
     return {
         "position": position,
         "words": _sparse(counts.mask_histogram),
@@ -263,23 +258,25 @@ def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added
 
 
 def counts_of_record(pair: Mapping[str, Any]) -> Counts:
-    """The inverse of ``pair_record``.  Raises IndexError or ValueError for counts in places that there are not."""
+    """The counts that ``pair_record`` stored.  Raises IndexError or ValueError for places that do not exist."""
     bins = _dense(pair["bins"], len(FEATURES) * HISTOGRAM_BINS)
     return Counts(_dense(pair["words"], MASK_WORDS), bins.reshape(len(FEATURES), HISTOGRAM_BINS))
 
 
 def lobes_of_record(pair: Mapping[str, Any]) -> dict[str, Array]:
-    """Lobe -> mask histogram."""
+    """The mask histogram of each lobe that ``pair_record`` stored, (MASK_WORDS,) int64."""
     return {lobe: _dense(words, MASK_WORDS) for lobe, words in pair["lobes"].items()}
 
 
 def _sparse(counts: Array) -> tuple[Array, Array]:
+    """Places of the counts that are not zero, and these counts."""
     flat = np.asarray(counts, dtype=np.int64).ravel()
     used = np.flatnonzero(flat)
     return used, flat[used]
 
 
 def _dense(sparse: Sparse, size: int) -> Array:
+    """The inverse of ``_sparse``: (size,) int64."""
     counts = np.zeros(size, dtype=np.int64)
     counts[sparse[0]] = sparse[1]
     return counts

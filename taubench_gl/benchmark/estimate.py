@@ -12,14 +12,14 @@ from taubench_gl.benchmark.scenes import scene_file
 from taubench_gl.benchmark.suite import Case
 from taubench_gl.benchmark.unit import BenchmarkUnit, applicable
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.pathtraced.references import PART, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.references import PREFIX, reference_samples
 from taubench_gl.scene import load_scene
-from taubench_gl.study.estimate import Estimate
+from taubench_gl.study.progress import Estimate
 
 WIDTH = 160
 """Frames are measured at about this width; their time is taken to be proportional to the number of pixels."""
@@ -29,16 +29,15 @@ FRAMES = 3
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Seconds to begin a unit, to begin each further seed, and per pixel of a frame of the first seed, which makes the
-    reference and the exact masks, and of further ones, which have them."""
+    """Seconds of the parts of a unit."""
 
-    begin: float = 0.0
-    seed: float = 0.0
-    first: float = 0.0
-    pixel: float = 0.0
+    begin: float = 0.0  # to begin the unit
+    seed: float = 0.0  # to begin each further seed
+    first: float = 0.0  # per pixel of a frame of the first seed, which makes the reference and the exact masks
+    pixel: float = 0.0  # per pixel of a frame of further seeds, which have them
 
     def of(self, case: Case, traced: float = 0.0) -> Estimate:
-        """Of all frames; ``traced``: seconds for the path-traced reference."""
+        """The time of all frames of a case; ``traced``: seconds for the path-traced reference."""
         seeds = case.request.seeds
         frame = (self.first + (seeds - 1) * self.pixel) / seeds * case.size[0] * case.size[1]
         begin = self.begin + (seeds - 1) * self.seed + traced
@@ -46,7 +45,7 @@ class Cost:
 
 
 def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = lambda line: None) -> list[Estimate]:
-    """One entry per unit, in their order, for one worker.
+    """The time of each unit, in their order, with one worker.  ``say`` prints a line about what is measured.
 
     What is traced for the estimate is stored and counts.  Raises TaubenchError.
     """
@@ -66,7 +65,7 @@ def estimate_units(units: Sequence[BenchmarkUnit], say: Callable[[str], None] = 
 
 
 def _measured(unit: BenchmarkUnit) -> Cost:
-    """Costs of all methods of ``unit`` that apply, from a few small frames."""
+    """The costs of all methods of ``unit`` that apply, from a few small frames."""
     specs = applicable(unit.case, unit.entries)
     if not specs:
         return Cost()
@@ -83,7 +82,10 @@ def _measured(unit: BenchmarkUnit) -> Cost:
 
 
 def cost_of(times: Sequence[float], end: float, case: Case) -> Cost:
-    """``times``: when the evaluation began, and when each frame of each seed was done; ``end``: when all was."""
+    """The costs of ``case``, a small one, by a clock in seconds.
+
+    ``times``: when the evaluation began, and when each frame of each seed was done; ``end``: when it ended.
+    """
     spent = [after - before for before, after in itertools.pairwise(times)]
     # Of the later frames of a seed: shaders are compiled.
     first, frame = min(spent[1 : case.frames]), min(spent[-(case.frames - 1) :])
@@ -118,11 +120,11 @@ def _small(case: Case) -> Case:
 
 
 def _tracing(case: Case) -> float:
-    """Seconds of what is not stored of a path-traced reference; 0 for other references."""
+    """Seconds of the part of a path-traced reference that is not stored yet; 0 for other references."""
     samples = reference_samples(case.request.reference)
     if samples is None:
         return 0.0
-    opened = open_scene(load_scene(scene_file(case.scene)), case.settings.replace(columns=COLUMNS))
+    opened = plan_scene(load_scene(scene_file(case.scene)), case.settings.replace(columns=COLUMNS))
     with opened_gpu(opened.settings) as owner:
         references = References.open(owner, opened.animated, opened.settings, samples, exact=True)
         return references.estimate(range(case.first, case.first + case.frames)).seconds or 0.0

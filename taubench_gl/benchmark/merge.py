@@ -12,20 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.benchmark.ranking import CaseValues, ranked
 from taubench_gl.benchmark.scenes import SceneRecipe
-from taubench_gl.benchmark.speed import speed_curves
-from taubench_gl.benchmark.suite import Case, Suite
-from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, Entry, loaded
-from taubench_gl.benchmark.values import (
+from taubench_gl.benchmark.scores import (
     GEOMETRIC,
     HEADLINES,
+    CaseValues,
     by_seed,
     ends_over_seeds,
     of_scale,
     over_cases,
+    ranked,
+    speed_curves,
     to_scale,
 )
+from taubench_gl.benchmark.suite import Case, Suite
+from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, Entry, loaded
 from taubench_gl.provenance import combined
 from taubench_gl.reuse.comparison import FEW_SEEDS, MIN_SEEDS, tied
 from taubench_gl.reuse.quality import MEASURES
@@ -45,20 +46,16 @@ Result = Mapping[str, Any]
 def merge(
     suite: Suite, entries: Sequence[Entry], stored: Mapping[str, Result], scenes: Mapping[SceneRecipe, str]
 ) -> dict[str, Any]:
-    """benchmark.json.  ``stored``: results by ``Case.identity``; ``scenes``: sha256 of their files."""
+    """The values of benchmark.json.  ``stored``: results by ``Case.identity``; ``scenes``: sha256 of their files."""
     of_case = {case.id: stored[case.identity(scenes[case.scene])] for case in suite.cases}
     tracks = tracks_of(suite, scenes)
     measures = [n for n in MEASURES if any(_mean(r, e.label, n) is not None for r in of_case.values() for e in entries)]
-    yardsticks = {entry.label: method.yardstick for entry in entries if (method := loaded(entry))}
     methods = {e.label: _scorecard(e, suite, of_case, tracks, measures) for e in entries}
-    for label, method in methods.items():
-        method["yardstick"] = yardsticks.get(label)
     headlines = [name for name in HEADLINES if name in measures]
-    rankings: dict[str, Any] = {}
-    for track in tracks:
-        rankings[track] = {
-            name: ranked(name, _values(name, tracks[track], of_case, methods), methods, track) for name in headlines
-        }
+    rankings = {
+        track: {name: ranked(name, _values(name, cases, of_case, methods), methods, track) for name in headlines}
+        for track, cases in tracks.items()
+    }
     provenances = [result["provenance"] for result in of_case.values() if "provenance" in result]
     return {
         "schema": SCHEMA,
@@ -77,7 +74,7 @@ def merge(
 
 
 def tracks_of(suite: Suite, scenes: Mapping[SceneRecipe, str]) -> dict[str, list[Case]]:
-    """Track -> its cases; of those of equal identity, such as speed 0 of two series, the first."""
+    """Track -> its cases; of several cases with equal identity, such as speed 0 of two series, the first alone."""
     out: dict[str, dict[str, Case]] = {}
     for case in suite.cases:
         out.setdefault(case.track, {}).setdefault(case.identity(scenes[case.scene]), case)
@@ -85,6 +82,7 @@ def tracks_of(suite: Suite, scenes: Mapping[SceneRecipe, str]) -> dict[str, list
 
 
 def _case(case: Case, sha256: str, result: Result) -> dict[str, Any]:
+    """One case in benchmark.json: what is evaluated, and how hard it is.  ``sha256``: of the scene's file."""
     discarded = _discarded(result)
     return {
         "sha256": case.identity(sha256), "track": case.track, "series": case.series, "value": case.value,
@@ -98,7 +96,7 @@ def _case(case: Case, sha256: str, result: Result) -> dict[str, Any]:
 
 
 def _shares(result: Result) -> dict[str, float] | None:
-    """Class -> percentage of the pixels; the same for all methods of a case.  None if no method has run."""
+    """Class of pixels -> its percentage, the same for all methods of a case.  None if no method has run."""
     classes = next((m["classes"] for m in result["methods"].values() if m["state"] == "done"), None)
     return None if classes is None else {name: entry["percent"] for name, entry in classes.items()}
 
@@ -110,10 +108,12 @@ def _discarded(result: Result) -> float | None:
 
 
 def _level(discarded: float | None) -> str | None:
+    """The difficulty (LEVELS) of a case with this percentage of pixels without valid history."""
     return None if discarded is None else next(name for name, most in LEVELS.items() if discarded <= most + 1e-9)
 
 
 def _mean(result: Result, label: str, measure: str) -> float | None:
+    """The mean of a measure of one method in one case; None where the method has not run."""
     method = result["methods"].get(label, {})
     return method["mean"].get(measure) if method.get("state") == "done" else None
 
@@ -132,11 +132,12 @@ def _scorecard(
     out["memory_bytes"] = max(m.get("memory_bytes") or 0 for m in results.values()) or None
     out["tracks"] = {track: _track(cases, results, of_case, measures) for track, cases in tracks.items()}
     out["cases"] = {case.id: _cell(results[case.id], measures) for case in suite.cases}
+    out["yardstick"] = method.yardstick if (method := loaded(entry)) else None
     return out
 
 
 def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
-    """One method in one case."""
+    """One method in one case of benchmark.json; all values of the frames are left out."""
     if method["state"] != "done":
         return {"state": method["state"], "reason": method["reason"]}
     classes = {name: entry.get("flip") for name, entry in method["classes"].items()}
@@ -146,14 +147,10 @@ def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
     reasons = {name: why for name, why in method["reasons"].items() if name not in MEASURES or name in measures}
     if seeds is None:
         reasons["over_seeds"] = FEW_SEEDS
+    samples = {"samples": method["samples"]} if "samples" in method else {}  # of a method that samples lights
     return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
             "tail_percent": method["tail_percent"], "emitters": method["emitters"], "classes": classes,
-            "reuse": method["reuse"], "reasons": reasons}  | _samples(method)  # fmt: skip
-
-
-def _samples(method: Mapping[str, Any]) -> dict[str, Any]:
-    """What a method that samples lights keeps."""
-    return {"samples": method["samples"]} if "samples" in method else {}
+            "reuse": method["reuse"], "reasons": reasons, **samples}  # fmt: skip
 
 
 def _track(
@@ -169,18 +166,20 @@ def _track(
         "state": "done",
         "reason": None,
         "mean": _means(cases, results, measures),
-        "levels": {level: _means(own, results, measures) for level, own in levels.items() if own},
+        "levels": {level: _means(some, results, measures) for level, some in levels.items() if some},
         "classes": _classes(cases, results),
         **{name: _headroom(cases, results, name) for name in ("headroom_db", "clipped_headroom_db")},
     }
 
 
 def _headroom(cases: Sequence[Case], results: Mapping[str, Result], name: str) -> float | None:
+    """Mean over the cases of an entry of the block ``bound``; None where a case has no bound."""
     values = [results[case.id]["bound"] and results[case.id]["bound"][name] for case in cases]
     return None if None in values else float(np.mean(values))
 
 
 def _means(cases: Sequence[Case], results: Mapping[str, Result], measures: Sequence[str]) -> dict[str, Any]:
+    """Measure -> its mean over the cases; None where a case has none."""
     out = {}
     for name in measures:
         values = [results[case.id]["mean"].get(name) for case in cases]
@@ -214,9 +213,9 @@ def _values(
             continue
         values[label] = to_scale(measure, np.array(means))
         # The k-th seed of a case goes with the k-th of the others: a mean over cases is one draw of the random numbers.
-        own = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
-        if all(by_case is not None for by_case in own) and len(set(map(len, own))) == 1 and len(own[0]) >= MIN_SEEDS:
-            seeds[label] = np.mean(to_scale(measure, np.array(own)), axis=0)
+        by_case = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
+        if all(v is not None for v in by_case) and len(set(map(len, by_case))) == 1 and len(by_case[0]) >= MIN_SEEDS:
+            seeds[label] = np.mean(to_scale(measure, np.array(by_case)), axis=0)
     results = [of_case[case.id] for case in cases]
     pairs = [pair for pair in combinations(values, 2) if all(_tied(result, measure, pair) for result in results)]
     by_seeds = seeds if len(seeds) == len(values) else {}
@@ -234,12 +233,12 @@ def _times(
     suite: Suite, of_case: Mapping[str, Result], entries: Sequence[Entry], tracks: Mapping[str, Sequence[Case]]
 ) -> dict[str, Any]:
     """Seconds per case; per method the median over the cases of a track of ms per frame."""
-    methods: dict[str, Any] = {}
-    for entry in entries:
-        methods[entry.label] = {}
-        for track, cases in tracks.items():
-            own = [of_case[case.id]["times"]["methods"].get(entry.label) for case in cases]
-            measured = [value for value in own if value is not None]
-            methods[entry.label][track] = float(np.median(measured)) if measured else None
+
+    def median(label: str, cases: Sequence[Case]) -> float | None:
+        values = [of_case[case.id]["times"]["methods"].get(label) for case in cases]
+        measured = [value for value in values if value is not None]
+        return float(np.median(measured)) if measured else None
+
+    methods = {entry.label: {track: median(entry.label, tracks[track]) for track in tracks} for entry in entries}
     seconds = {case.id: of_case[case.id]["times"]["seconds"] for case in suite.cases}
     return {"unit": "ms per frame, median; seconds per case", "seconds": seconds, "methods": methods}

@@ -15,7 +15,7 @@ from typing import Any
 from taubench_gl.benchmark.merge import merge
 from taubench_gl.benchmark.output import write_results
 from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
-from taubench_gl.benchmark.speed import BASELINE
+from taubench_gl.benchmark.scores import BASELINE
 from taubench_gl.benchmark.suite import Suite
 from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry, record_key
 from taubench_gl.datasets.scene_cache import sha256_of
@@ -24,9 +24,9 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import method_text
 from taubench_gl.reuse.fit import expand_methods
 from taubench_gl.reuse.loading import builtin_methods, frame_methods
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.engines import available_cores
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Engine
@@ -37,11 +37,11 @@ SAMPLES = "samples"
 """The track of methods that sample lights where none is named."""
 
 FILTERED = "restir-di>svgf"
-"""Runs in it too: a filter of a sampled image."""
+"""A filter of a sampled image, which runs in the track SAMPLES too."""
 
 
 def entries_of(methods: Sequence[str]) -> tuple[Entry, ...]:
-    """Methods of a benchmark: those given and ``none``; all built-in ones if none is given.  Raises SettingsError."""
+    """The named methods and ``none``; without a name all built-in methods.  Raises SettingsError."""
     entries = [Entry.of(method) for text in methods or frame_methods() for method in _expanded(text)]
     if not methods:
         sampling = [Entry.of(name) for name in builtin_methods() if name not in frame_methods()]
@@ -64,7 +64,7 @@ class BenchmarkStudy(Study):
     """The cases of a suite in a folder."""
 
     def __init__(self, suite: Suite, entries: Sequence[Entry], out: str | Path, limit: float | None = None):
-        """``limit``: seconds that a frame of all methods may take in a worker process."""
+        """A benchmark in the folder ``out``; ``limit``: seconds that a frame of all methods may take in a worker."""
         super().__init__(Store(out, "benchmark", SCHEMA))
         self.suite, self.entries, self._limit = suite, tuple(entries), limit
         self._deadly: set[str] = set()  # methods in which a worker has died: they run alone
@@ -78,7 +78,7 @@ class BenchmarkStudy(Study):
 
     @cached_property
     def units(self) -> dict[str, BenchmarkUnit]:
-        """One unit per different case with all methods, by job; those of most images first."""
+        """One unit per different case with all methods, by job; units of most images first."""
         units: dict[str, BenchmarkUnit] = {}
         for case in self.suite.cases:
             unit = BenchmarkUnit.of(case, self.entries, self.scenes[case.scene], self._limit)
@@ -115,7 +115,7 @@ class BenchmarkStudy(Study):
         return summary
 
     def result(self, unit: BenchmarkUnit) -> dict[str, Any]:
-        """What is known of the unit's case, its methods in the order of ``unit``: facts, ``methods`` and ``times``."""
+        """What records tell about the unit's case: its facts, ``methods`` in the order of the unit, and ``times``."""
         facts: dict[str, Any] = {}
         methods: dict[tuple[str, str | None], Any] = {}
         times: dict[str, Any] = {}
@@ -146,7 +146,7 @@ def run_benchmark(
     limit: float | None = None,
     listener: Listener | None = None,
 ) -> dict[str, Any]:
-    """Run the missing units of ``suite`` in the folder ``out`` and write the results.  -> benchmark.json.
+    """Run the missing units of ``suite`` in the folder ``out`` and write the results.  -> the values of benchmark.json.
 
     Results do not depend on engine, workers or the order of units.  ``engine``: as of ``run_study``; ``workers`` None:
     one process per core; ``limit``: seconds that a frame of all methods may take in a worker process.  Raises

@@ -33,9 +33,10 @@ MADE = (*STAND_INS, *LIGHT_SCENES)
 
 @dataclass(frozen=True, slots=True)
 class SceneRecipe:
-    """How to make a scene.  ``source``: ``demo``, one of MADE or an absolute path; ``axis`` of STRESS, None: as it is.
+    """A scene of a suite, and how it is made.
 
-    ``value``: of the axis, per frame at ``fps``; ``frames``: length of the camera path; ``still``: without the
+    ``source``: ``demo``, one of MADE or an absolute path; ``axis``: one of STRESS, None for the source as it is;
+    ``value``: speed along the axis, per frame at ``fps``; ``frames``: length of the camera path; ``still``: without the
     animations of the source.
     """
 
@@ -48,7 +49,7 @@ class SceneRecipe:
 
 
 def known_source(text: str, folder: Path) -> str:
-    """``demo``, a name of MADE, or the absolute path of a file beside the suite.  Raises SettingsError."""
+    """The source that ``text`` names: ``demo``, one of MADE, or a file beside the suite.  Raises SettingsError."""
     if text == DEMO or text in MADE:
         return text
     path = folder / text
@@ -82,6 +83,7 @@ def scene_file(recipe: SceneRecipe) -> Path:
 
 
 def _make(name: str, path: Path) -> None:
+    """Write a scene of MADE to ``path``."""
     if name in STAND_INS:
         make_stand_in(name, path)
     else:
@@ -98,7 +100,10 @@ def _drop_own_animations(path: Path) -> None:
 
 
 def _motion(recipe: SceneRecipe) -> tuple[CameraSpec, Moves]:
-    """A path one frame longer than is evaluated: no frame lies at the end of the animation."""
+    """The camera and the moves of a stressed variant.
+
+    The path is one frame longer than is evaluated: no frame lies at the end of the animation.
+    """
     speed = MotionStats(recipe.value)
     turned = {"rotation": "yaw", "translation": "translation"}.get(recipe.axis or "")
     camera = CameraSpec(frames=recipe.frames + 1, fps=recipe.fps, **({turned: speed} if turned else {}))
@@ -108,7 +113,7 @@ def _motion(recipe: SceneRecipe) -> tuple[CameraSpec, Moves]:
 
 
 def _cached(name: str, content: object) -> Path:
-    """Another version of the modules that make scenes has other files."""
+    """The file of a made scene in the cache; another version of the modules that make scenes has other files."""
     key = content_hash([_code(), content])
     return output_folder(cache_folder() / "scenes-made" / key) / f"{name}.glb"
 

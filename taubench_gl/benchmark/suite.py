@@ -14,13 +14,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
 
 from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
-from taubench_gl.data_files import hashed, read_toml
+from taubench_gl.data_files import hashed, one_line, read_toml
 from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
-from taubench_gl.fields import REQUIRED, Checked, at_least, declared, from_values, setting, unknown_field
+from taubench_gl.fields import declared, from_values, unknown_field
 from taubench_gl.option_groups import REUSE_SETTINGS, ReuseOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
@@ -34,7 +37,7 @@ BUILTIN = ("quick", "full")
 
 CUT = "cut"
 SERIES = (*STRESS, CUT)
-"""What a series changes from case to case: camera, lights or objects (``scenes.STRESS``), or frames between cuts."""
+"""Axes of a series, what changes from case to case: camera, lights or objects (``scenes.STRESS``), or cuts."""
 
 HINT = "see docs/benchmark.md"
 
@@ -51,32 +54,38 @@ _HASHED = (
 default: a new one changes no hash."""
 
 
-def _speeds(meaning: str) -> Any:
-    """The key of a series."""
-    return setting(None, f"Series: {meaning}")
+Speeds = tuple[Annotated[float, Meta(ge=0)], ...] | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Table(Checked):
-    """Keys of a table of ``cases`` besides settings and options."""
+class _File(msgspec.Struct):
+    """Keys of a suite beside those that hold for all its cases."""
 
-    scene: str = setting(REQUIRED, "demo, a scene made by code or a file beside the suite")
-    track: str = setting(REQUIRED, "Cases within which methods are ranked")
-    first: int = setting(0, "Number of the first frame", at_least(0))
-    frames: int = setting(REQUIRED, "Number of frames", at_least(2))
-    still: bool = setting(False, "Of a series: without the scene's own animations")
-    rotation: tuple[float, ...] | None = _speeds("yaw of the camera, degrees per frame")
-    translation: tuple[float, ...] | None = _speeds("speed of the camera, meters per frame")
-    light_speed: tuple[float, ...] | None = _speeds("speed of all lights, meters per frame")
-    object_speed: tuple[float, ...] | None = _speeds("speed of all small rigid objects, meters per frame")
-    cut: tuple[int, ...] | None = _speeds("frames from cut to cut")
+    schema: Literal["suite/1"]
+    name: Annotated[str, Meta(min_length=1)]
+    cases: Annotated[list[dict[str, Any]], Meta(min_length=1)]
+
+
+class _Table(msgspec.Struct):
+    """Keys of a table of ``cases`` besides settings and options.  A table with one of ``SERIES`` is a series."""
+
+    scene: str  # demo, a scene made by code or a file beside the suite
+    track: str  # the cases within which methods are ranked
+    frames: Annotated[int, Meta(ge=2)]
+    first: Annotated[int, Meta(ge=0)] = 0  # number of the first frame
+    still: bool = False  # a series without the scene's own animations
+    rotation: Speeds = None  # yaw of the camera, degrees per frame
+    translation: Speeds = None  # speed of the camera, meters per frame
+    light_speed: Speeds = None  # speed of all lights, meters per frame
+    object_speed: Speeds = None  # speed of all small rigid objects, meters per frame
+    cut: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # frames from cut to cut
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One evaluation.  ``series`` and ``value``: the axis and step of a series, None for a single case.
+    """One evaluation of the suite.
 
-    ``first``: number of the first frame; ``settings``: of the frames; ``request``: what methods are evaluated on.
+    ``series`` and ``value``: the axis and step of a series, None for a single case; ``first``: number of the first
+    frame; ``settings``: of the frames; ``request``: what methods are evaluated on.
     """
 
     id: str
@@ -91,10 +100,12 @@ class Case:
 
     @property
     def kind(self) -> InputKind:
+        """What the frames that methods get are."""
         return self.request.kind(self.settings.lighting.seed)
 
     @property
     def size(self) -> tuple[int, int]:
+        """Width and height of the result in pixels."""
         return self.settings.sequence.width, self.settings.sequence.height
 
     def identity(self, scene_sha256: str) -> str:
@@ -109,7 +120,7 @@ class Case:
 
 
 def _values(settings: Settings, request: EvaluationRequest) -> dict[str, Any]:
-    """What a suite can set, by name."""
+    """The values of all keys that a suite can set, by name."""
     values = {name: settings.get(name) for name in _SETTINGS if name != "size"}
     values["size"] = settings.sequence.width, settings.sequence.height
     return values | {name: getattr(request, name) for name in _OPTIONS}
@@ -117,7 +128,7 @@ def _values(settings: Settings, request: EvaluationRequest) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """``sha256``: of its file."""
+    """A named list of cases; ``sha256``: of its file."""
 
     name: str
     sha256: str
@@ -144,51 +155,49 @@ class Suite:
 
 
 def read_suite(text: str | Path) -> Suite:
-    """A built-in suite by name, or a file.  Raises SettingsError."""
+    """Read a built-in suite by name, or a file.  Raises SettingsError."""
     path = SUITES / f"{text}.toml" if str(text) in BUILTIN else Path(text)
     if not path.is_file():
         hint = f"choose from {', '.join(BUILTIN)}, or give a .toml file"
         raise SettingsError(f"there is no suite {str(text)!r}", hint=hint)
     values = read_toml(path, fault=SettingsError, hint=HINT)
-    schema = values.pop("schema", None)
-    if schema != SCHEMA:
-        raise SettingsError(f"schema is {schema!r}, expected {SCHEMA!r}", where=str(path), hint=HINT)
-    name, tables = values.pop("name", None), values.pop("cases", None)
-    if not (isinstance(name, str) and name and isinstance(tables, list) and all(isinstance(t, dict) for t in tables)):
-        raise SettingsError("has no name, or no tables [[cases]]", where=str(path), hint=HINT)
+    with one_line(path, SettingsError, hint=HINT):
+        file = msgspec.convert(values, _File)
+    common = {name: value for name, value in values.items() if name not in _File.__struct_fields__}
     try:
-        cases = [case for table in tables for case in _expanded(values | table, path.parent)]
+        cases = [case for table in file.cases for case in _cases(common | table, path)]
     except SettingsError as error:
         raise SettingsError(error.what, where=str(path), hint=error.hint) from None
-    if not cases:
-        raise SettingsError("has no case", where=str(path), hint=HINT)
     ids = [case.id for case in cases]
     if repeated := next((name for name in ids if ids.count(name) > 1), None):
         raise SettingsError(f"two cases are {repeated}", where=str(path), hint="leave one out")
-    return Suite(name, hashed(path, SettingsError).hexdigest(), tuple(cases))
+    return Suite(file.name, hashed(path, SettingsError).hexdigest(), tuple(cases))
 
 
-def _expanded(values: Mapping[str, Any], folder: Path) -> list[Case]:
-    """The cases of one table; ``values`` of it and of the whole suite.  Raises SettingsError."""
-    own = declared(_Table)
-    for name in values:
-        if name not in (*own, *_SETTINGS, *_OPTIONS):
-            raise unknown_field(name, (*own, *_SETTINGS, *_OPTIONS))
-    table = from_values(_Table, {name: value for name, value in values.items() if name in own})
-    evaluated = {name: value for name, value in values.items() if name not in own}
+def _cases(values: Mapping[str, Any], path: Path) -> list[Case]:
+    """The cases of one table of the suite ``path``; ``values`` of the table and of the suite.  Raises SettingsError."""
+    allowed = (*_Table.__struct_fields__, *_SETTINGS, *_OPTIONS)
+    if unknown := next((name for name in values if name not in allowed), None):
+        raise unknown_field(unknown, allowed)
+    with one_line(path, SettingsError, hint=HINT):
+        table = msgspec.convert(values, _Table)
+    evaluated = {name: value for name, value in values.items() if name not in _Table.__struct_fields__}
     axes = [axis for axis in SERIES if getattr(table, axis) is not None]
     if len(axes) > 1:
         raise SettingsError(f"a series has {' and '.join(axes)}", hint="give one of them")
     if not axes:
-        return [_case(table, evaluated, folder, None, None)]
+        return [_case(table, evaluated, path.parent, None, None)]
     steps = getattr(table, axes[0])
-    if not steps or list(steps) != sorted(set(steps)) or not all(math.isfinite(v) and v >= 0 for v in steps):
+    if not steps or list(steps) != sorted(set(steps)) or not all(map(math.isfinite, steps)):
         raise SettingsError(f"{axes[0]} is {list(steps)}", hint="give different numbers of at least 0, ascending")
-    return [_case(table, evaluated, folder, axes[0], value) for value in steps]
+    return [_case(table, evaluated, path.parent, axes[0], value) for value in steps]
 
 
 def _case(table: _Table, evaluated: Mapping[str, Any], folder: Path, axis: str | None, value: float | None) -> Case:
-    """``evaluated``: settings and options by name; ``axis`` and ``value`` of a series.  Raises SettingsError."""
+    """One case of a table.  Raises SettingsError.
+
+    ``evaluated``: settings and options by name; ``axis`` and ``value``: of a series, None for a single case.
+    """
     options = {name: option for name, option in evaluated.items() if name in _OPTIONS}
     if axis == CUT and value:  # 0: no cut
         options["cuts"] = tuple(range(table.first + int(value), table.first + table.frames, int(value)))
@@ -237,6 +246,6 @@ def _recipe(table: _Table, fps: float, folder: Path, axis: str | None, value: fl
 
 
 def _input_name(request: EvaluationRequest) -> str:
-    """The input and, of noisy light, the number of lights that are sampled, if it is not one."""
+    """The input as part of a case's name: noisy light with the number of sampled lights, if it is not one."""
     several = request.kind().noisy and request.light_samples > 1
     return f"{request.input}@{request.light_samples}" if several else request.input

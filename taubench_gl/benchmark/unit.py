@@ -42,8 +42,11 @@ FAILED, INAPPLICABLE = "failed", "not applicable"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A method of the benchmark.  ``text`` for MethodSpec.parse, paths absolute; ``sha256``: of its files, None where
-    it has none of its own; ``track``: the only one that it runs in, empty: all."""
+    """A method of the benchmark.
+
+    ``text``: for MethodSpec.parse, with absolute paths; ``sha256``: of the method's files, None where it has no files
+    of its own; ``track``: the only track that it runs in, empty for all.
+    """
 
     label: str
     text: str
@@ -57,27 +60,27 @@ class Entry:
         if LINK in text:
             links = [cls.of(part) for part in text.split(LINK)]
             return cls(spec.label, LINK.join(e.text for e in links), content_hash([e.sha256 for e in links]))
-        name, at, rest = text.partition("@")
+        name, at, settings = text.partition("@")
         if is_sequence(name):
             folder = Path(os.path.realpath(name.removeprefix(PREFIX)))
-            return cls(spec.label, f"{PREFIX}{folder}{at}{rest}", _files_sha256(folder, folder))
+            return cls(spec.label, f"{PREFIX}{folder}{at}{settings}", _files_sha256(folder))
         if name in builtin_methods():
-            return cls(spec.label, text, _files_sha256(BUILTIN / name, BUILTIN / name))
+            return cls(spec.label, text, _files_sha256(BUILTIN / name))
         file, colon, of_class = name.rpartition(":")
         path = Path(file if colon and file.endswith(".py") else name)
         if not path.exists():
             return cls(spec.label, text, None)
-        more = f":{of_class}" if path != Path(name) else ""
+        class_name = f":{of_class}" if path != Path(name) else ""
         content = path.parent if path.name == "method.toml" else path
-        return cls(spec.label, f"{path.resolve()}{more}{at}{rest}", _files_sha256(content, content))
+        return cls(spec.label, f"{path.resolve()}{class_name}{at}{settings}", _files_sha256(content))
 
 
-def _files_sha256(path: Path, root: Path) -> str:
+def _files_sha256(path: Path) -> str:
     """Hash of names and contents of a file, or of all files of a folder."""
     digest = hashlib.sha256()
     files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file() and p.suffix != ".pyc")
     for file in files:
-        digest.update(os.fsencode(file.relative_to(root)) + b"\0")
+        digest.update(os.fsencode(file.relative_to(path)) + b"\0")
         hashed(file, digest=digest)
     return digest.hexdigest()
 
@@ -93,7 +96,7 @@ class BenchmarkUnit(Unit):
 
     @classmethod
     def of(cls, case: Case, entries: tuple[Entry, ...], sha256: str, limit: float | None = None) -> BenchmarkUnit:
-        """Its weight is the number of images that it evaluates, without those of references."""
+        """A unit whose weight is the number of images that it evaluates, without those of references."""
         identity = case.identity(sha256)
         methods = content_hash([[e.label, e.sha256, *([e.track] if e.track else [])] for e in entries])
         return cls(
@@ -110,7 +113,7 @@ class BenchmarkUnit(Unit):
         )
 
     def part(self, entries: tuple[Entry, ...]) -> BenchmarkUnit:
-        """Some of its methods."""
+        """The unit with some of its methods."""
         return self.of(self.case, entries, self.sha256, self.limit)
 
     def run(self, worker: Worker) -> bytes:
@@ -128,13 +131,13 @@ class BenchmarkUnit(Unit):
 
 
 def record_key(identity: str, methods: str) -> str:
-    """Of a result.  ``identity``: of the case; ``methods``: hash of the methods, or a pattern."""
+    """Key of the record of a result.  ``identity``: of the case; ``methods``: hash of the methods, or a pattern."""
     return f"{identity[:16]}-{methods}"
 
 
 @dataclass(slots=True)
 class _Divergence:
-    """Finds methods that diverge, frame by frame.  ``reasons``: by label."""
+    """Finds methods that diverge, frame by frame.  ``reasons``: why a method diverges, by label."""
 
     reasons: dict[str, str] = field(default_factory=dict)
     _largest: float = 0.0
@@ -189,6 +192,7 @@ def evaluate_case(
 
 
 def _method(done: Evaluation, label: str, method: Mapping[str, Any], diverges: str | None) -> dict[str, Any]:
+    """The result of one method.  ``method``: its block of reuse.json; ``diverges``: why, None if it does not."""
     facts = {name: method[name] for name in ("title", "cite", "settings", "memory_bytes")}
     if method["failed"] or diverges:
         return {"state": FAILED, "reason": method["failed"] or diverges, **facts}
@@ -227,6 +231,7 @@ def _frames_of(case: Case, text: str) -> Path:
 
 
 def _spec(case: Case, entry: Entry) -> MethodSpec:
+    """The method of an entry as a case evaluates it."""
     spec = MethodSpec.parse(entry.text)
     if is_sequence(str(spec.method)):
         return replace(spec, label=entry.label, method=f"{PREFIX}{_frames_of(case, str(spec.method))}")

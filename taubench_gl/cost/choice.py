@@ -31,13 +31,13 @@ Columns = Mapping[str, Mapping[str, Any]]
 
 
 def half_width(column: Mapping[str, Any]) -> float:
-    """Of the 95 % interval of a column, whose ends are cut at 0 and 100 %; 0 for a column that is counted."""
+    """Half width of a column's 95 % interval, whose ends are cut at 0 and 100 %; 0 for a column that is counted."""
     ends, percent = column["interval95"], column["percent"]
     return 0.0 if ends is None else max(percent - ends[0], ends[1] - percent)
 
 
 def combined(runs: Sequence[Columns]) -> dict[str, dict[str, Any]]:
-    """The mean of independent evaluations: half widths add up in squares."""
+    """The mean of each column over independent evaluations; half widths add up in squares."""
     out = {}
     for name in runs[0]:
         columns = [run[name] for run in runs]
@@ -69,7 +69,7 @@ class Point:
 
 
 def errors_of(columns: Columns, truth: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """``error``, ``least``, ``observed`` and ``lacking`` of a Point, over the columns that the truth measures."""
+    """What a Point says of its errors over the columns that the truth measures, by the names of its fields."""
     wanted = [name for name in truth if truth[name]["percent"] is not None]
     lacking = tuple(name for name in wanted if columns.get(name, {"percent": None})["percent"] is None)
     if lacking:
@@ -87,12 +87,15 @@ def errors_of(columns: Columns, truth: Mapping[str, Mapping[str, Any]]) -> dict[
 
 
 def comparable(points: Iterable[Point]) -> list[Point]:
-    """Those that measure every wanted column."""
+    """The points that measure every wanted column."""
     return [point for point in points if point.error is not None]
 
 
 def pareto_front(points: Iterable[Point]) -> list[Point]:
-    """Those than which no other comparable point is as fast and more exact, or as exact and faster; fastest first."""
+    """The points to which no comparable point is superior: faster and as exact, or more exact and as fast.
+
+    The fastest comes first.
+    """
     out: list[Point] = []
     for point in sorted(comparable(points), key=lambda p: (p.seconds, p.error)):
         if not out or point.error < out[-1].error:
@@ -111,7 +114,7 @@ def within_error(points: Iterable[Point], limit: float) -> Point | None:
 
 
 def _simplest(points: Sequence[Point], key: Callable[[Point], float]) -> Point | None:
-    """Of those within SAME of the least ``key``, the one with the fewest options, then with the least key."""
+    """The point with the fewest options, then with the least key, among those within SAME of the least key."""
     if not points:
         return None
     best = min(map(key, points))

@@ -17,10 +17,10 @@ from taubench_gl.settings import FIELDS, INDIRECT, SIZE, Settings
 PREVIEW, DECIDED, FIXED, TRUTH = "preview", "decided", "fixed", "truth"
 
 WITHIN = (4.0, 2.0, 1.0, 0.5)
-"""``light_within`` of decided samples, percentage points."""
+"""Values of ``light_within`` of decided samples, percentage points."""
 
 SAMPLES = (1, 4, 16, 64)
-"""``spp`` of fixed samples."""
+"""Numbers of fixed samples per pixel."""
 
 PREVIEWS: tuple[Mapping[str, Any], ...] = (
     {},
@@ -35,17 +35,24 @@ PREVIEWS: tuple[Mapping[str, Any], ...] = (
     {"probes": 3072},
     {"storage": "half"},
 )
-"""Settings that a preview changes.  Without indirect light a table lacks that column: it is shown, never chosen."""
+"""Settings that each preview changes.  Without indirect light a table lacks that column: it is shown, never chosen."""
 
 SHADOWS = ("shadow_size", "shadow_filter", "shadow_lights")
+"""Settings of previews that change shadows alone."""
 
-OWN = ("light", "spp", "light_within", "light_time", "pattern")
-"""Settings that belong to the configurations: those of the user do not count."""
+COMPARED = ("light", "spp", "light_within", "light_time", "pattern")
+"""Settings whose values the configurations compare: the user cannot give them."""
+
+RUNS = 16
+"""Most evaluations that make the truth."""
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """``changes``: settings by name.  ``effort``: what its seconds grow with, by which the next one is estimated."""
+    """One way to get the table.  ``changes``: its settings by name.
+
+    ``effort``: a number with which its seconds grow, by which those of the next one are estimated.
+    """
 
     series: str
     changes: Mapping[str, Any]
@@ -53,8 +60,8 @@ class Configuration:
 
     @property
     def programs(self) -> str:
-        """Names the shaders that it needs: decided samples have the same, whatever their number."""
-        return self.series if self.series == DECIDED else self.name
+        """Names the shaders that it compiles, the same for decided samples of any number; empty for the truth."""
+        return {DECIDED: DECIDED, TRUTH: ""}.get(self.series, self.name)
 
     @property
     def name(self) -> str:
@@ -62,12 +69,8 @@ class Configuration:
         return " ".join(option for name, value in self.changes.items() for option in _option(name, value)) or "default"
 
     def settings(self, baseline: Settings) -> Settings:
-        return own_settings(baseline).replace(**self.changes)
-
-
-def own_settings(baseline: Settings) -> Settings:
-    """``baseline`` with the defaults of OWN."""
-    return baseline.replace(**{name: FIELDS[name].default for name in OWN})
+        """The baseline with the changes of the configuration, and the defaults of all other COMPARED settings."""
+        return baseline.replace(**{name: FIELDS[name].default for name in COMPARED} | dict(self.changes))
 
 
 def without_effect(scene: Scene, settings: Settings) -> dict[str, str]:
@@ -84,33 +87,38 @@ def without_effect(scene: Scene, settings: Settings) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Plan:
-    """The configurations of a study by series, each in the order of the work.  ``off``: of ``without_effect``."""
+    """The configurations of a study.  ``off``: settings of previews without effect, and why (``without_effect``).
+
+    ``truth_within``: wanted half width of the truth, percentage points.
+    """
 
     baseline: Settings
     off: Mapping[str, str]
+    truth_within: float = 0.25
 
     @cached_property
     def series(self) -> dict[str, tuple[Configuration, ...]]:
+        """Configurations by series, each in the order of the work.  The truth has the seeds after the baseline's."""
         default, least = Settings().lighting.light_within, min(WITHIN)
         decided = [
             Configuration(DECIDED, {} if w == default else {"light_within": w}, (least / w) ** 2) for w in WITHIN
         ]
         traced = {"light": "path-traced"}
         if self.baseline.lighting.indirect != "auto":
-            traced["indirect"] = "auto"  # of the raster method
+            traced["indirect"] = "auto"  # another method than path tracing
+        previews = (changes for changes in PREVIEWS if self.off.keys().isdisjoint(changes))
+        seeds = [(self.baseline.lighting.seed + 1 + number) % 2**31 for number in range(RUNS)]
         return {
-            PREVIEW: tuple(
-                Configuration(PREVIEW, {"light": "preview", **changes})
-                for changes in PREVIEWS
-                if self.off.keys().isdisjoint(changes)
-            ),
+            PREVIEW: tuple(Configuration(PREVIEW, {"light": "preview", **changes}) for changes in previews),
             FIXED: tuple(Configuration(FIXED, {**traced, "spp": n}, float(n)) for n in SAMPLES),
             DECIDED: (*decided, Configuration(DECIDED, traced)),
+            TRUTH: tuple(Configuration(TRUTH, {"light_within": self.truth_within, "seed": seed}) for seed in seeds),
         }
 
     @property
-    def every(self) -> tuple[Configuration, ...]:
-        return tuple(c for configurations in self.series.values() for c in configurations)
+    def compared(self) -> tuple[Configuration, ...]:
+        """Every configuration but those of the truth."""
+        return tuple(c for name, series in self.series.items() if name != TRUTH for c in series)
 
 
 def command_line(scene: str, settings: Settings) -> str:
@@ -128,7 +136,7 @@ def command_line(scene: str, settings: Settings) -> str:
 
 
 def _option(name: str, value: Any) -> list[str]:
-    """The words of one setting on the command line."""
+    """One setting as words of the command line, such as ``--spp 4``."""
     field = FIELDS[name]
     if isinstance(value, bool):
         return [field.option] if value else []

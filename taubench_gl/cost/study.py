@@ -1,4 +1,4 @@
-"""``cost``: seconds and error of ways to get one table, against a truth with numbers of its own, and what to use.
+"""Seconds and errors of ways to get one table, against a truth of other random numbers, and what to use.
 
 DIR receives study.json and records (``study.store``), cost.json, the page cost.html, the picture cost.png and .svg,
 tables, and the presets of the recommendations.
@@ -6,6 +6,7 @@ tables, and the presets of the recommendations.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -24,18 +25,18 @@ from taubench_gl.cost.choice import (
     within_seconds,
 )
 from taubench_gl.cost.configurations import (
-    OWN,
+    COMPARED,
     PREVIEW,
+    RUNS,
     TRUTH,
     Configuration,
     Plan,
     command_line,
-    own_settings,
     without_effect,
 )
-from taubench_gl.cost.unit import EvaluationUnit, evaluation_unit
+from taubench_gl.cost.unit import EvaluationUnit
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import SceneInput, file_hashes, files_identity, open_scene, sampled_pairs
+from taubench_gl.evaluation import ScenePlan, file_hashes, files_identity, plan_scene, sampled_pairs
 from taubench_gl.features import COLUMNS, LIGHT_FEATURES
 from taubench_gl.fields import declared, from_values
 from taubench_gl.option_groups import CostOptions
@@ -44,15 +45,12 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.preset import save_preset
 from taubench_gl.report.cost import answer, write_cost
 from taubench_gl.settings import FIELDS, Settings
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
-from taubench_gl.study.store import Store
+from taubench_gl.study.store import Store, content_hash
 from taubench_gl.study.study import Study
 
 SCHEMA, STUDY_SCHEMA = "taubench-gl/cost/4", "taubench-gl/cost-study/1"
-
-RUNS = 16
-"""Most evaluations that make the truth."""
 
 SECONDS, POINTS = (10.0, 60.0), 0.5
 """Limits of the three recommendations."""
@@ -74,20 +72,19 @@ def cost(
     ``options``: fields of ``CostOptions``, and those of Settings, which change ``settings``: scene, picture, columns.
     ``out``: called again after an interruption, what it holds is not evaluated again.  Raises TaubenchError.
     """
-    given = {name: options.pop(name) for name in declared(CostOptions) if name in options}
-    request, asked = from_values(CostOptions, given), (settings or Settings()).replace(**options)
+    own_options = {name: options.pop(name) for name in declared(CostOptions) if name in options}
+    request, asked = from_values(CostOptions, own_options), (settings or Settings()).replace(**options)
     _require_free(asked)
     if is_sequence(scene):
         raise SettingsError("path-traced files cannot be evaluated in other ways", where=str(scene))
-    study = CostStudy(
-        str(scene), asked, request, open_scene(scene, asked, sampled=True), Store(out, "cost", STUDY_SCHEMA)
-    )
+    plan = plan_scene(scene, asked, sampled=True)
+    study = CostStudy(str(scene), asked, request, plan, Store(out, "cost", STUDY_SCHEMA))
     return run_study(study, study.about, tuple(study.about), listener=listener)
 
 
 def _require_free(asked: Settings) -> None:
     """Raises SettingsError for settings that belong to the configurations, and where no light column can be decided."""
-    for name in OWN:
+    for name in COMPARED:
         if asked.get(name) != FIELDS[name].default:
             what = f"{name} is {asked.get(name)}, and a cost study compares its values"
             raise SettingsError(what, hint="leave it out", setting=name)
@@ -99,82 +96,79 @@ def _require_free(asked: Settings) -> None:
 
 
 class CostStudy(Study):
-    """A job per series of configurations, and one for the truth.  A unit is the evaluation of one of them."""
+    """A job per series of configurations; a unit is the evaluation of one configuration."""
 
-    def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: SceneInput, store: Store):
-        """``opened``: the scene with ``asked``, whose lighting and pairs are those of all configurations."""
+    def __init__(self, scene: str, asked: Settings, request: CostOptions, opened: ScenePlan, store: Store):
+        """Compare ways to evaluate ``asked``; ``opened``: the scene with these settings, whose light all share."""
         super().__init__(store)
         self._scene, self._asked, self._request, self._frames = scene, asked, request, opened.frames
         if not sampled_pairs(opened.frames, opened.settings).positions:
             raise SettingsError("the scene gives no pair of frames", hint="give more --frames, or an animated scene")
         self._resolved = {name: opened.settings.get(name) for name in RESOLVED}
         self._sha256 = files_identity(file_hashes(opened.animated.scene, opened.settings))
-        self._failed_units: dict[str, str] = {}
-        self.plan = Plan(asked, without_effect(opened.animated.scene, opened.settings))
-        self.left_out = {f"previews with other {name}": why for name, why in self.plan.off.items()}
-        fixed = {name: value for name, value in asked.to_dict().items() if name not in OWN}
+        self._failed_units: dict[str, str] = {}  # key -> message
+        off = without_effect(opened.animated.scene, opened.settings)
+        self.plan = Plan(asked, off, request.truth_within)
+        self.left_out = {f"previews with other {name}": why for name, why in off.items()}
+        fixed = {name: value for name, value in asked.to_dict().items() if name not in COMPARED}
         self.about = {"scene": opened.name, "sha256": self._sha256, "settings": fixed | _plain(self._resolved)}
         self.about["frames"] = [opened.frames.start, opened.frames.stop]
 
     def jobs(self) -> Mapping[str, str]:
-        return {name: name for name in (*self.plan.series, TRUTH)}
+        return {name: name for name in self.plan.series}
 
     def missing(self, job: str, width: int) -> tuple[Sequence[EvaluationUnit], int]:
+        """All previews, else the next unit alone: what it takes, and how exact it is, decides on those that follow."""
         if job == TRUTH:
             return self._missing_truth()
         configurations = self.plan.series[job]
-        left = [c for c in configurations if self._record(c) is None and self.unit(c).key not in self._failed_units]
+        units = [(c, self.unit(c)) for c in configurations if self._record(c) is None]
+        units = [(c, unit) for c, unit in units if unit.key not in self._failed_units]
         if job == PREVIEW:
-            return [self.unit(c) for c in left], len(configurations)
-        for c in left:
+            return [unit for _, unit in units], len(configurations)
+        for c, unit in units:
             seconds = self._expected(c)
             if self._request.longest is None or seconds <= self._request.longest:
-                return [self.unit(c)], len(configurations)
+                return [unit], len(configurations)
             self.left_out[c.name] = f"would take about {duration_text(seconds)} (--longest)"
         return [], len(configurations)
 
     def _missing_truth(self) -> tuple[Sequence[EvaluationUnit], int]:
+        """The next evaluation of the truth until its interval is narrow enough, and how many it will take in all."""
         records, goal = self._truth_records, self._request.truth_within
-        if not records:
-            return [self._truth_unit(0)], 1
-        half = max(column["half_width"] for column in combined([r["columns"] for r in records]).values())
-        done = len(records)
-        if half <= goal or done == RUNS:
-            return [], done
-        return [self._truth_unit(done)], min(max(math.ceil(done * (half / goal) ** 2), done + 1), RUNS)
+        done, total = len(records), 1
+        if records:
+            half = max(column["half_width"] for column in combined([r["columns"] for r in records]).values())
+            if half <= goal or done == RUNS:
+                return [], done
+            total = min(max(math.ceil(done * (half / goal) ** 2), done + 1), RUNS)
+        return [self.unit(self.plan.series[TRUTH][done])], total
 
     @property
     def _truth_records(self) -> list[dict[str, Any]]:
-        """In the order of their seeds, up to the first that is missing."""
-        records = []
-        for number in range(RUNS):
-            record = self.store.load(self._truth_unit(number).key)
-            if record is None:
-                break
-            records.append(record)
-        return records
+        """The records of the truth in the order of their seeds, up to the first that is missing."""
+        return list(itertools.takewhile(bool, map(self._record, self.plan.series[TRUTH])))
 
     def unit(self, configuration: Configuration) -> EvaluationUnit:
+        """The evaluation of a configuration.  Its key has a hash of all that the columns depend on."""
         settings = configuration.settings(self._asked.replace(**self._resolved))
-        how = {"repeats": self._request.repeats, "programs": configuration.programs}
-        of = configuration.series, configuration.name, self._scene, settings, self._frames, self._sha256
-        return evaluation_unit(*of, **how)
-
-    def _truth_unit(self, number: int) -> EvaluationUnit:
-        """Decided samples with the seed after those of the configurations, and further ones."""
-        settings = own_settings(self._asked).replace(**self._resolved, light_within=self._request.truth_within)
-        settings = settings.replace(seed=(settings.lighting.seed + 1 + number) % 2**31)
-        return evaluation_unit(TRUTH, f"truth {number + 1}", self._scene, settings, self._frames, self._sha256)
+        ends = (self._frames.start, self._frames.stop)
+        job, name = configuration.series, configuration.name
+        return EvaluationUnit(
+            job=job, key=f"{job}/{content_hash([self._sha256, settings.to_dict(), ends])}", name=name,
+            scene=self._scene, weight=1, settings=settings, frames=ends, sha256=self._sha256,
+            repeats=1 if job == TRUTH else self._request.repeats, programs=configuration.programs,
+        )  # fmt: skip
 
     def _record(self, configuration: Configuration) -> dict[str, Any] | None:
         return self.store.load(self.unit(configuration).key)
 
     def _seconds(self, record: Mapping[str, Any]) -> float:
-        """Of an evaluation by the clock of the study."""
+        """Seconds of an evaluation by the clock of the study."""
         return record["seconds" if self._request.clock == "wall" else "cpu_seconds"]
 
     def _expected(self, configuration: Configuration) -> float:
-        """Seconds that a configuration is expected to take, at most, by those of its series that are measured."""
+        """Most seconds that a configuration is expected to take, by measured ones of its series; 0 without any."""
         before = [(c, r) for c in self.plan.series[configuration.series] if (r := self._record(c)) is not None]
         if not before:
             return 0.0
@@ -208,6 +202,7 @@ class CostStudy(Study):
         return values
 
     def _values(self, truth: Mapping[str, Any], records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        """The values of cost.json.  ``truth``: columns; ``records``: the evaluations that made them."""
         points, rows = self._points(truth)
         enough, wins, sequence = preview_enough(points), deciding_wins(points), self._asked.sequence
         return {
@@ -234,9 +229,9 @@ class CostStudy(Study):
         }  # fmt: skip
 
     def _points(self, truth: Mapping[str, Any]) -> tuple[list[Point], list[dict[str, Any]]]:
-        """The points, and for each what cost.json has of it, in the order of the plan."""
+        """The measured configurations as points, and as cost.json has them, in the order of the plan."""
         points, rows = [], []
-        for c in self.plan.every:
+        for c in self.plan.compared:
             record = self._record(c)
             if record is None:
                 continue
@@ -250,27 +245,24 @@ class CostStudy(Study):
         return points, rows
 
     def _recommendations(self, points: Sequence[Point]) -> list[dict[str, Any]]:
-        """``configuration``: what to use; where nothing reaches the limit, the nearest."""
+        """What to use within each limit; where nothing reaches it, the nearest (``reached`` is false)."""
         usable = [point for point in points if point.error is not None]
+        fastest, best = (min(usable, key=lambda p: getattr(p, by), default=None) for by in ("seconds", "error"))
+        choices = [(limit, "s", within_seconds(usable, limit), fastest) for limit in SECONDS]
         out = []
-        for limit in SECONDS:
-            use = within_seconds(usable, limit)
-            near = min(usable, key=lambda p: p.seconds, default=None)
-            out.append({"limit": limit, "unit": "s", "preset": f"within-{limit:g}s.toml"} | _use(use, near))
-        use, near = within_error(usable, POINTS), min(usable, key=lambda p: p.error, default=None)
-        return [*out, {"limit": POINTS, "unit": "points", "preset": f"within-{POINTS:g}points.toml"} | _use(use, near)]
+        for limit, unit, use, nearest in [*choices, (POINTS, "points", within_error(usable, POINTS), best)]:
+            point = use or nearest
+            facts = point and {"configuration": point.name, "seconds": point.seconds, "error": point.error}
+            preset = f"within-{limit:g}{unit}.toml"
+            out.append({"limit": limit, "unit": unit, "preset": preset, "reached": use is not None} | (facts or {}))
+        return out
 
     def _write_preset(self, use: Mapping[str, Any]) -> None:
-        of = next(c for c in self.plan.every if c.name == use["configuration"])
+        of = next(c for c in self.plan.compared if c.name == use["configuration"])
         measured = {"error_points": use["error"], "seconds": use["seconds"], "clock": self._request.clock}
         save_preset(self.store.out / use["preset"], of.settings(self._asked), measured)
 
 
-def _use(point: Point | None, nearest: Point | None) -> dict[str, Any]:
-    of = point or nearest
-    facts = {} if of is None else {"configuration": of.name, "seconds": of.seconds, "error": of.error}
-    return {"reached": point is not None, **facts}
-
-
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Tuples of ``values`` as lists, as JSON reads them back."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}

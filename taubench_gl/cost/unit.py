@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import statistics
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, camera_of_run
-from taubench_gl.errors import SceneError
-from taubench_gl.evaluation import Observers, Session, Wants, file_hashes, files_identity, open_scene
+from taubench_gl.evaluation import Observers, Session, plan_scene
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.evaluation.session import evaluate
+from taubench_gl.evaluation.session import run_session
 from taubench_gl.features import COLUMNS
 from taubench_gl.run import Run
-from taubench_gl.scene import load_scene
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
-from taubench_gl.study.store import content_hash, json_bytes
+from taubench_gl.study.scene import LoadedScene
+from taubench_gl.study.store import json_bytes
 from taubench_gl.study.unit import Unit, Worker
 from taubench_gl.study.worker import open_context
 
@@ -25,16 +22,16 @@ CHEAP = 5.0
 """Seconds up to which an evaluation is repeated: the median counts."""
 
 NO_HURRY = 100.0
-"""``light_within`` of the first pair: one round of samples."""
+"""Value of ``light_within`` for the first pair, which one round of samples reaches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationUnit(Unit):
     """All pairs of a scene with ``settings``, whose lighting and pairs are resolved.
 
-    ``frames``: of the scene; ``sha256``: of the files when the study began; ``repeats``: most evaluations.
-    ``programs`` names the shaders that the first pair compiles before the seconds begin, unless an earlier unit did;
-    none: seconds do not count.
+    ``frames``: first frame of the scene and one past its last; ``sha256``: of the files when the study began;
+    ``repeats``: most evaluations.  ``programs`` names the shaders that the first pair compiles before the seconds
+    begin, unless an earlier unit did; empty where seconds do not count.
     """
 
     settings: Settings
@@ -44,19 +41,18 @@ class EvaluationUnit(Unit):
     programs: str
 
     def run(self, worker: Worker) -> bytes:
-        loaded = worker.kept((self.scene, *self.settings.sequence.reading.values()), lambda: _Loaded.of(self))
-        if self.sha256 != files_identity(file_hashes(loaded.scene, self.settings)):
-            raise SceneError("changed while the study was running", where=self.scene, hint="give --out a new folder")
+        loaded = _CostScene.kept(worker, self.scene, self.settings)
+        loaded.require_unchanged(self.sha256, self.settings, "give --out a new folder")
         first, seconds, processor_seconds = None, [], []
         if self.programs and self.programs not in loaded.compiled:
             loaded.compiled.add(self.programs)
             pair = (self.frames[0], self.frames[0] + 2)
-            first = _timed(loaded, self.settings.replace(frames=pair, pairs="all", light_within=NO_HURRY))[1]
-        while True:
-            run, wall, processor = _timed(loaded, self.settings)
+            first = loaded.timed(self.settings.replace(frames=pair, pairs="all", light_within=NO_HURRY))[1]
+        while len(seconds) < self.repeats:
+            run, wall, processor = loaded.timed(self.settings)
             seconds.append(wall)
             processor_seconds.append(processor)
-            if len(seconds) >= self.repeats or wall > CHEAP:
+            if wall > CHEAP:
                 break
         record = {"seconds": statistics.median(seconds), "cpu_seconds": statistics.median(processor_seconds)}
         record |= {"first_pair_seconds": first, "repeats": len(seconds), "pairs": run.summary["pairs"]}
@@ -78,50 +74,22 @@ def columns_of(summary: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def evaluation_unit(
-    job: str,
-    name: str,
-    scene: str,
-    settings: Settings,
-    frames: range,
-    sha256: str | None,
-    *,
-    repeats: int = 1,
-    programs: str = "",
-) -> EvaluationUnit:
-    """``name``: of the configuration, for messages.  The key has a hash of all that the columns depend on."""
-    ends = (frames.start, frames.stop)
-    key = f"{job}/{content_hash([sha256, settings.to_dict(), ends])}"
-    return EvaluationUnit(
-        job=job, key=key, name=name, scene=scene, weight=1, settings=settings, frames=ends, sha256=sha256,
-        repeats=repeats, programs=programs,
-    )  # fmt: skip
+class _CostScene(LoadedScene):
+    """A scene with the compiled programs of all its evaluations; ``compiled`` names those of earlier units."""
 
+    def __init__(self, path: str, settings: Settings):
+        super().__init__(path, settings)
+        self._owner = GpuOwner(open_context(settings))
+        self.compiled: set[str] = set()
 
-@dataclass(frozen=True, slots=True)
-class _Loaded:
-    """A scene, its camera, and the compiled programs of all its evaluations; ``compiled``: names of some."""
-
-    scene: Scene
-    camera: CameraTrack
-    owner: GpuOwner
-    compiled: set[str] = field(default_factory=set)
-
-    @classmethod
-    def of(cls, unit: EvaluationUnit) -> _Loaded:
-        sequence = unit.settings.sequence
-        scene = load_scene(unit.scene, **sequence.reading)
-        return cls(scene, camera_of_run(scene, sequence), GpuOwner(open_context(unit.settings)))
+    def timed(self, settings: Settings) -> tuple[Run, float, float]:
+        """A run, its seconds, and the seconds of all cores of the processor; without reading the file."""
+        wall, processor = time.perf_counter(), time.process_time()
+        with self._owner.gpu:
+            plan = plan_scene(self.animated.scene, settings, self.animated.camera, owner=self._owner, sampled=True)
+            with Session(plan, shaders=self._owner.context.shaders) as session:
+                run = run_session(session, Observers())
+        return run, time.perf_counter() - wall, time.process_time() - processor
 
     def release(self) -> None:
-        self.owner.release()
-
-
-def _timed(loaded: _Loaded, settings: Settings) -> tuple[Run, float, float]:
-    """The run, its seconds, and those of all cores of the processor; without reading the file."""
-    wall, processor = time.perf_counter(), time.process_time()
-    with loaded.owner.gpu:
-        opened = open_scene(loaded.scene, settings, loaded.camera, owner=loaded.owner, sampled=True)
-        with Session(opened, Wants(sampled=True), shaders=loaded.owner.context.shaders) as session:
-            run = evaluate(session, Observers())
-    return run, time.perf_counter() - wall, time.process_time() - processor
+        self._owner.release()

@@ -53,11 +53,12 @@ class MotionStats:
 
     @property
     def still(self) -> bool:
+        """Whether nothing moves."""
         return self.mean == 0
 
 
 def sorted_steps(stats: MotionStats, count: int, cap: float = math.inf) -> Array:
-    """``count`` >= 1 steps of at most ``cap`` with exactly these statistics.  -> (count,) float64, ascending, >= 0.
+    """Steps of at most ``cap`` with exactly these statistics.  -> (count,) float64, ascending, >= 0; ``count`` >= 1.
 
     Raises SettingsError with the reason if there is no such list.
     """
@@ -76,7 +77,7 @@ def sorted_steps(stats: MotionStats, count: int, cap: float = math.inf) -> Array
 
 
 def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap: float = math.inf) -> Array:
-    """``sorted_steps`` in an order with slowly changing sizes (``CORRELATION``).  -> (count,) float64."""
+    """The steps of ``sorted_steps`` in an order of slowly changing sizes (``CORRELATION``).  -> (count,) float64."""
     steps = sorted_steps(stats, count, cap)
     noise = rng.standard_normal(count)
     slow = np.empty(count)
@@ -91,7 +92,7 @@ def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap:
 
 
 def _solve(total: float, squares: float, count: int, high: float, stats: MotionStats) -> Array:
-    """``count`` ascending values in [0, high] with this sum and sum of squares."""
+    """Ascending values in [0, high] with this sum and sum of squares.  -> (count,) float64.  Raises SettingsError."""
     if count == 0:
         if abs(total) > _SLACK * stats.mean or abs(squares) > _SLACK * stats.mean**2:
             raise SettingsError(f"one step cannot have {stats}", hint="one step has variance 0 and is its own max")
@@ -140,11 +141,12 @@ def _polish(values: Array, total: float, squares: float, high: float) -> Array:
     required = math.sqrt(max(squares / count - mean**2, 0.0))
     if spread == 0:
         return values
-    better = mean + (values - values.mean()) * (required / spread)
-    return better if better.min() >= 0 and better.max() <= high else values
+    corrected = mean + (values - values.mean()) * (required / spread)
+    return corrected if corrected.min() >= 0 and corrected.max() <= high else values
 
 
 def _bisect(below: Callable[[float], bool], low: float, high: float) -> float:
+    """The number in [low, high] up to which ``below`` holds."""
     for _ in range(90):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if below(middle) else (low, middle)
@@ -152,6 +154,7 @@ def _bisect(below: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _why(stats: MotionStats, count: int) -> str:
+    """What to change in statistics that ``count`` steps beside the largest cannot have."""
     if stats.maximum is None:
         return "give other statistics"
     # With a given maximum, the variance is smallest if all other steps are equal.

@@ -10,6 +10,7 @@ import math
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ Array = np.ndarray
 
 CAMERA_NAME, MOVES_NAME = "stress camera", "stress moves"
 ANIMATIONS = (CAMERA_NAME, MOVES_NAME)
-"""Names of the animations that are added."""
+"""Names of the animations that ``stress`` adds."""
 
 YFOV = math.radians(60.0)
 
@@ -42,7 +43,7 @@ LARGE = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """Number of lights and objects to move, chosen by the seed (-1: all).  ``motion``: meters per frame."""
+    """How many lights and objects to move (-1: all), chosen by the seed, and their motion in meters per frame."""
 
     lights: int = 0
     objects: int = 0
@@ -56,7 +57,7 @@ class Moves:
 
 @dataclass(frozen=True, slots=True)
 class StressResult:
-    """Result of ``stress``.  ``path`` is None for a recorded camera."""
+    """What ``stress`` wrote: file, length, and how many lights and objects move; ``path`` None: a recorded camera."""
 
     file: Path
     path: CameraPath | None
@@ -99,8 +100,11 @@ def stress(
         words = "a recorded camera"
     else:
         path = generate(camera, VoxelSpace(scene))
-        tracks = add_rig(path, lambda name, parent, **more: editor.node(parent, scene_index, name=name, **more), lens,
-                         CAMERA_NAME, keep_still=True)  # fmt: skip
+
+        def node(name: str, parent: int | None, **properties: Any) -> int:
+            return editor.node(parent, scene_index, name=name, **properties)
+
+        tracks = add_rig(path, node, lens, CAMERA_NAME, keep_still=True)
         frames, fps = camera.frames, camera.fps
         words = f"a generated camera (translation {camera.translation}; yaw {camera.yaw}; pitch {camera.pitch}; " \
                f"roll {camera.roll}; seed {camera.seed})"  # fmt: skip
@@ -148,6 +152,7 @@ def _lens(scene: Scene) -> tuple[float, float, float | None]:
 
 
 def _scene_index(editor: GltfEditor) -> int:
+    """Index of the file's default scene; a file without scenes gets one with all its roots."""
     if not editor.root.get("scenes"):
         editor.root["scenes"] = [{"nodes": [i for i in _roots(editor)]}]
         editor.root["scene"] = 0
@@ -155,6 +160,7 @@ def _scene_index(editor: GltfEditor) -> int:
 
 
 def _roots(editor: GltfEditor) -> list[int]:
+    """Indices of the nodes that are no node's child."""
     nodes = editor.root.get("nodes", [])
     children = {child for node in nodes for child in node.get("children", ())}
     return [i for i in range(len(nodes)) if i not in children]
@@ -217,6 +223,7 @@ def _movable(scene: Scene, state: FrameState) -> list[int]:
 
 
 def _pick(nodes: list[int], count: int, rng: np.random.Generator) -> list[int]:
+    """Draw ``count`` of the nodes, in ascending order; -1: all of them."""
     if count == 0 or not nodes:
         return []
     if count < 0 or count >= len(nodes):
@@ -225,5 +232,5 @@ def _pick(nodes: list[int], count: int, rng: np.random.Generator) -> list[int]:
 
 
 def with_stats(spec: CameraSpec, **stats: MotionStats | None) -> CameraSpec:
-    """``spec`` with the given quantities replaced; None: unchanged."""
+    """Replace quantities of a camera, such as ``yaw=MotionStats(2.0)``; None leaves one unchanged."""
     return dataclasses.replace(spec, **{name: value for name, value in stats.items() if value is not None})

@@ -19,7 +19,7 @@ from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation import evaluate_scene, open_scene
+from taubench_gl.evaluation import evaluate_scene, plan_scene
 from taubench_gl.features import COLUMNS
 from taubench_gl.outputs import csv_text, write_atomically
 from taubench_gl.report.paper import paper_numbers
@@ -27,8 +27,8 @@ from taubench_gl.report.run_plots import plot_sweep
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.settings import SequenceSettings, Settings
+from taubench_gl.study.driver import run_study
 from taubench_gl.study.progress import Listener
-from taubench_gl.study.run import run_study
 from taubench_gl.study.store import Store, content_hash, json_bytes
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import Unit, Worker
@@ -41,7 +41,7 @@ SCHEMA = "taubench-gl/sweep/1"
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """``count`` speeds from ``low`` to ``high`` of one of ``AXES``, meters or degrees per frame."""
+    """Speeds of one of AXES, meters or degrees per frame: ``count`` of them from ``low`` to ``high``."""
 
     axis: str
     low: float
@@ -58,25 +58,30 @@ class Sweep:
 
     @property
     def unit(self) -> str:
+        """Unit of a speed, m or deg per frame."""
         return "m" if self.axis == "translation" else "deg"
 
     @property
     def values(self) -> list[float]:
+        """The speeds, ascending."""
         return np.linspace(self.low, self.high, self.count).tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepUnit(Unit):
-    """One speed.  ``base``: of the sweep, whose frames and seed all speeds share; ``settings``: with resolved light."""
+    """The evaluation of one speed.
 
-    source: str
+    ``base``: the camera of the sweep, whose frames and seed all speeds share; ``spec``: the camera of this speed;
+    ``settings``: with the lighting that is resolved once for all speeds.
+    """
+
     base: CameraSpec
     spec: CameraSpec
     settings: Settings
 
     def run(self, worker: Worker) -> bytes:
         open_context(self.settings)
-        scene, space = _still(self.source, self.base, self.settings.sequence)
+        scene, space = _still(self.scene, self.base, self.settings.sequence)
         summary = evaluate_scene(_posed(scene, self.spec, space), self.settings).summary
         worker.done()
         return json_bytes({"camera": summary["camera"], "discard": summary["discard"]})
@@ -93,11 +98,13 @@ class SweepStudy(Study):
         raise SceneError(message)
 
     def merge(self) -> list[dict[str, Any]]:
-        """Write the table; a row per speed."""
-        summaries = [self.store.load(unit.key) for unit in self.units.values()]
-        rows = [_row(self._sweep, value, summary) for value, summary in zip(self._sweep.values, summaries, strict=True)]
-        text = csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
-        write_atomically(self.store.out / CSV_NAME, text)
+        """Write sweep.csv and the plot.  -> a row per speed."""
+        units, sweep, out = tuple(self.units.values()), self._sweep, self.store.out
+        rows = [_row(sweep, value, self.store.load(u.key)) for value, u in zip(sweep.values, units, strict=True)]
+        write_atomically(out / CSV_NAME, csv_text([list(rows[0]), *(list(row.values()) for row in rows)]))
+        base = units[0].base
+        name = f"{Path(units[0].scene).stem}, {base.frames - 1} pairs a point at {base.fps:g} fps"
+        plot_sweep(rows, sweep.axis, sweep.unit, name, _paper_points(sweep.axis), out / PLOT_NAME)
         return rows
 
 
@@ -120,23 +127,20 @@ def run_sweep(
     specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
     _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
     # The file records one exposure for all speeds; the number of samples is that of the first.
-    settings = open_scene(_posed(scene, specs[0], space), settings).settings
+    settings = plan_scene(_posed(scene, specs[0], space), settings).settings
     identity = [scene.sha256, __version__, settings.to_dict()]
     units = []
     for value, spec in zip(sweep.values, specs, strict=True):
         job = f"{sweep.axis}={value:g}"
         key = f"{job}-{content_hash([*identity, dataclasses.asdict(spec)])}"
         units.append(SweepUnit(job=job, key=key, name=job, scene=str(source), weight=1,
-                               source=str(source), base=base, spec=spec, settings=settings))  # fmt: skip
-    rows = run_study(SweepStudy(out, sweep, units), {"scene": str(source)}, listener=listener)
-    name = f"{Path(source).stem}, {base.frames - 1} pairs a point at {base.fps:g} fps"
-    plot_sweep(rows, sweep.axis, sweep.unit, name, _paper_points(sweep.axis), Path(out) / PLOT_NAME)
-    return rows
+                               base=base, spec=spec, settings=settings))  # fmt: skip
+    return run_study(SweepStudy(out, sweep, units), {"scene": str(source)}, listener=listener)
 
 
 @lru_cache(maxsize=1)
 def _still(source: str, base: CameraSpec, sequence: SequenceSettings) -> tuple[Scene, VoxelSpace]:
-    """The scene with a still stress camera, and its free space."""
+    """The scene with a stress camera that stands still, and the free space of its source."""
     with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
         file = Path(folder) / "still.glb"
         stress(source, file, CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed), strict=sequence.strict)
@@ -147,22 +151,22 @@ def _still(source: str, base: CameraSpec, sequence: SequenceSettings) -> tuple[S
 
 def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
     """The scene with the camera path of ``spec``; nothing else changes."""
-    names = {name: i for i, name in enumerate(scene.nodes.names)}
-    rig: list[str] = []
+    index_of = {name: i for i, name in enumerate(scene.nodes.names)}
+    rig: set[int] = set()
 
     def node(name: str, parent: int | None, **properties: Any) -> int:
-        rig.append(name)
-        return names[name]
+        rig.add(index_of[name])
+        return index_of[name]
 
     tracks = add_rig(generate(spec, space), node, 0, CAMERA_NAME, keep_still=True)
-    ours = {names[name] for name in rig}
-    channels = [c for c in scene.channels if not (c.target == "node" and c.index in ours)]
-    new = [Channel("node", index, path, how, np.asarray(times), values) for index, path, times, values, how in tracks]
-    return dataclasses.replace(scene, channels=(*channels, *new))
+    kept = [c for c in scene.channels if not (c.target == "node" and c.index in rig)]
+    posed = [Channel("node", index, path, kind, np.asarray(times), v) for index, path, times, v, kind in tracks]
+    return dataclasses.replace(scene, channels=(*kept, *posed))
 
 
-def _row(sweep: Sweep, value: float, summary: dict[str, Any]) -> dict[str, Any]:
-    camera, discard = summary["camera"], summary["discard"]
+def _row(sweep: Sweep, value: float, record: dict[str, Any]) -> dict[str, Any]:
+    """One speed in sweep.csv: what was requested, the measured means, N, fps, and the discard rate per column."""
+    camera, discard = record["camera"], record["discard"]
     row: dict[str, Any] = {f"requested_{sweep.axis}_{sweep.unit}": value}
     measured = {"translation_m": "position", "yaw_deg": "yaw", "pitch_deg": "pitch", "roll_deg": "roll"}
     row |= {f"mean_{name}": camera[key]["mean"] for name, key in measured.items()}

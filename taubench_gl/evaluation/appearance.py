@@ -31,11 +31,11 @@ class Surfaces:
     alpha: Array  # (P,) float, 1 where nothing is drawn
 
     def percent(self, chosen: Array) -> float:
-        """Share of the pixels ``chosen`` (P,) bool."""
+        """Share of the pixels that are ``chosen`` (P,) bool, in percent; 0 without pixels."""
         return 100.0 * float(np.mean(chosen)) if chosen.size else 0.0
 
     def of(self, materials: Iterable[int]) -> Array:
-        """Pixels with one of these materials, (P,) bool."""
+        """Which pixels show one of these ``materials``.  (P,) bool."""
         return np.isin(self.materials, list(materials))
 
 

@@ -28,7 +28,9 @@ MOST_CLIPPED, MOST_BLACK, MOST_NOISY, MOST_BEHIND = 0.2, 0.9, 0.01, 0.01
 
 @dataclass(slots=True)
 class Brightness:
-    """Counts of pixels.  Lit: of a surface, not black.  Clipped: lit, a channel is at white.
+    """Counts of pixels in the checked frames of a run.
+
+    Lit: of a surface, not black.  Clipped: lit, a channel is at white.
 
     Noisy: the standard error of path-traced direct or indirect luminance, times exposure and sqrt(2) for the difference
     of two frames, is above the threshold.  Behind: seen through a culled back of a face that casts shadows.
@@ -43,7 +45,7 @@ class Brightness:
     behind: int = 0
 
     def add(self, other: Mapping[str, int]) -> None:
-        """Add the counts of ``as_dict``."""
+        """Add the counts that ``as_dict`` of another one returned."""
         for name, count in other.items():
             setattr(self, name, getattr(self, name) + count)
 
@@ -71,12 +73,15 @@ class Brightness:
         self.add({"frames": 1} | {name: int(count) for name, count in counts.items()})
 
     def as_dict(self) -> dict[str, int]:
-        """JSON values."""
+        """The counts by name, as JSON values."""
         return asdict(self)
 
     def notes(self, settings: Settings, unit_reason: str = "", of_images: bool = True) -> list[str]:
-        """At most one line for each kind.  ``unit_reason``: why the light unit was chosen; ``of_images``: whether light
-        columns are those of images, whose noise reaches them."""
+        """Notes on an unusual image, at most one line for each kind.
+
+        ``unit_reason``: why the light unit was chosen; ``of_images``: whether light columns are those of images, whose
+        noise reaches them.
+        """
         exposure = f"exposure {settings.lighting.exposure_factor:.4g}"
         where = f"in {self.frames} frame{'s' if self.frames != 1 else ''}"
         notes = []

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE
-from taubench_gl.effects.decide import as_summary
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, read_preview
-from taubench_gl.evaluation.lobes import scene_lobes
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts, bin_of
 from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.metrics.path_samples import LIMIT
-from taubench_gl.metrics.sampled_light import decided_summary, lobe_distance, sampled_columns
+from taubench_gl.metrics.sampled_light import lobe_distance, sampled_columns
 from taubench_gl.run_schema import DECIDED_COLUMNS
 from taubench_gl.settings import Settings
-
-if TYPE_CHECKING:
-    from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
 
@@ -38,18 +32,16 @@ class DecidedLight:
 
     columns, distances = DECIDED_COLUMNS, True
 
-    def __init__(self, session: Session, source: RasterSource, settings: Settings):
-        """``source``, ``settings``: of the pairs, with one kind of history."""
-        self._settings = settings
+    def __init__(
+        self, variant: Callable[..., RasterSource], source: RasterSource, settings: Settings, lobes: Sequence[str] = ()
+    ):
+        """``variant``: opens a source of the scene (``Session.variant``); ``source``, ``settings``: of the pairs, with
+        one kind of history; ``lobes``: of ``measured_lobes``."""
+        self._settings, self._lobes = settings, tuple(lobes)
         self._columns = sampled_columns(source.unmeasured, self._settings.metrics.columns)
-        self._lobes = scene_lobes(session.wants.lobes, as_summary(source.effects))
-        self._pixels = DecidedPixels(session.variant, self._settings, self._columns, self._lobes)
+        self._pixels = DecidedPixels(variant, self._settings, self._columns, self._lobes)
 
-    def blocks(self, session: Session) -> dict[str, Any]:
-        """The block ``decided_light`` of summary.json."""
-        return {"decided_light": decided_summary(session.rows)}
-
-    def complete(self, pair: Pair) -> None:
+    def fill_row(self, pair: Pair) -> None:
         """Decide the pixels of ``pair``, whose evaluator writes distances; adds DECIDED_COLUMNS to its row."""
         preview = read_preview(pair.source, pair.evaluator, pair.frame, self._columns)
         seed = (SEED, self._settings.lighting.seed, pair.frame)
@@ -105,11 +97,12 @@ def counts_of_images(words: Array, distances: Mapping[str, Array], histograms: A
 
 
 def _histogram(words: Array) -> Array:
+    """Pixels per mask word of ``words`` (h, w).  (MASK_WORDS,) int64."""
     return np.bincount(words.ravel(), minlength=MASK_WORDS)
 
 
 def decided_counts(found: Sequence[Decisions]) -> dict[str, int]:
-    """DECIDED_COLUMNS of a pair."""
+    """The values of DECIDED_COLUMNS for a pair whose lists of pixels have the decisions ``found``."""
     audited = [d.audited > 0.0 for d in found]
     wrong = [a & (d.first != d.words) for a, d in zip(audited, found, strict=True)]
     samples = 2 * sum(int(d.samples.sum()) for d in found)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,14 +15,11 @@ from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.features import FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, exact_summary
+from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column
 from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.settings import Settings
-
-if TYPE_CHECKING:
-    from taubench_gl.evaluation.session import Session
 
 Array = np.ndarray
 
@@ -35,7 +31,10 @@ def exact_channels() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Reasons:
-    """Of one pair.  ``bits`` (h, w) uint32 of ``Visibility``, with CHANGED_LIGHT; ``light``: None without light."""
+    """Why history is right or wrong in every pixel of one pair.
+
+    ``bits`` (h, w) uint32 of ``Visibility``, with CHANGED_LIGHT; ``light``: None where light is not compared.
+    """
 
     bits: Array
     light: PointLight | None
@@ -67,7 +66,10 @@ class ExactReasons:
         return self._shading is not None
 
     def of(self, source: RasterSource, frame: int, *, noise: bool = False) -> Reasons:
-        """``source`` holds the pair whose current frame has the number ``frame``, with ``exact_channels``."""
+        """The reasons of the pair that ``source`` holds with ``exact_channels``; ``frame``: of its current frame.
+
+        ``noise``: also take other samples of path-traced light, to tell its noise.
+        """
         bits = source.read(CHANNEL)[..., 0]
         if self._shading is None:
             return Reasons(bits, None)
@@ -94,7 +96,7 @@ def misregistered(mask: Array, reasons: Reasons, column: str, settings: Settings
 
 
 def missed(mask: Array, bits: Array) -> Array:
-    """Pixels whose point was occluded, and that no geometric column discards.  (h, w)."""
+    """Pixels whose point was occluded, and that no geometric column discards.  (h, w) bool."""
     return ((bits & Visibility.OCCLUDED) != 0) & ((mask & RATE_BITS["surface"]) == 0)
 
 
@@ -118,22 +120,18 @@ class ExactColumns:
 
     @classmethod
     def of_source(cls, variant: Variant, settings: Settings, source: RasterSource, frames: range) -> ExactColumns:
-        """For the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
+        """The column group for the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
         reasons = ExactReasons(variant, settings, source.radiance)
         noisy = checked_frames(frame_schedule(frames, settings))
         return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 
-    def blocks(self, session: Session) -> dict[str, Any]:
-        """The block ``exact`` of summary.json."""
-        return {"exact": exact_summary(session.rows, session.source.unmeasured, self._reprojection)}
-
-    def complete(self, pair: Pair) -> None:
+    def fill_row(self, pair: Pair) -> None:
         """Add EXACT_COLUMNS to the row of ``pair``."""
         reasons = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
         pair.row.update(self.row(pair.mask, reasons))
 
     def row(self, mask: Array, reasons: Reasons) -> dict[str, int | None]:
-        """EXACT_COLUMNS of one pair; None: not measured."""
+        """The values of EXACT_COLUMNS for a pair with the ``mask`` (h, w); None for what was not measured."""
         bits, row = reasons.bits, dict.fromkeys(EXACT_COLUMNS)
         counts: dict[str, Array] = {class_column(name): bits & bit for name, bit in CLASSES.items()}
         for column in self._measured:

@@ -26,7 +26,7 @@ class KnowsPreviousPosition(Protocol):
     """A source that has the scene, so that it can follow a surface point."""
 
     def previous_position(self, position: Array) -> Array | None:
-        """As ``frame.sources.RasterSource.previous_position``."""
+        """Where the surface points at ``position`` were in the frame before; None where nothing is known of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class MaskedPair:
 
 @dataclass(frozen=True, slots=True)
 class FeatureValues:
-    """One feature at one pixel; ``distance`` is None if the pixel is not comparable."""
+    """Values of one feature at one pixel, now and in its history; ``distance`` is None if they are not comparable."""
 
     current: Array  # (3,) float64
     history: Array | None
@@ -116,7 +116,7 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
 
 
 def with_light(geometry: Explanation, light: Explanation) -> Explanation:
-    """A pixel without light and the light of the same place in a coarser image of the pair."""
+    """The explanation ``geometry`` with the features of light of the same place in a coarser image of the pair."""
     parts = ((geometry, False), (light, True))
     values = {n: f for part, lit in parts for n, f in part.features.items() if FEATURE[n].light == lit}
     features = {n: values[n] for n in FEATURES if n in values}
@@ -195,7 +195,7 @@ def in_words(word: int, history: str = "frame") -> str:
 
 
 def _reasons_in_words(word: int, image: str) -> str:
-    """The reasons of a mask, an empty text for none."""
+    """The reasons of the mask ``word`` in words, an empty text for none; ``image``: what history is, in words."""
     r = Reason(word)
     for reason in (Reason.FIRST, Reason.CUT, Reason.INVALID):
         if r & reason:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
-from taubench_gl.metrics.histories import takes_eye
+from taubench_gl.metrics.histories import uses_other_eye
 
 Array = np.ndarray
 
@@ -18,13 +18,13 @@ def chosen_words(pairs: Sequence[PreviewPair]) -> tuple[Array, Mapping[str, Arra
     A pixel is traced if the light of either history can change its word.
     """
     first, last = pairs[0], pairs[-1]
-    eye = takes_eye(first.words, last.words)
+    eye = uses_other_eye(first.words, last.words)
     words = np.where(eye, last.words, first.words)
     distances = {name: np.where(eye, last.distances[name], of) for name, of in first.distances.items()}
     return words, distances, first.traced | last.traced
 
 
-def better(
+def merge_histories(
     pairs: Sequence[PreviewPair], found: Sequence[Decisions], traced: Sequence[Array], rows: tuple[Array, Array]
 ) -> Decisions:
     """The better of two histories of n pixels at ``rows``: what decisions say of those with each history.
@@ -35,7 +35,7 @@ def better(
     """
     every = [_of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
     (frame, sure_frame), (eye, sure_eye) = every
-    taken, first_taken = takes_eye(frame.words, eye.words), takes_eye(frame.first, eye.first)
+    taken, first_taken = uses_other_eye(frame.words, eye.words), uses_other_eye(frame.first, eye.first)
     audited = np.minimum(np.where(sure_frame, 1.0, frame.audited), np.where(sure_eye, 1.0, eye.audited))
     audited[sure_frame & sure_eye] = 0.0
     return Decisions(

@@ -1,10 +1,11 @@
-"""Light unit, exposure and environment of a run, resolved once, before the run is split into parts.
+"""Light unit, exposure, environment, samples and pairs of a run, resolved once, before the run is split into parts.
 
-Every entry point calls ``resolve_lighting``; everything below it sees only concrete values.
+Every entry point calls ``scene.plan_scene``; everything below it sees only concrete values.
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -37,9 +38,29 @@ MAX_LIGHT = 1e30
 """Most radiance or intensity times exposure: sums over lights and the inverse square of a distance stay in float32."""
 
 
+class LightPlan(enum.Enum):
+    """How the light columns of a run are measured."""
+
+    PREVIEW = "images of the preview, whose light is approximate"
+    FIXED = "images of the raster method, of a fixed number of samples per pixel, or of files"
+    SAMPLED = "path-traced at random pixels, with intervals; images show the preview"
+    DECIDED = "path-traced at every pixel, with as many samples as each needs; images show the preview"
+
+
+def light_plan(settings: Settings, sampled: bool) -> LightPlan:
+    """How light columns are measured; ``sampled``: at single pixels where ``settings`` allow it, else by images."""
+    lighting = settings.lighting
+    if sampled and settings.metrics.decidable:
+        if lighting.light == AUTO:
+            return LightPlan.SAMPLED
+        if lighting.decides:
+            return LightPlan.DECIDED
+    return LightPlan.PREVIEW if lighting.light in PREVIEWED else LightPlan.FIXED
+
+
 @dataclass(frozen=True, slots=True)
 class ResolvedLighting:
-    """``settings``: with concrete light unit, exposure and environment; ``reasons``: why, by setting, phrases."""
+    """Settings with concrete light unit, exposure and environment, and why: a phrase for each of the three."""
 
     settings: Settings
     reasons: dict[str, str] = field(default_factory=dict)
@@ -125,7 +146,7 @@ def file_hashes(scene: Scene, settings: Settings) -> dict[str, str | None]:
 
 
 def files_identity(hashes: Mapping[str, Any]) -> str | None:
-    """One identity of ``file_hashes``; that of the scene alone where there is no environment image."""
+    """One text for all of ``file_hashes``; None where there are none: the scene was made in memory."""
     return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
@@ -147,6 +168,7 @@ def with_pairs(scene: Scene, settings: Settings, frames: range) -> Settings:
     most = MOST_FRAMES
     lighting, sequence = settings.lighting, settings.sequence
     if _auto_traces(scene, settings):
+        # What the user names (size, samples, seeds) is never changed: the budget limits how many frames are drawn.
         samples = sequence.width * sequence.height * lighting.path_samples * settings.metrics.samples_per_pixel
         most = min(max(SAMPLE_BUDGET // samples, 2 * LEAST_PAIRS), MOST_FRAMES)
     if len(frames) <= most:

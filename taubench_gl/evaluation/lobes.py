@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import HISTOGRAM_BINS, LOBES, SCENE_LOBES
+from taubench_gl.conventions import LOBES, SCENE_LOBES
 from taubench_gl.effects.path_tracing import NO_TRANSMISSION
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
-from taubench_gl.features import FEATURES
-from taubench_gl.metrics.counts import Counts
-from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.settings import Settings
-
-if TYPE_CHECKING:
-    from taubench_gl.evaluation.session import Session
 
 BOUNCES = ("direct", "indirect")
 
@@ -36,14 +30,6 @@ def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
     return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in SCENE_LOBES)
 
 
-def scene_lobes(lobes: Collection[str], effects: Mapping[str, Any]) -> tuple[str, ...]:
-    """Those of ``lobes`` that a rendered scene has.  ``effects``: the block of its summary."""
-    own = [lobe for lobe in lobes if lobe in SCENE_LOBES]
-    if "transmission" in own and effects["transmission"]["reason"] == NO_TRANSMISSION:
-        own.remove("transmission")
-    return tuple(own)
-
-
 def missing_of_scene(
     lobes: Collection[str], unmeasured: Mapping[str, str], effects: Mapping[str, Any], settings: Settings
 ) -> dict[str, dict[str, str]]:
@@ -51,38 +37,24 @@ def missing_of_scene(
 
     ``unmeasured``: of its source; ``effects``: the block of its summary.
     """
-    own = scene_lobes(lobes, effects)
     why = {lobe: "rendered scenes have no volumetric lobe" for lobe in lobes if lobe not in SCENE_LOBES}
     transmission = effects["transmission"]
     # Where light is sampled or decided, the source is the preview, and its columns are those of path-traced light.
-    if "transmission" not in own or not (transmission["on"] or settings.lighting.light in ("auto", "path-traced")):
+    drawn = transmission["on"] or settings.lighting.light in ("auto", "path-traced")
+    if transmission["reason"] == NO_TRANSMISSION or not drawn:
         why["transmission"] = transmission["reason"]
     return {
         lobe: {b: why.get(lobe) or unmeasured[b] for b in BOUNCES if lobe in why or b in unmeasured} for lobe in lobes
     }
 
 
-def summarize_lobes(
-    missing: Mapping[str, Mapping[str, str]], histograms: Sequence[Mapping[str, np.ndarray]]
-) -> dict[str, Any]:
-    """The ``lobes`` block of a summary from the mask histogram of every pair and lobe, as ``LobeColumns`` makes it."""
-    out = {}
-    for lobe, reasons in missing.items():
-        stats = SequenceStats(tuple(b for b in BOUNCES if b not in reasons), dict(reasons))
-        for of_pair in histograms:
-            if lobe in of_pair:
-                stats.add(_of_words(of_pair[lobe]))
-        out[lobe] = _block(stats)
-    return out
-
-
-def _block(stats: SequenceStats) -> dict[str, Any]:
-    discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
-    return {bounce: discard[bounce] for bounce in BOUNCES}
+def measured_lobes(missing: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
+    """Lobes of which direct or indirect is measured.  ``missing``: lobe -> {direct or indirect: why it is null}."""
+    return tuple(lobe for lobe, reasons in missing.items() if len(reasons) < len(BOUNCES))
 
 
 class LobeColumns:
-    """The evaluator of the columns, with the textures of one lobe instead of the sums of all."""
+    """Counts every pair once more for each lobe, with its textures instead of the sums of all lobes."""
 
     columns: tuple[str, ...] = ()
     distances = False
@@ -98,42 +70,27 @@ class LobeColumns:
         """``source``: has ``current_view`` and ``previous_view``; ``missing``: lobe -> {direct or indirect: why it is
         null}; ``texture``: name of the source's texture of a (lobe, direct or indirect).
         """
-        self._source, self._texture = source, texture
-        self._dark: Any = None
-        self._lobes: dict[str, tuple[PairEvaluator | None, SequenceStats]] = {}
-        for lobe, reasons in missing.items():
-            measured = tuple(b for b in BOUNCES if b not in reasons)
-            how = {"radiance": measured, "timed": False}
-            evaluator = owner.open_evaluator(source, settings, **how) if measured else None
-            self._lobes[lobe] = evaluator, SequenceStats(measured, dict(reasons))
-            if self._dark is None and any(texture(lobe, b) not in source.current for b in measured):
+        self._source, self._dark = source, None
+        self._lobes: dict[str, tuple[PairEvaluator, dict[str, str]]] = {}
+        for lobe in measured_lobes(missing):
+            names = {bounce: texture(lobe, bounce) for bounce in BOUNCES if bounce not in missing[lobe]}
+            evaluator = owner.open_evaluator(source, settings, radiance=tuple(names), timed=False)
+            self._lobes[lobe] = evaluator, names
+            if self._dark is None and any(name not in source.current for name in names.values()):
                 self._dark = owner.own(owner.gpu.texture(source.size))  # of a lobe that the preview leaves out
                 self._dark.write(bytes(16 * source.size[0] * source.size[1]))
 
-    def blocks(self, session: Session) -> dict[str, Any]:
-        """The block ``lobes`` of summary.json."""
-        return {"lobes": {lobe: _block(stats) for lobe, (_, stats) in self._lobes.items()}}
+    def fill_row(self, pair: Pair) -> None:
+        """Count ``pair``, whose frames the source holds, for every lobe whose pixels are not decided."""
+        for lobe, (evaluator, names) in self._lobes.items():
+            if lobe not in pair.evaluated.lobes:
+                pair.evaluated.lobes[lobe] = self._count(evaluator, names, pair)
 
-    def complete(self, pair: Pair) -> None:
-        """Count ``pair``, whose frames the source holds, for every lobe."""
-        for lobe, (evaluator, stats) in self._lobes.items():
-            if evaluator is None:
-                continue
-            if lobe not in pair.evaluated.lobes:  # else its pixels are decided
-                pair.evaluated.lobes[lobe] = self._count(lobe, evaluator, pair)
-            stats.add(_of_words(pair.evaluated.lobes[lobe]))
-
-    def _count(self, lobe: str, evaluator: PairEvaluator, pair: Pair) -> np.ndarray:
-        """The mask histogram of ``pair`` with a lobe for direct and indirect."""
-        names = {b: self._texture(lobe, b) for b in self._lobes[lobe][1].measured}
+    def _count(self, evaluator: PairEvaluator, names: Mapping[str, str], pair: Pair) -> np.ndarray:
+        """The mask histogram (MASK_WORDS,) of ``pair``; ``names``: of the textures for direct and indirect."""
         current, previous = (
-            dict(textures) | {b: textures.get(name, self._dark) for b, name in names.items()}
+            dict(textures) | {bounce: textures.get(name, self._dark) for bounce, name in names.items()}
             for textures in (self._source.current, self._source.previous)
         )
         step = reprojection(pair.view, self._source.previous_view, *self._source.size)
         return evaluator.compare(step, current=current, previous=previous).mask_histogram
-
-
-def _of_words(mask_histogram: np.ndarray) -> Counts:
-    """Counts without distances."""
-    return Counts(mask_histogram, np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64))

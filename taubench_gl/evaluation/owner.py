@@ -1,16 +1,18 @@
-"""Owners of sources and evaluators, which are made here only."""
+"""Owners of sources and evaluators: nobody else makes them, so that all that lies on a GPU has one who frees it."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
-from typing import Any
+
+import numpy as np
 
 from taubench_gl.evaluation.pairs import PairEvaluator
-from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.frame.passes.masks import ComparedSource
+from taubench_gl.frame.sources import RasterSource, Source
+from taubench_gl.frame.spec import EXACT, AnimatedScene, Shading
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
@@ -25,43 +27,70 @@ class GpuOwner(Owner):
     """An owner of what is opened on a GPU context, whose sources and evaluators share compiled programs."""
 
     def __init__(self, gpu: Gpu, timer: PassTimer | None = None, shaders: ShaderCache | None = None):
-        """``timer``: of the passes of ``context``, None measures nothing; ``shaders``: another owner's, or None."""
+        """``timer``: measures the passes of ``context``, None: nothing does; ``shaders``: compiled programs of another
+        owner, None: it compiles its own."""
         super().__init__()
         self.gpu, self._pass_timer, self._shaders = gpu, timer, shaders
 
     @cached_property
     def context(self) -> GpuContext:
-        """Compiles passes and evaluators."""
+        """The context that compiles passes and evaluators."""
         return self.own(GpuContext(self.gpu, self._shaders, self._pass_timer))
 
     @cached_property
     def untimed(self) -> GpuContext:
-        """Has the shaders of ``context`` and measures nothing."""
+        """A context with the shaders of ``context`` that measures nothing."""
         return GpuContext(self.gpu, self.context.shaders)
 
     def open_source(
-        self, animated: AnimatedScene, settings: Settings, *, instead_of: RasterSource | None = None, **how: Any
+        self,
+        animated: AnimatedScene,
+        settings: Settings,
+        *,
+        extra: Iterable[str] = (),
+        without: Iterable[str] = (),
+        shading: Shading = EXACT,
+        pixel_list: bool = False,
+        given_directions: bool = False,
+        jitter: Callable[[int], np.ndarray] | None = None,
+        timer: PassTimer | None = None,
+        instead_of: RasterSource | None = None,
     ) -> RasterSource:
-        """A source with the programs that this owner has compiled.  ``how``: as of ``RasterSource``.
+        """A source with the programs that this owner has compiled, which the owner frees.
 
-        ``instead_of``: the source that it replaces, which is freed once the new one is open.
+        ``extra``: channels besides those that the columns need; ``without``: effects not to simulate; ``shading``,
+        ``pixel_list``, ``given_directions``: as of ``FrameSpec``; ``jitter``, ``timer``: as of ``RasterSource``;
+        ``instead_of``: the source that it replaces, which is freed once the new one is open.  Raises TaubenchError.
         """
         log.info("preparing frames of %dx%d pixels", settings.sequence.width, settings.sequence.height)
-        source = RasterSource(self.gpu, animated, settings, shaders=self.context.shaders, **how)
+        source = RasterSource(
+            self.gpu, animated, settings, jitter=jitter, timer=timer, shaders=self.context.shaders, extra=tuple(extra),
+            without=without, shading=shading, pixel_list=pixel_list, given_directions=given_directions,
+        )  # fmt: skip
         return self.own(source, instead_of=instead_of)
 
     def open_evaluator(
         self,
-        source: Any,
+        source: Source | ComparedSource,
         settings: Settings,
         *,
+        images: bool = False,
+        distances: bool = False,
+        reprojection: str | None = None,
+        radiance: tuple[str, ...] | None = None,
         timed: bool = True,
         instead_of: PairEvaluator | None = None,
-        **how: Any,
     ) -> PairEvaluator:
-        """``how``: as of ``PairEvaluator``; ``instead_of``: the evaluator that it replaces."""
+        """An evaluator of the pairs of ``source``, which the owner frees.
+
+        ``images``, ``distances``, ``reprojection``, ``radiance``: as of ``PairEvaluator``; ``timed``: its pass is
+        measured; ``instead_of``: the evaluator that it replaces.
+        """
         context = self.context if timed else self.untimed
-        return self.own(PairEvaluator(context, source, settings, **how), instead_of=instead_of)
+        evaluator = PairEvaluator(
+            context, source, settings, images=images, distances=distances, reprojection=reprojection, radiance=radiance
+        )
+        return self.own(evaluator, instead_of=instead_of)
 
     def release(self) -> None:
         """Free everything, and what else has lost its references.  The owner can be used again."""

@@ -60,7 +60,7 @@ class EvaluatedPair:
 
     @property
     def seconds(self) -> float:
-        """Wall-clock time from drawing the frame to ``ended``; until now where that is 0."""
+        """Wall-clock seconds from drawing the frame to ``ended``, or until now while that is 0."""
         return (self.ended or time.perf_counter()) - self.started
 
 
@@ -82,9 +82,9 @@ class PairEvaluator:
         reprojection: str | None = None,
         radiance: tuple[str, ...] | None = None,
     ):
-        """``images``: write mask and motion images too; ``distances``: and the distances of every pixel.
+        """``images``: also write images of masks and motion; ``distances``: and of the distances of every pixel.
 
-        ``reprojection``, ``radiance``: None: the source's.
+        ``reprojection``: camera or motion; ``radiance``: light features to compare; None: those of ``source``.
         """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
@@ -161,7 +161,7 @@ class PairEvaluator:
         previous: Textures | None = None,
         thresholds: Mapping[str, float] | None = None,
     ) -> int:
-        """Submit one pair to the mask pass; the number of the run, for ``read``.
+        """Submit one pair to the mask pass; returns the number of the run, for ``read``.
 
         ``declared``: Reason.FIRST or CUT for the whole frame, else 0.  ``current``, ``previous``: None for what the
         source holds; a first frame, which has no previous textures, is bound twice.  ``thresholds``: a_B of every
@@ -180,18 +180,27 @@ class PairEvaluator:
         """Wait for a run, the latest or the one before it, and read its counts."""
         return self._masks.read(run)
 
-    def compare(self, pair: Reprojection, **how: Any) -> Counts:
-        """``submit`` and ``read``."""
-        return self.read(self.submit(pair, **how))
+    def compare(
+        self,
+        pair: Reprojection,
+        *,
+        declared: int = 0,
+        current: Textures | None = None,
+        previous: Textures | None = None,
+        thresholds: Mapping[str, float] | None = None,
+    ) -> Counts:
+        """Submit one pair and wait for its counts.  Arguments of ``submit``."""
+        run = self.submit(pair, declared=declared, current=current, previous=previous, thresholds=thresholds)
+        return self.read(run)
 
     @property
     def mask_texture(self) -> Any:
-        """Mask words (r32ui); None without ``images``."""
+        """The texture of mask words (r32ui); None without ``images``."""
         return self._masks.mask
 
     @property
     def motion_texture(self) -> Any:
-        """Motion (rg32f), GL rows; None without ``images``."""
+        """The texture of motion (rg32f), rows from the bottom; None without ``images``."""
         return self._masks.motion
 
     def mask(self) -> np.ndarray:
@@ -210,14 +219,14 @@ class PairEvaluator:
         write_channel(self._masks.mask, "mask", words)
 
     def distances(self) -> PixelDistances:
-        """Distances of the pair submitted last; needs ``distances``."""
+        """Distances of every pixel of the pair submitted last, (h, w) images; needs ``distances``."""
         images = {name: read_channel(getattr(self._masks, name), "distances") for name in ("distances", "changes")}
         measured = {*GEOMETRY, *(feature.name for feature in self._masks.options.values)}
         features = {f: images[PLACES[f][0]][..., PLACES[f][1]] for f in FEATURES if f in measured}
         return PixelDistances(features, images["changes"][..., 1], images["changes"][..., 2])
 
     def explain(self, x: int, row: int, thresholds: Mapping[str, float] | None = None) -> Explanation:
-        """Pixel (x, row from the top) of the pair submitted last, whose channels the source still holds.
+        """Explain pixel (x, row from the top) of the pair submitted last, whose channels the source still holds.
 
         Needs ``images``.  ``thresholds``: as for ``submit``; None: those the pair was submitted with.
         """
@@ -249,7 +258,7 @@ class Pair:
     ``radiance`` (h, w, 3): of the images that masks compare; ``noisy`` (h, w, 4): of the input, as reuse methods get
     it (its last component is 0 where a pixel was not shaded); ``reference`` (h, w, 3): what they are compared with.
 
-    ``takes_eye`` (h, w) bool: with ``history`` ``both`` the pixels whose mask is that of the other eye, else None;
+    ``uses_other_eye`` (h, w) bool: with ``history`` ``both`` the pixels whose mask is that of the other eye, else None;
     images are those of the last frame.
     """
 
@@ -261,7 +270,7 @@ class Pair:
         self.radiance: np.ndarray | None = None
         self.noisy: np.ndarray | None = None
         self.reference: np.ndarray | None = None
-        self.takes_eye: np.ndarray | None = None
+        self.uses_other_eye: np.ndarray | None = None
         self._eye: Pair | None = None
 
     def __repr__(self) -> str:
@@ -301,16 +310,16 @@ class Pair:
         Raises TaubenchError for a pixel outside the image, and after the next pair is drawn.
         """
         column, row = _pixel_in(self.source.size, x, y)
-        if self.takes_eye is not None and self.takes_eye[row, column]:
+        if self.uses_other_eye is not None and self.uses_other_eye[row, column]:
             return self._eye.explain(column, row)
         return self._read(lambda evaluator: evaluator.explain(column, row))
 
-    def add_eye(self, other: Pair, takes_eye: np.ndarray) -> None:
-        """``other``: of the same frame and the other eye, whose masks the pixels ``takes_eye`` (h, w) have."""
-        self._eye, self.takes_eye = other, takes_eye
+    def add_eye(self, other: Pair, uses_other_eye: np.ndarray) -> None:
+        """Explain the pixels ``uses_other_eye`` (h, w) bool by ``other``, the pair with the other eye."""
+        self._eye, self.uses_other_eye = other, uses_other_eye
 
     def replace(self, words: np.ndarray, distances: PixelDistances, counts: Counts) -> None:
-        """Of a pair whose pixels were compared in another way: mask words (h, w) uint32, distances and counts."""
+        """Replace mask ``words`` (h, w) uint32, distances and counts by those of pixels compared in another way."""
         self.evaluator.replace_mask(words)
         self.evaluated.counts = counts
         self.__dict__ |= {"mask": words, "distances": distances}  # cached properties
@@ -321,12 +330,12 @@ class Pair:
         return self.evaluator.source
 
     def load(self) -> Pair:
-        """Read mask, motion and color, so that they stay; this pair."""
+        """Read mask, motion and color, so that they stay; returns this pair."""
         _ = self.mask, self.motion, self.color
         return self
 
     def close(self) -> None:
-        """The source is about to draw other frames."""
+        """Let go of the images: the source is about to draw other frames."""
         self._evaluator = None
         if self._eye is not None:
             self._eye.close()
@@ -365,13 +374,16 @@ def _pixel_in(size: tuple[int, int], x: Any, y: Any) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class Observers:
-    """Receivers of every evaluated pair.  ``on_pair`` makes the mask pass write images and counts be read at once."""
+    """Functions that receive every evaluated pair, and what they need.
+
+    ``on_pair`` makes the mask pass write images and counts be read at once.
+    """
 
     progress: Callable[[Progress], None] | None = None
     on_pair: Callable[[Pair], None] | None = None
     channels: tuple[str, ...] = ()  # to draw for ``on_pair`` besides those the columns need
     distances: bool = False  # whether ``on_pair`` reads ``Pair.distances``
-    on_counts: Callable[[Counts], None] | None = None  # gets the exact counts
-    scene: str = ""  # its name, for ``progress``; set by the evaluation
-    writer: RunWriter | None = None  # gets the row; set by the evaluation
+    on_counts: Callable[[Counts], None] | None = None  # gets the exact counts of every pair
+    scene: str = ""  # name of the scene, for ``progress``; set by the evaluation
+    writer: RunWriter | None = None  # writes the row of every pair; set by the evaluation
     on_finish: Callable[[Run], Iterable[Path]] | None = None  # writes files once all rows are, before summary.json

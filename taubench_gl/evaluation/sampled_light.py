@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, PreviewPair, read_preview
-from taubench_gl.evaluation.histories import better, chosen_words
+from taubench_gl.evaluation.histories import chosen_words, merge_histories
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.features import FEATURE_BIT
@@ -33,7 +33,7 @@ from taubench_gl.metrics.sampled_light import (
     strata_of,
 )
 from taubench_gl.run_schema import SAMPLED_COLUMNS
-from taubench_gl.settings import AUTO, PREVIEWED, Settings
+from taubench_gl.settings import Settings
 
 SEED = 20
 """Beside that of the settings: of pairs, pixels and audits."""
@@ -50,26 +50,6 @@ class Plan:
 
 
 PLAN = Plan()
-
-
-def samples_light(settings: Settings) -> bool:
-    """Whether light columns of a rendered scene are estimated at sampled pixels."""
-    return settings.lighting.light == AUTO and settings.metrics.decidable
-
-
-def decides_light(settings: Settings) -> bool:
-    """Whether every pixel is decided where light columns are asked for: path-traced light, no number of samples."""
-    return settings.lighting.decides and settings.metrics.decidable
-
-
-def preview_notes(settings: Settings, unmeasured: Mapping[str, str]) -> list[str]:
-    """A note of a run whose columns of light are the preview's."""
-    columns = sampled_columns(unmeasured, settings.metrics.columns)
-    if settings.lighting.light not in PREVIEWED or not columns:
-        return []
-    return [
-        f"{', '.join(columns)}: of the preview, whose light is approximate; evaluate --light auto estimates the truth"
-    ]
 
 
 def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
@@ -155,7 +135,7 @@ class LightVisits:
             return self._histories[0].decide(at, audit)
         traced = [np.flatnonzero(pair.traced.ravel()[flat]) for pair in pairs]
         found = [history.decide(at[k], audit[k]) for history, k in zip(self._histories, traced, strict=True)]
-        return better(pairs, found, traced, (at[:, 1], at[:, 0]))
+        return merge_histories(pairs, found, traced, (at[:, 1], at[:, 0]))
 
 
 class SampledLight:
@@ -175,14 +155,6 @@ class SampledLight:
             lobes,
         )
         self._settings, self.rounds = settings, 0
-
-    @classmethod
-    def of(
-        cls, settings: Settings, frames: range, unmeasured: Mapping[str, str], lobes: Sequence[str] = ()
-    ) -> SampledLight | None:
-        """None where no column is sampled."""
-        sampled = samples_light(settings) and sampled_columns(unmeasured, settings.metrics.columns)
-        return cls(settings, frames, unmeasured, lobes) if sampled else None
 
     def add(self, position: int, counts: Counts) -> None:
         """The preview's counts of the next pair."""

@@ -72,7 +72,10 @@ def describe_scale(summary: dict[str, Any], depths: Sequence[float], settings: S
 
 
 def _threshold_note(depth: float, settings: Settings) -> list[str]:
-    """``depth``: meters.  A threshold other than the default was chosen for its scene, and is not checked."""
+    """At most one note on the default position threshold; ``depth``: median depth, meters.
+
+    A threshold other than the default was chosen for its scene, and is not checked.
+    """
     metrics, threshold, unit = settings.metrics, DEFAULT_THRESHOLD, settings.metrics.unit_scale
     unchecked = "position" not in metrics.columns or metrics.thresholds["position"] != threshold
     if unchecked or SMALLEST * depth <= threshold <= LARGEST * depth:
@@ -88,7 +91,10 @@ def _threshold_note(depth: float, settings: Settings) -> list[str]:
 
 
 def _step_note(step: float | None, depth: float, settings: Settings, rendered: bool) -> list[str]:
-    """``step`` and ``depth``: meters; ``rendered``: frames are drawn at a rate that can be chosen."""
+    """At most one note on a camera that moves far between two frames; ``step``, ``depth``: medians, meters.
+
+    ``rendered``: frames are drawn at a rate that can be chosen.
+    """
     if step is None or step <= FASTEST * depth:
         return []
     message = f"the camera moves {step:.3g} m per frame, {step / depth:.2g} of the median depth {depth:.3g} m"

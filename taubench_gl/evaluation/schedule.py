@@ -47,7 +47,7 @@ def sampled_pairs(frames: range, settings: Settings) -> PairSample:
 
 
 def frame_schedule(frames: range, settings: Settings) -> Schedule:
-    """The schedule of ``sampled_pairs``; a sequence without a pair is drawn without evaluation."""
+    """The schedule of the pairs that ``settings`` select; a sequence without a pair is drawn without evaluation."""
     sample = sampled_pairs(frames, settings)
     if not sample.positions:
         return [(frame, False) for frame in frames]

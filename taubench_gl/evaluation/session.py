@@ -1,11 +1,11 @@
 """A session: everything that the evaluation of one scene or sequence owns, opened and closed together.
 
-    with open_session("scene.glb", settings, Wants(images=True)) as session:
+    with open_session("scene.glb", settings, Readback(images=True)) as session:
         for pair in session.pairs():
             pair.row, pair.mask
         summary = session.summary()
 
-What a session evaluates is a SceneInput or, for path-traced files, a PathTracedInput.  ``evaluate`` is the one loop
+What a session evaluates is a ScenePlan or, for path-traced files, a PathTracedPlan.  ``run_session`` is the one loop
 over all pairs.
 """
 
@@ -17,25 +17,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
 from taubench_gl.animation import View
-from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
+from taubench_gl.evaluation.brightness import checked_frames
+from taubench_gl.evaluation.lighting import LightPlan
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
-from taubench_gl.evaluation.sampled_light import LightVisits, SampledLight, decides_light
-from taubench_gl.evaluation.scale import describe_scale, median_depths
+from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.scale import median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
-from taubench_gl.evaluation.summary import assemble_summary, finish_run
-from taubench_gl.features import COLUMNS
+from taubench_gl.evaluation.summary import finish_run
+from taubench_gl.evaluation.tally import Tally
 from taubench_gl.frame.sources import RasterSource, Source
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.metrics.sampled_light import sampled_columns
-from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.run_schema import FRAME_COLUMNS, SAMPLED_COLUMNS
@@ -46,40 +43,41 @@ TIMED_FIRST, TIMED_EVERY = 16, 16
 
 
 @dataclass(frozen=True, slots=True)
-class Wants:
-    """What is read of every pair besides its counts.
+class Readback:
+    """What a session reads from the GPU of every pair besides its counts.
 
     ``images``: mask, motion and channels of ``Pair``, so counts are read at once; ``channels``: to draw for it besides
-    those the columns need; ``distances``: of every pixel; ``lobes``: of direct and indirect, to measure apart;
-    ``sampled``: columns of light by path tracing at random pixels, with light method ``auto``.
+    those the columns need; ``distances``: of every pixel; ``lobes``: of direct and indirect, to measure apart.
     """
 
     images: bool = False
     channels: tuple[str, ...] = ()
     distances: bool = False
     lobes: tuple[str, ...] = ()
-    sampled: bool = False
 
     @classmethod
-    def of(cls, observers: Observers, lobes: Collection[str] = (), sampled: bool = False) -> Wants:
-        """Those of ``observers``."""
-        return cls(observers.on_pair is not None, observers.channels, observers.distances, tuple(lobes), sampled)
+    def of(cls, observers: Observers, lobes: Collection[str] = ()) -> Readback:
+        """What ``observers`` and the measurement of ``lobes`` need read back of every pair."""
+        return cls(observers.on_pair is not None, observers.channels, observers.distances, tuple(lobes))
 
 
-class ColumnAdder(Protocol):
-    """Adds ``columns`` to the row of every pair, before the pair is counted, and blocks to the summary."""
-
-    columns: tuple[str, ...]
-    distances: bool  # whether it reads those of every pixel
-
-    def complete(self, pair: Pair) -> None: ...
-
-    def blocks(self, session: Session) -> dict[str, Any]:
-        """Blocks of summary.json over ``session.rows``."""
+COUNTS_ONLY = Readback()
+"""Nothing is read of a pair but its counts."""
 
 
-class Input(Protocol):
-    """What a session evaluates: scene or files, camera and frames, with resolved settings."""
+class ColumnGroup(Protocol):
+    """Fills columns in the row of every pair, or replaces its masks, before the pair is counted."""
+
+    columns: tuple[str, ...]  # of frames.csv
+    distances: bool  # whether it reads the distances of every pixel
+
+    def fill_row(self, pair: Pair) -> None: ...
+
+
+class Plan(Protocol):
+    """What a session evaluates: a scene or files, with camera, frames, and settings that leave nothing open."""
+
+    animated: AnimatedScene | None  # None: files
 
     @property
     def name(self) -> str: ...
@@ -90,69 +88,85 @@ class Input(Protocol):
     @property
     def frames(self) -> range: ...
 
-    animated: AnimatedScene | None  # None: files
+    @property
+    def light(self) -> LightPlan: ...
 
-    def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> Source:
-        """Owned by ``owner``."""
+    def open_source(self, owner: GpuOwner, timer: PassTimer, readback: Readback) -> Source:
+        """Open the source of the frames, which ``owner`` frees."""
 
-    def adders(self, session: Session) -> Iterator[ColumnAdder]:
-        """Those that the settings and ``session.wants`` call for."""
+    def missing_lobes(self, source: Source, lobes: Collection[str]) -> dict[str, dict[str, str]]:
+        """Requested lobe -> {direct or indirect: why it is null}."""
 
-    def facts(self, session: Session) -> dict[str, Any]:
-        """The parts of the summary that need no pair (``summary.scene_facts``)."""
+    def column_groups(self, session: Session) -> Iterator[ColumnGroup]:
+        """The column groups that the settings and ``session.readback`` call for, in the order in which they run."""
+
+    def static_summary(self, session: Session) -> dict[str, Any]:
+        """The parts of the summary that need no pair (``summary.static_summary``)."""
 
     def views(self, session: Session) -> list[View]:
-        """Of all frames, drawn or not."""
+        """The views of all frames, drawn or not."""
 
-    def amend(self, summary: dict[str, Any], session: Session) -> None:
-        """Add what only this kind of input has."""
-
-    def sampled_light(self, session: Session) -> SampledLight | None:
-        """Of the columns of light that are sampled, if any."""
+    def add_to_summary(self, summary: dict[str, Any], session: Session) -> None:
+        """Add what only this kind of plan has to a summary that is complete but for timing and provenance."""
 
 
 class Session(GpuOwner):
-    """Context, source, mask pass and column adders of ``given``, and what its pairs add up to.
+    """GPU context, source, mask pass and column groups of a plan, and the tally of its pairs.
 
-    ``rows``, ``views``, ``stats``, ``brightness`` and ``depths`` are those of the last ``pairs``.  The GPU context is
-    current while a pair is drawn, not while the caller has it.
+    ``tally`` and ``drawn`` (views of the frames drawn, through pixel centers) belong to the last call of ``pairs``.
+    The GPU context is current while a pair is drawn, not while the caller has it.
     """
 
     def __init__(
-        self, given: Input, wants: Wants = Wants(), *, every: int = TIMED_EVERY, shaders: ShaderCache | None = None
+        self,
+        plan: Plan,
+        readback: Readback = COUNTS_ONLY,
+        *,
+        every: int = TIMED_EVERY,
+        shaders: ShaderCache | None = None,
     ):
         """``every``: the passes of one in so many frames are timed; ``shaders``: programs to share, as of ``GpuOwner``.
 
         Raises TaubenchError.
         """
-        self.given, self.wants, self.settings = given, wants, given.settings
+        self.plan, self.readback, self.settings = plan, readback, plan.settings
         gpu = open_gpu(self.settings.device.backend, self.settings.device.device)
         self.timer = PassTimer(gpu, first=TIMED_FIRST, every=every)
         super().__init__(gpu, self.timer, shaders)
         with gpu, self.opening():
-            self.source = given.open_source(self, self.timer, wants)
-            self.adders = list(given.adders(self))
-            self._images = wants.images or bool(self.adders)
-            distances = wants.distances or any(adder.distances for adder in self.adders)
-            how = {"images": self._images, "distances": distances}
-            self.evaluator = self.open_evaluator(self.source, self.settings, **how)
+            self.source = plan.open_source(self, self.timer, readback)
+            self.missing_lobes = plan.missing_lobes(self.source, readback.lobes)
+            self.column_groups = list(plan.column_groups(self))
+            self._images = readback.images or bool(self.column_groups)
+            distances = readback.distances or any(group.distances for group in self.column_groups)
+            self.evaluator = self.open_evaluator(self.source, self.settings, images=self._images, distances=distances)
         self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
 
-    def variant(self, settings: Settings, **how: Any) -> RasterSource:
-        """Another source of the session's scene with its camera, poses and programs.  ``how``: as of ``RasterSource``.
+    def variant(
+        self,
+        settings: Settings,
+        *,
+        extra: Collection[str] = (),
+        without: Collection[str] = (),
+        pixel_list: bool = False,
+        given_directions: bool = False,
+    ) -> RasterSource:
+        """Another source of the session's scene with its camera, poses and programs.  Keywords of ``open_source``.
 
         ``settings``: those of the session with what differs, so that their lighting is resolved.
         """
-        return self.open_source(self.given.animated, settings, **how)
+        return self.open_source(
+            self.plan.animated, settings, extra=extra, without=without, pixel_list=pixel_list,
+            given_directions=given_directions,
+        )  # fmt: skip
 
     def _begin(self) -> None:
-        self.rows: list[dict[str, Any]] = []
-        self.drawn: list[View] = []  # of the frames drawn, through pixel centers
-        unmeasured = dict(self.source.unmeasured)
-        self.stats = SequenceStats(tuple(c for c in COLUMNS if c not in unmeasured), unmeasured)
-        self.brightness, self.depths = Brightness(), []
-        self.sampled = self.given.sampled_light(self)
+        self.drawn: list[View] = []
+        source = self.source
+        self.tally = Tally(
+            self.settings, self.plan.frames, self.plan.light, source.unmeasured, source.reprojection, self.missing_lobes
+        )
 
     def pairs(
         self, schedule: Schedule | None = None, checked: Collection[int] | None = None, *, continued: bool = False
@@ -163,10 +177,9 @@ class Session(GpuOwner):
         images a pair arrives while the next one is drawn, and has its row and counts only.  ``continued``: a schedule
         that begins with the frame drawn last does not draw it again; nobody else has drawn with the source meanwhile.
         """
-        schedule = frame_schedule(self.given.frames, self.settings) if schedule is None else schedule
-        if self.settings.metrics.stereo and any(
-            evaluate for _, evaluate in schedule
-        ):  # no frame before is anyone's history
+        schedule = frame_schedule(self.plan.frames, self.settings) if schedule is None else schedule
+        if self.settings.metrics.stereo and any(evaluate for _, evaluate in schedule):
+            # The history of a frame is its other eye: frames that only come before another one are not drawn.
             schedule = [(frame, evaluate) for frame, evaluate in schedule if evaluate]
         checked = checked_frames(schedule) if checked is None else checked
         self._begin()
@@ -178,6 +191,8 @@ class Session(GpuOwner):
         self._last = None
         for frame, evaluate in schedule:
             with self.gpu:
+                # Counts are read while the GPU works on the next frame, so that neither waits for the other: ``step``
+                # submits the pair of ``frame`` and returns the pair before it.  With images, counts are read at once.
                 view, finished = self.evaluator.step(frame, evaluate)
                 self.drawn.append(view)
                 if evaluate and frame in checked:
@@ -194,98 +209,83 @@ class Session(GpuOwner):
 
     def sample_light(self, watch: Callable[[str], None] = lambda text: None) -> None:
         """After ``pairs``: path-traced light at random pixels, in rounds; ``watch`` gets a line about each."""
-        if self.sampled is None or self.sampled.done:
-            return
-        self.sampled.run(self.open_light().visit, watch)
+        sampled = self.tally.sampled
+        if sampled is not None and not sampled.done:
+            sampled.run(self.open_light().visit, watch)
 
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
             columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
-            return LightVisits(self, self.variant, self.settings, self.given.frames, columns, self.wants.lobes)
+            return LightVisits(self, self.variant, self.settings, self.plan.frames, columns, self.readback.lobes)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Of frames.csv."""
-        return frame_columns(self.added_columns, self.sampled is not None)
+        """Column names of frames.csv, in file order."""
+        return frame_columns(self.added_columns, self.tally.sampled is not None)
 
     @property
     def added_columns(self) -> tuple[str, ...]:
-        """Those of the column adders."""
-        return tuple(column for adder in self.adders for column in adder.columns)
+        """Names of the columns that the column groups fill."""
+        return tuple(column for group in self.column_groups for column in group.columns)
 
     def _check(self) -> None:
         """Measure brightness and depth of the current frame."""
-        self.depths.extend(median_depths(self.source))
+        self.tally.depths.extend(median_depths(self.source))
         if self.source.radiance:
-            self.brightness.count(self.source, self.settings)
+            self.tally.brightness.count(self.source, self.settings)
 
     def _completed(self, finished: list[EvaluatedPair]) -> Iterator[Pair]:
-        for one in finished:
-            row = {"frame": one.frame, "time_s": one.frame / self.settings.sequence.fps}
-            with contextlib.closing(Pair(one, row, self.evaluator)) as pair:
+        for evaluated in finished:
+            with contextlib.closing(Pair(evaluated, {}, self.evaluator)) as pair:
                 if self._images:
                     with self.gpu:
-                        for adder in self.adders:
-                            adder.complete(pair)
-                    one.ended = 0.0  # the CPU is done with it when the caller is
+                        for group in self.column_groups:
+                            group.fill_row(pair)
+                    evaluated.ended = 0.0  # the CPU is done with it when the caller is
                 else:
                     pair.close()  # the source holds other frames
-                if self.sampled is not None:
-                    self.sampled.add(one.frame - 1 - self.given.frames[0], one.counts)
-                row |= self.stats.add(one.counts) | camera_row(self._path(one), self.settings.metrics.unit_scale)
-                self.rows.append(row)
+                self.tally.add(pair.frame, evaluated.counts, self._camera_path(evaluated), evaluated.lobes, pair.row)
                 yield pair
 
-    def _path(self, one: EvaluatedPair) -> tuple[View, View]:
+    def _camera_path(self, evaluated: EvaluatedPair) -> tuple[View, View]:
         """Views of the camera in the frame before and in that of the pair, whatever its history is."""
         if not self.settings.metrics.stereo:
-            return one.views
-        return self.given.animated.view_at((one.frame - 1) / self.settings.sequence.fps), one.view
+            return evaluated.views
+        before = self.plan.animated.view_at((evaluated.frame - 1) / self.settings.sequence.fps)
+        return before, evaluated.view
 
     def summary(self) -> dict[str, Any]:
         """summary.json of the pairs."""
         with self.gpu:
             self.gpu.check("evaluation")
-            views = self.given.views(self)
-            columns = () if self.sampled is None else self.sampled.estimate.columns
-            facts, frames = self.given.facts(self), self.given.frames
-            summary = assemble_summary(facts, frames, self.settings, views, self.stats, columns)
-            described = self.source.describe()
-            summary["notes"] += described.pop("notes", [])
-            summary |= described
-            of_images = self.sampled is None and not decides_light(self.settings)
-            describe_brightness(summary, self.brightness, self.settings, of_images)
-            describe_scale(summary, self.depths, self.settings)
-            for adder in self.adders:
-                summary |= adder.blocks(self)
-            if self.sampled is not None:
-                self.sampled.finish(summary, self.rows, self.given.frames)
-            self.given.amend(summary, self)
+            static, views = self.plan.static_summary(self), self.plan.views(self)
+            summary = self.tally.summary(static, views, self.source.describe())
+            self.plan.add_to_summary(summary, self)
             summary["timing"] = self.timer.summary()
             summary["provenance"] = provenance(self.gpu, self.timer.clock)
         return summary
 
 
-def evaluate(session: Session, observers: Observers, out: str | Path | None = None) -> Run:
-    """Evaluate every pair of ``session``, opened with ``Wants.of(observers)``.
+def run_session(session: Session, observers: Observers, out: str | Path | None = None) -> Run:
+    """Evaluate every pair of ``session``, opened with ``Readback.of(observers)``.
 
     ``out`` receives frames.csv row by row and summary.json at the end.  After a KeyboardInterrupt the pairs already
     submitted are still read, written and reported.
     """
-    observers = replace(observers, scene=session.given.name)
+    observers = replace(observers, scene=session.plan.name)
     with contextlib.ExitStack() as stack:
         if out is not None:
             writer = stack.enter_context(RunWriter(out, session.columns))
             observers = replace(observers, writer=writer)
         with session.gpu:
-            total = sum(evaluate for _, evaluate in frame_schedule(session.given.frames, session.settings))
+            total = sum(evaluate for _, evaluate in frame_schedule(session.plan.frames, session.settings))
             try:
                 for pair in session.pairs():
-                    _report(pair, observers, len(session.rows), total)
+                    _report(pair, observers, len(session.tally.rows), total)
             except KeyboardInterrupt:
                 for pair in session.finish():
-                    _report(pair, observers, len(session.rows), total)
+                    _report(pair, observers, len(session.tally.rows), total)
                 raise
 
             def watch(text: str) -> None:
@@ -294,11 +294,11 @@ def evaluate(session: Session, observers: Observers, out: str | Path | None = No
 
             session.sample_light(watch)
             summary = session.summary()
-        return finish_run(summary, session.rows, observers)
+        return finish_run(summary, session.tally.rows, observers)
 
 
 def frame_columns(added: Sequence[str], sampled: bool) -> tuple[str, ...]:
-    """Columns of frames.csv; ``added``: of column adders; ``sampled``: of a run with sampled light."""
+    """Columns of frames.csv; ``added``: of column groups; ``sampled``: of a run with sampled light."""
     return (*FRAME_COLUMNS, *added, *SAMPLED_COLUMNS * sampled)
 
 
@@ -312,16 +312,3 @@ def _report(pair: Pair, observers: Observers, done: int, total: int) -> None:
         observers.on_pair(pair)
     if observers.progress is not None:
         observers.progress(Progress(observers.scene, done, total, pair.evaluated.seconds))
-
-
-def camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:
-    """How the camera moved between two frames, as columns of frames.csv; ``unit_scale``: scene units per meter."""
-    activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
-    return {
-        "translation_m": float(activity.position[0]) / unit_scale,
-        "yaw_deg": float(activity.yaw[0]),
-        "pitch_deg": float(activity.pitch[0]),
-        "roll_deg": float(activity.roll[0]),
-        "angle_deg": float(activity.angle[0]),
-        "gimbal": bool(activity.gimbal[0]),
-    }

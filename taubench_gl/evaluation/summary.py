@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from taubench_gl.run import Run
 from taubench_gl.settings import Settings
 
 
-def scene_facts(
+def static_summary(
     animated: AnimatedScene, frames: range, resolved: ResolvedLighting, owner: GpuOwner | None = None
 ) -> dict[str, Any]:
     """The parts of the summary that need no pair: ``scene``, ``census``, ``lighting``, ``notes``, ``camera_source``.
@@ -57,16 +57,16 @@ def scene_facts(
 
 
 def assemble_summary(
-    facts: dict[str, Any],
+    static: Mapping[str, Any],
     frames: range,
     settings: Settings,
     views: list[View],
     stats: SequenceStats,
     sampled: Collection[str] = (),
 ) -> dict[str, Any]:
-    """summary.json without effects, timing and provenance, which the caller adds.
+    """The parts of summary.json that follow from the sums over all pairs; the caller adds the others.
 
-    ``facts``: of ``scene_facts``; ``views``: of all frames; ``stats``: of all pairs, added in order; ``sampled``:
+    ``static``: of ``static_summary``; ``views``: of all frames; ``stats``: of all pairs, added in order; ``sampled``:
     columns whose intervals the caller adds too.
     """
     positions = np.array([v.position for v in views]).reshape(-1, 3)
@@ -86,18 +86,18 @@ def assemble_summary(
     return {
         "schema": SUMMARY_SCHEMA,
         "reusable": reusable,
-        "scene": facts["scene"],
+        "scene": static["scene"],
         "settings": settings.as_summary(frames),
-        "lighting": facts["lighting"],
+        "lighting": static["lighting"],
         "pairs": stats.pairs,
-        "census": facts["census"],
-        "camera": summarize(in_meters, cuts, settings.sequence.fps, frames[0]) | {"source": facts["camera_source"]},
+        "census": static["census"],
+        "camera": summarize(in_meters, cuts, settings.sequence.fps, frames[0]) | {"source": static["camera_source"]},
         "discard": rates["discard"],
         **({} if sampling is None else {"sampling": sampling}),
         "classes": stats.classes(),
         "curves": _curves_in_meters(curves, settings.metrics.unit_scale),
         "mask_histogram": stats.reuse.histogram(),
-        "notes": [*facts["notes"], *_color_notes(reusable), *_accuracy_notes(settings, sampling, sampled)],
+        "notes": [*static["notes"], *_color_notes(reusable), *_accuracy_notes(settings, sampling, sampled)],
     }
 
 

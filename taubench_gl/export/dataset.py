@@ -14,7 +14,7 @@ import numpy as np
 
 from taubench_gl.data_files import read_json, stored_arrays
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.export.channels import RADIANCE_OF_ALL, channel_named, choose_channels, clean_name, noisy_name
 from taubench_gl.export.frames import FrameSource
@@ -67,7 +67,7 @@ class RenderedFrames:
         ``reference`` and so on.
         """
         training = TrainingOptions(**light)
-        given = open_scene(scene, settings.replace(columns=COLUMNS if training.wanted else settings.metrics.columns))
+        given = plan_scene(scene, settings.replace(columns=COLUMNS if training.wanted else settings.metrics.columns))
         resolved = given.settings.replace(columns=settings.metrics.columns, pairs="all")
         names = choose_channels((*channels, "motion", "mask"))
         with (

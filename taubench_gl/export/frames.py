@@ -19,9 +19,10 @@ from taubench_gl.animation import View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import SCENE_LOBES, Reason
-from taubench_gl.evaluation import PairEvaluator, frame_total
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.schedule import frame_total
 from taubench_gl.export.channels import DISPARITY, EXACT_REASONS, RADIANCE
 from taubench_gl.features import LIGHT_FEATURES
 from taubench_gl.frame.read_back import ChannelReader, Image

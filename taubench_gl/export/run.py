@@ -17,7 +17,7 @@ from taubench_gl.animation import CameraTrack, View
 from taubench_gl.animation.eyes import both_eyes
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.export.channels import RADIANCE, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
@@ -116,7 +116,7 @@ def _export_eyes(
     scene: str | Path, out: Path, settings: Settings, options: ExportOptions, control: tuple[Any, ...]
 ) -> ExportResult:
     """Both eyes, with the lighting of the camera."""
-    given = open_scene(scene, _lit(settings, options))
+    given = plan_scene(scene, _lit(settings, options))
     lighting = {name: given.settings.get(name) for name in ("light_unit", "exposure", "environment")}
     eyes = both_eyes(given.animated.scene, given.animated.camera, settings.replace(**lighting))
     done = [
@@ -144,7 +144,7 @@ def _export(
     """``export_scene`` of one camera.  ``control``: overwrite, progress, announce."""
     overwrite, progress, announce = control
     names = exported_names(options, stereo=settings.metrics.stereo)
-    given = open_scene(scene, _lit(settings, options), camera)
+    given = plan_scene(scene, _lit(settings, options), camera)
     settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     frames, loaded = given.frames, given.animated.scene
     how = {"jitter": options.jitter, "training": options.training}

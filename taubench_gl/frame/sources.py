@@ -76,7 +76,7 @@ OTHER_EYE = 1 << 20
 class RasterSource(Owner):
     """Frames of a Scene, rasterized.  With ``history`` ``eye`` the previous image is that of the other eye.
 
-    For ``both`` this is the source of the last frame (``evaluation.both`` has the other one).
+    For ``both`` this is the source of the last frame (``evaluation.scene`` has the other one).
     """
 
     def __init__(

@@ -27,24 +27,41 @@ EXPOSURE_DIGITS = 4
 """Significant decimal digits of a metered exposure."""
 
 
-def surface_radiance(radiance: Array, position: Array) -> Array:
-    """Radiance of surface pixels, (n, 3) float64: ``radiance`` (h, w, >= 3) linear RGB, ``position`` (h, w, 4) as the
-    channel, w = 0 where no surface is visible.  Pixels that are not finite are left out."""
-    surface = radiance[position[..., 3] > 0.0][:, :3].astype(np.float64)
-    return surface[np.all(np.isfinite(surface), axis=-1)]
+def metered_exposure(radiance: Array, weights: Array | None = None) -> float | None:
+    """The exposure for surfaces of ``radiance`` (n, 3), linear RGB, float64; None if all is black.
 
-
-def metered_exposure(radiance: Array) -> float | None:
-    """The exposure for surfaces of ``radiance`` (n, 3), linear RGB, float64; None if all is black."""
+    ``weights`` (n,) > 0: how many pixels each stands for; None: one.
+    """
     luminance = radiance @ LUMINANCE
     lit = luminance > 0.0
     if not np.any(lit):
         return None
-    low, high = np.percentile(luminance[lit], (TRIMMED_PERCENT, 100.0 - TRIMMED_PERCENT))
-    used = luminance[lit & (luminance >= low) & (luminance <= high)]
-    exposure = MIDDLE_GRAY / math.exp(float(np.mean(np.log(used))))
-    brightest = np.sort(radiance[lit].max(axis=-1))[::-1]
-    return min(exposure, 1.0 / brightest[int(MOST_CLIPPED * len(brightest))])  # as many as may clip are brighter
+    weights = np.ones(len(lit)) if weights is None else weights
+    radiance, luminance, weights = radiance[lit], luminance[lit], weights[lit]
+    order = np.argsort(luminance)
+    below = np.cumsum(weights[order]) - weights[order]
+    trimmed = np.array([TRIMMED_PERCENT, 100.0 - TRIMMED_PERCENT]) / 100.0
+    low, high = np.interp(trimmed, below / max(below[-1], 1.0), luminance[order])
+    used = (luminance >= low) & (luminance <= high)
+    exposure = MIDDLE_GRAY / math.exp(float(np.average(np.log(luminance[used]), weights=weights[used])))
+    brightest = radiance.max(axis=-1)
+    order = np.argsort(brightest)[::-1]
+    above = np.cumsum(weights[order])  # as many as may clip are brighter
+    return min(exposure, 1.0 / brightest[order[np.searchsorted(above, MOST_CLIPPED * above[-1], side="right")]])
+
+
+def exposure_of_samples(halves: Array, weights: Array) -> float | None:
+    """``metered_exposure`` of light that is the mean of random samples, from that of their ``halves`` (2, n, 3).
+
+    Noise makes the logarithm of a mean too low and the brightest pixels too bright, by a share that falls with the
+    number of samples.  Twice the logarithm of the result of all samples, less the mean of that of the halves, is free
+    of it.
+    """
+    whole = metered_exposure(halves.mean(axis=0), weights)
+    parts = [metered_exposure(half, weights) for half in halves]
+    if whole is None or None in parts:
+        return whole
+    return whole * whole / math.sqrt(parts[0] * parts[1])
 
 
 def rounded(exposure: float) -> float:

@@ -24,7 +24,7 @@ def _ranks() -> Array:
     return sum(bits.astype(np.int8) for bits in (*worse, (words & int(NOT_COMPARABLE)) != 0))
 
 
-def takes_eye(frame: Array, eye: Array) -> Array:
+def uses_other_eye(frame: Array, eye: Array) -> Array:
     """Pixels that take the other eye: its history is better than that of the last frame.  (...) bool.
 
     ``frame``, ``eye``: reason words of the pixels with each history.  So a pixel is reusable if either history is, in

@@ -84,32 +84,22 @@ class ReuseStats:
         self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
         self._color_only: list[int] = []
         self._histogram = np.zeros(MASK_WORDS, dtype=np.int64)
-        self._with_reasons = True
 
     def add(self, mask_histogram: Array) -> None:
         """Add one pair.  (MASK_WORDS,) pixels per reason word."""
         words, pixels = occupied(mask_histogram)
         self._histogram[words] += pixels
-        whole = int(pixels.sum())
-        counted = {f"reusable_{rate}": count for rate, count in reusable_pixels(mask_histogram).items()}
-        self._add_counts({"pixels": whole, "sky": whole - surface_pixels(mask_histogram)} | counted)
+        self._pixels.append(int(pixels.sum()))
+        self._surface.append(surface_pixels(mask_histogram))
+        reusable_of = reusable_pixels(mask_histogram)
+        for rate, values in self._counts.items():
+            values.append(reusable_of[rate])
         if self.rate is not None:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
         if self._with_color:
             reusable = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
             self._color_only.append(int(pixels[reusable & ((words & int(Reason.COLOR)) != 0)].sum()))
-
-    def add_counts(self, counts: Mapping[str, Any]) -> None:
-        """Add a pair by its row of frames.csv, which has the rates and not the reasons."""
-        self._with_reasons = False
-        self._add_counts(counts)
-
-    def _add_counts(self, counts: Mapping[str, Any]) -> None:
-        self._pixels.append(counts["pixels"])
-        self._surface.append(counts["pixels"] - counts["sky"])
-        for rate, values in self._counts.items():
-            values.append(counts[f"reusable_{rate}"])
 
     def residuals(self, rate: str, weights: Array) -> Array:
         """Linearized deviations of each pair from the rate, percentage points: their mean has the rate's interval.
@@ -134,7 +124,7 @@ class ReuseStats:
         out: dict[str, Any] = {rate: self._rate(rate, cuts, weights) for rate in RATES}
         sky = [pixels - surface for pixels, surface in zip(self._pixels, self._surface, strict=True)]
         out["sky_percent"] = _percent(sky, self._pixels, weights) if self._with_sky else None
-        measured = self.rate is not None and self.has_surface and self._with_reasons
+        measured = self.rate is not None and self.has_surface
         out |= {"reprojection": reprojection, "reasons_of": self.rate if measured else None, "reasons": {}}
         if measured:
             out["reasons"] = {name: self._share(values, weights) for name, values in self._reasons.items()}

@@ -55,21 +55,6 @@ class SequenceStats:
         """Add one pair; its raw counts, ``None`` where a feature was not measured."""
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.reuse.add(counted.mask_histogram)
-        self._add(counts)
-        self._histograms += counted.histograms
-        for feature in TABLE:
-            if feature.name not in self.measured:
-                counts[feature.name] = None
-                counts |= {bit.name.lower(): None for bit in feature.details if feature.light}
-        counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
-        return counts
-
-    def add_row(self, row: Mapping[str, Any]) -> None:
-        """Add one pair by its row of frames.csv, which has neither reasons nor distances."""
-        self.reuse.add_counts(row)
-        self._add(row)
-
-    def _add(self, counts: Mapping[str, Any]) -> None:
         self.pairs += 1
         self._comparable_pixels += counts["comparable"]
         for name in CLASSES:
@@ -80,6 +65,13 @@ class SequenceStats:
             share = comparable_percent(counts, column)
             if share is not None:
                 self._comparable[column].add(share)
+        self._histograms += counted.histograms
+        for feature in TABLE:
+            if feature.name not in self.measured:
+                counts[feature.name] = None
+                counts |= {bit.name.lower(): None for bit in feature.details if feature.light}
+        counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
+        return counts
 
     def discard(self, cuts: np.ndarray) -> dict[str, Any]:
         """The ``discard`` block.  ``cuts`` (P,) bool: pairs left out of ``without_cuts_mean_percent``."""

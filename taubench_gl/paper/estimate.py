@@ -11,30 +11,38 @@ from taubench_gl.batch.merge import job_positions
 from taubench_gl.batch.spec import Job
 from taubench_gl.batch.study import batch_store, stored_pairs
 from taubench_gl.batch.units import head_key, resolved_job
-from taubench_gl.evaluation import Observers, decides_light, evaluate_scene, frame_range, frame_schedule, sampled_pairs
+from taubench_gl.evaluation import (
+    LightPlan,
+    Observers,
+    evaluate_scene,
+    frame_range,
+    frame_schedule,
+    light_plan,
+    sampled_pairs,
+)
 from taubench_gl.evaluation.decided_pixels import decided_light
-from taubench_gl.evaluation.sampled_light import PLAN, samples_light
+from taubench_gl.evaluation.sampled_light import PLAN
 from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.outputs import duration_text
 from taubench_gl.paper.study import RUNS, SceneJobs
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
-from taubench_gl.study.estimate import Estimate
+from taubench_gl.study.progress import Estimate
 from taubench_gl.study.store import Store
 
 SMALLER = 8
 """Factor by which the images are smaller in which path-traced light is timed."""
 
 LEAST = (160, 90)
-"""They are no smaller than this, or than the images: in fewer pixels the time is that of starting the work."""
+"""Smallest size of timed images, unless the images are smaller: in fewer pixels the time is that of starting work."""
 
 PROBES = (4, 12)
-"""Samples per pixel at which it is timed: the difference is the time of the samples alone."""
+"""Samples per pixel at which path-traced light is timed: the difference is the time of the samples alone."""
 
 
 def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
-    """What is left of the images (Table 4).  Tables 1 to 3 take seconds and are left out.  Raises TaubenchError."""
+    """The time of the images (Table 4) that are left.  Tables 1 to 3 take seconds.  Raises TaubenchError."""
     store, estimates = batch_store(out / RUNS), []
     for scene in jobs:
         loaded: Scene | None = None
@@ -50,7 +58,7 @@ def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
 
 
 def _counted(store: Store, job: Job) -> tuple[int, float | None]:
-    """Pairs that are left, and the seconds of a counted one; None where none is counted."""
+    """Pairs of a job that are left, and the seconds of a counted pair; None where no pair is counted."""
     head = store.load(head_key(job.id))
     if head is None:
         return 0, None
@@ -62,7 +70,7 @@ def _counted(store: Store, job: Job) -> tuple[int, float | None]:
 
 def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
     """Pairs of a job, the seconds of one, how they were timed, and the seconds of all samples at random pixels."""
-    settings, light = job.settings, job.settings.lighting
+    settings, light, plan = job.settings, job.settings.lighting, light_plan(job.settings, sampled=True)
     if light.exposure == AUTO:  # metering takes as long as what is timed
         settings = settings.replace(exposure=1.0 if scene.exposure is None else scene.exposure)
     frames = frame_range(scene, camera_of_run(scene, settings.sequence), settings)
@@ -74,12 +82,12 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
     rounds = 0.0
     if light.light != "raster":
         samples = drawn * light.path_samples  # of a pixel and a pair
-        if decides_light(settings):  # at most, in two frames
+        if plan is LightPlan.DECIDED:  # at most, in two frames
             window, samples = decided_light(window), 2 * LIMIT
         seconds += _of_a_sample(scene, window) * settings.sequence.width * settings.sequence.height * samples
         width, height = _probe_size(settings)
         reason = f"timed at {width}x{height} with {PROBES[0]} and {PROBES[1]} samples"
-    if samples_light(settings):
+    if plan is LightPlan.SAMPLED:
         rounds = PLAN.samples * _of_a_sample(scene, decided_light(window))
         reason += f"; at most {duration_text(rounds)} of it at random pixels"
     return pairs, seconds, reason, rounds
@@ -88,8 +96,8 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
 def _of_a_sample(scene: Scene, settings: Settings) -> float:
     """Seconds of one sample of one pixel."""
     width, height = _probe_size(settings)
-    few, more = (_slowest(scene, settings.replace(spp=spp, width=width, height=height)) for spp in PROBES)
-    return max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
+    few, many = (_slowest(scene, settings.replace(spp=spp, width=width, height=height)) for spp in PROBES)
+    return max(many - few, 0.0) / (PROBES[1] - PROBES[0]) / (width * height)
 
 
 def _slowest(scene: Scene, settings: Settings) -> float:
@@ -101,5 +109,6 @@ def _slowest(scene: Scene, settings: Settings) -> float:
 
 
 def _probe_size(settings: Settings) -> tuple[int, int]:
+    """Width and height of the images in which path-traced light is timed."""
     width, height = settings.sequence.width, settings.sequence.height
     return max(width // SMALLER, min(width, LEAST[0])), max(height // SMALLER, min(height, LEAST[1]))

@@ -33,7 +33,7 @@ SIZE = (480, 270)
 DEGREES = 25.0
 TURNS = {"pitch": ("upwards", (1.0, 0.0, 0.0)), "yaw": ("to the left", (0.0, 1.0, 0.0)), "roll": ("", (0.0, 0.0, 1.0))}
 STILL_FPS = 1e3
-"""The scene moves by a thousandth of a second while the camera of Figure 1 rotates."""
+"""Rate of Figure 1: the scene moves by a thousandth of a second while the camera rotates."""
 
 MISREGISTERED = "misregistered"
 
@@ -46,7 +46,7 @@ COLUMNS = {feature.name: feature.details or (feature.bit,) for feature in BY_BIT
 
 @dataclass(frozen=True, slots=True)
 class Rotated:
-    """``track`` at its start, rotated by DEGREES about a local axis after the first frame."""
+    """A camera that stands as ``track`` at its start, and is rotated by DEGREES about a local axis afterwards."""
 
     track: CameraTrack
     axis: tuple[float, float, float]
@@ -54,9 +54,11 @@ class Rotated:
     name: str = "rotated camera"
 
     def describe(self) -> str:
+        """The camera in words, for the summary."""
         return f"{self.track.describe()}, rotated by {DEGREES:g} degrees"
 
     def view_at(self, state: FrameState) -> View:
+        """The view at a frame, rotated unless it is the first."""
         view = self.track.view_at(self.start)
         if state.time <= self.start.time:
             return view
@@ -66,6 +68,8 @@ class Rotated:
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
+    """The images of a pair and its mask."""
+
     now: Array  # (h, w, 3) in [0, 1]
     before: Array
     mask: Array  # (h, w) uint32
@@ -79,7 +83,7 @@ def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
     """
     begin = round((settings.sequence.frames[0] or 0) / settings.sequence.fps * STILL_FPS)
     track, start = camera_of_run(scene, settings.sequence), Poser(scene).sample(begin / STILL_FPS)
-    small = _small(settings, ("frustum", "color"), fps=STILL_FPS, frames=(begin, begin + 2))
+    small = _small(settings, ("frustum", "color"), (begin, begin + 2), STILL_FPS)
     width, height = panel_size(settings)
     sheet = Sheet(2, 2, width / height)
     for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
@@ -108,7 +112,7 @@ def figure_2(scene: Scene, run: Run, settings: Settings, path: Path) -> Path:
             sheet.panel(place, 0, np.full((height, width, 3), 0.9), f"{feature}: not measured")
             continue
         columns = tuple(dict.fromkeys(("frustum", "position", feature, "color")))
-        shown, run_of_pair = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)), column=feature)
+        shown, run_of_pair = _pair(scene, _small(settings, columns, (frame - 1, frame + 1)), column=feature)
         percent = (run_of_pair.summary["discard"][feature] or {}).get("mean_percent")
         sheet.panel(place, 0, shown.before, f"{feature}: frame {frame - 1}")
         sheet.panel(place, 1, shown.now, f"frame {frame}")
@@ -141,6 +145,7 @@ def telling_pair(rows: Sequence[Mapping[str, Any]], feature: str) -> int | None:
 
 
 def caption_1(label: str) -> str:
+    """The caption of Figure 1; ``label``: the scene."""
     return (
         f"As Figure 1 of the paper, of {label}: the first frame, and the camera rotated by 25 degrees in pitch, yaw "
         "and roll. The checkerboard shows pixels without history."
@@ -148,6 +153,7 @@ def caption_1(label: str) -> str:
 
 
 def caption_2(label: str, run: Run) -> str:
+    """The caption of Figure 2; ``label``: the scene; ``run``: of the images, for their light."""
     return (
         f"As Figure 2 of the paper, of {label}: two frames and the mask of each feature, in the pair that shows most "
         f"of it among the half of the pairs with the fewest frustum discards ({lighting_text(run.summary)}). "
@@ -163,12 +169,13 @@ def panel_size(settings: Settings) -> tuple[int, int]:
     return max(round(scale * width), 1), max(round(scale * height), 1)
 
 
-def _small(settings: Settings, columns: tuple[str, ...], **more: Any) -> Settings:
+def _small(settings: Settings, columns: tuple[str, ...], frames: tuple[int, int], fps: float | None = None) -> Settings:
+    """The settings of a panel: its size, at most SPP samples, all pairs of ``frames``; ``fps`` None: the same rate."""
     spp = settings.lighting.spp
-    fewer = {} if settings.lighting.light == "raster" else {"spp": min(spp or SPP, SPP)}
     width, height = panel_size(settings)
-    changed = {"width": width, "height": height, "columns": columns, "pairs": "all"}
-    return settings.replace(**(changed | fewer | more))
+    changed = {"width": width, "height": height, "columns": columns, "pairs": "all", "frames": frames}
+    changed |= {} if settings.lighting.light == "raster" else {"spp": min(spp or SPP, SPP)}
+    return settings.replace(**changed, fps=fps or settings.sequence.fps)
 
 
 def _pair(scene: Scene, settings: Settings, camera: CameraTrack | None = None, column: str = "") -> tuple[_Shown, Run]:
@@ -200,9 +207,10 @@ def draw_figures(
     environment = resolved.get("environment")
     resolved |= {"environment": tuple(environment)} if isinstance(environment, list) else {}
     settings = settings.replace(**resolved)
-    scene: Scene | None = None
-    for file, draw in zip(files, (lambda s, f: figure_1(s, settings, f), lambda s, f: figure_2(s, run, settings, f))):
-        if not file.exists():
-            scene = scene or load_scene(path, **settings.sequence.reading)
-            draw(scene, file)
+    if not all(file.exists() for file in files):
+        scene = load_scene(path, **settings.sequence.reading)
+        if not files[0].exists():
+            figure_1(scene, settings, files[0])
+        if not files[1].exists():
+            figure_2(scene, run, settings, files[1])
     return [(files[0], caption_1(label)), (files[1], caption_2(label, run))]

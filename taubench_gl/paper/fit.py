@@ -32,9 +32,9 @@ class Fitted:
 
 
 def curve_of(summary: Summary, feature: str) -> tuple[Array, Array] | None:
-    """Thresholds, ascending, and the percentage of all pixels discarded at each; None if it was not recorded.
+    """Thresholds, ascending, and the percentage of all pixels discarded at each; None if no curve was recorded.
 
-    Of the pairs that were drawn, all of equal weight.
+    All pairs that were drawn have equal weight.
     """
     curve, settings = (summary.get("curves") or {}).get(feature), summary["settings"]
     if not curve or not curve.get("counts") or not summary.get("pairs"):
@@ -58,13 +58,12 @@ def fit_threshold(curves: Sequence[tuple[Array, Array]], wanted: Sequence[float]
     at = np.clip(-np.sum(slope * miss, axis=0) / np.where(steep > 0, steep, 1.0), 0.0, 1.0)
     cost = np.sum((miss + slope * at) ** 2, axis=0)
     best = int(np.argmin(cost))
-    return float(np.exp(logs[best] + at[best] * (logs[best + 1] - logs[best]))), rates[:, best] + at[best] * slope[
-        :, best
-    ]
+    threshold = float(np.exp(logs[best] + at[best] * (logs[best + 1] - logs[best])))
+    return threshold, rates[:, best] + at[best] * slope[:, best]
 
 
 def fit_thresholds(runs: Mapping[str, tuple[Summary, Mapping[str, float]]]) -> dict[str, Fitted]:
-    """feature -> threshold for all scenes.  ``runs``: scene -> summary and the paper's rates; datasets only.
+    """The threshold of each feature for all scenes.  ``runs``: dataset -> summary and the paper's rates by feature.
 
     A feature that no run measured is left out.
     """

@@ -16,7 +16,7 @@ from taubench_gl.paper.figures import draw_figures
 from taubench_gl.paper.fit import Fitted, fit_thresholds
 from taubench_gl.paper.scenes import DATASET, AvailableScenes
 from taubench_gl.paper.study import PaperOptions, SceneJobs, SceneResult
-from taubench_gl.paper.tables import COUNTS, POSITION, ROTATION, paper_row, paper_study_tables
+from taubench_gl.paper.tables import COUNTS, POSITION, ROTATION, paper_row, paper_study_tables, value_at
 from taubench_gl.report.page import Page, data_uri, tag, text_lines
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.report.table import Table, latex_text, to_html, to_latex, write_tables
@@ -25,16 +25,14 @@ SCHEMA = "taubench-gl/paper/1"
 PAGE, LATEX, VALUES = "paper.html", "paper.tex", "paper.json"
 FIGURES = "figures"
 
-PREAMBLE = (
-    r"\documentclass{article}",
-    r"\usepackage[utf8]{inputenc}",
-    r"\usepackage{booktabs}",
-    r"\usepackage{graphicx}",
-    r"\usepackage[margin=15mm]{geometry}",
-    r"\setlength{\tabcolsep}{4pt}",
-    r"\begin{document}",
-    r"\footnotesize",
-)
+PREAMBLE = r"""\documentclass{article}
+\usepackage[utf8]{inputenc}
+\usepackage{booktabs}
+\usepackage{graphicx}
+\usepackage[margin=15mm]{geometry}
+\setlength{\tabcolsep}{4pt}
+\begin{document}
+\footnotesize"""
 
 Figure = tuple[Path, str]
 """A PNG and its caption."""
@@ -47,7 +45,7 @@ def write_study(
     options: PaperOptions,
     out: Path,
 ) -> tuple[list[Table], list[Path]]:
-    """Fit, tables, figures, page, LaTeX and JSON of finished runs.  -> tables, files.  Raises TaubenchError."""
+    """Write tables, figures, page, LaTeX and JSON of finished runs.  -> tables, files.  Raises TaubenchError."""
     folder = output_folder(out)
     fitted = fitted_of(results)
     tables = paper_study_tables(results, fitted, quick=options.quick)
@@ -94,6 +92,7 @@ def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: 
 
 
 def _about(results: Sequence[SceneResult], available: AvailableScenes, options: PaperOptions) -> list[str]:
+    """Sentences of the page: which scenes, and how they differ from the paper's."""
     lines = [f"Scenes: {', '.join(result.scene.label for result in results)}."]
     lines += [f"Not measured: {name}: {why}." for name, why in available.missing.items()]
     if any(result.scene.kind != DATASET for result in results):
@@ -106,7 +105,7 @@ def _about(results: Sequence[SceneResult], available: AvailableScenes, options: 
 
 
 def page(tables: Sequence[Table], figures: Sequence[Figure], about: Sequence[str]) -> str:
-    """The page: one file that loads nothing."""
+    """The page as HTML that loads no other file."""
     sheet = Page("The paper's tables and figures", intro=(text_lines(about),))
     sheet.add("tables", "Tables", to_html(tables, scroll=True))
     images = [(tag("img", src=data_uri(read_bytes(path)), alt=text), tag("figcaption", text)) for path, text in figures]
@@ -116,9 +115,8 @@ def page(tables: Sequence[Table], figures: Sequence[Figure], about: Sequence[str
 
 
 def latex(tables: Sequence[Table], figures: Sequence[Figure], folder: Path) -> str:
-    """A complete document: tables with booktabs rules, figures by graphicx."""
-    lines = list(PREAMBLE)
-    lines.append(to_latex(tables, shrink=True))
+    """A complete LaTeX document: tables with booktabs rules, figures by graphicx.  ``folder``: of the document."""
+    lines = [PREAMBLE, to_latex(tables, shrink=True)]
     for path, caption in figures:
         name = path.relative_to(folder).as_posix()
         lines += [r"\begin{figure}", r"\centering", rf"\includegraphics[width=\linewidth]{{{name}}}",
@@ -136,8 +134,10 @@ def values_of(
     """The contents of paper.json (docs/paper.md)."""
     blocks = []
     for result, jobs in zip(results, scenes, strict=True):
-        camera = {} if result.camera is None else _camera_values(result)
-        images = {
+        scene = result.scene
+        block = {"name": scene.name, "paper_row": scene.row, "kind": scene.kind, "fitted": sorted(scene.fitted)}
+        block |= {} if result.camera is None else _camera_values(result.camera.summary)
+        block["images"] = {
             light: {
                 "job": jobs.images[light].id,
                 "pairs": run.summary["pairs"],
@@ -149,18 +149,8 @@ def values_of(
             }
             for light, run in result.images.items()
         }
-        blocks.append(
-            {
-                "name": result.scene.name,
-                "paper_row": result.scene.row,
-                "kind": result.scene.kind,
-                "fitted": sorted(result.scene.fitted),
-                **camera,
-                "images": images,
-                "paper": paper_row(result.scene.row),
-                "failed": result.failed,
-            }
-        )
+        blocks.append(block | {"paper": paper_row(scene.row), "failed": result.failed})
+    thresholds = {n: {"threshold": f.threshold, "rms": f.rms, "residuals": f.residuals} for n, f in fitted.items()}
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -169,20 +159,17 @@ def values_of(
         "size": list(options.size),
         "scenes": blocks,
         "missing": available.missing,
-        "thresholds": {
-            name: {"threshold": f.threshold, "rms": f.rms, "residuals": f.residuals} for name, f in fitted.items()
-        },
+        "thresholds": thresholds,
     }
 
 
-def _camera_values(result: SceneResult) -> dict[str, Any]:
-    summary = result.camera.summary
-    camera = summary["camera"]
+def _camera_values(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Our values of Tables 1 to 3, and of which file, rate and pairs they are."""
     return {
         "sha256": summary["scene"]["sha256"],
-        "census": {key: (summary["census"] or {}).get(key) for key in COUNTS},
-        "position": {key: (camera.get("position") or {}).get(key) for key in POSITION},
-        "rotation": {f"{axis}_{key}": (camera.get(axis) or {}).get(key) for axis, key in ROTATION},
-        "camera_fps": camera["fps"],
-        "camera_samples": camera["samples"],
+        "census": {key: value_at(summary, ("census", key)) for key in COUNTS},
+        "position": {key: value_at(summary, ("camera", "position", key)) for key in POSITION},
+        "rotation": {f"{axis}_{key}": value_at(summary, ("camera", axis, key)) for axis, key in ROTATION},
+        "camera_fps": summary["camera"]["fps"],
+        "camera_samples": summary["camera"]["samples"],
     }

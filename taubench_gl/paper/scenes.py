@@ -26,7 +26,10 @@ Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 
 @dataclass(frozen=True, slots=True)
 class PaperScene:
-    """A scene that is there.  ``fitted``: what a stand-in was made to have of the paper; empty for a dataset."""
+    """A scene of the paper that can be evaluated.
+
+    ``fitted``: what a stand-in was made to have of the paper; empty for a dataset.
+    """
 
     name: str  # of the registry
     row: str  # its row in the paper's tables
@@ -43,14 +46,14 @@ class PaperScene:
 
 @dataclass(frozen=True, slots=True)
 class AvailableScenes:
-    """``missing``: name of the registry -> why the scene is not there, one line."""
+    """The scenes of the paper that can be evaluated; ``missing``: name of another one -> why it cannot, one line."""
 
     scenes: tuple[PaperScene, ...]
     missing: dict[str, str] = field(default_factory=dict)
 
 
 def paper_entries(entries: dict[str, Entry] | None = None) -> dict[str, Entry]:
-    """The scenes of the paper, by their names in the registry.  Entries with other rows are left out."""
+    """The registry's entries of the paper's scenes, by name.  Entries with other rows are left out."""
     entries = registry_entries() if entries is None else entries
     rows = {scene["name"] for scene in paper_numbers()["scenes"]}
     return {name: entry for name, entry in entries.items() if entry.paper in rows}

@@ -15,6 +15,8 @@ from taubench_gl.option_groups import PaperOptions
 from taubench_gl.paper.scenes import RENDER_FPS, PaperScene
 from taubench_gl.run import Run, load_run
 from taubench_gl.settings import Settings
+from taubench_gl.study.progress import Listener
+from taubench_gl.study.unit import Engine
 
 RUNS = "runs"
 """The batch, in the folder of the results."""
@@ -38,13 +40,14 @@ class SceneJobs:
     images: dict[str, Job]
 
     @property
-    def all(self) -> tuple[Job, ...]:
-        return (self.camera, *self.images.values())
+    def parts(self) -> dict[str, Job]:
+        """All jobs of the scene: CAMERA, then its images."""
+        return {CAMERA: self.camera, **self.images}
 
 
 @dataclass(slots=True)
 class SceneResult:
-    """Finished runs of one scene; ``failed``: the others, CAMERA or the light -> why, one line."""
+    """The finished runs of one scene; ``failed``: CAMERA or the name of images -> why they failed, one line."""
 
     scene: PaperScene
     camera: Run | None = None
@@ -53,59 +56,58 @@ class SceneResult:
 
 
 def image_name(light: str, fps: float) -> str:
-    """Of images: the light, with the rate where it is not the paper's."""
+    """The name of images: their light, and their rate where it is not the paper's."""
     return light if fps == RENDER_FPS else f"{light}, {fps:g} fps"
 
 
 def plan(scenes: Sequence[PaperScene], options: PaperOptions) -> list[SceneJobs]:
     """The jobs of every scene.  Raises SettingsError for settings that are out of range."""
-    width, height = options.size
+    size = dict(zip(("width", "height"), options.size, strict=True))
+    camera_size = dict(zip(("width", "height"), CAMERA_SIZE, strict=True))
     jobs = []
     for scene in scenes:
-        activity = {"width": CAMERA_SIZE[0], "height": CAMERA_SIZE[1], "columns": ("frustum",), "pairs": ONE_PAIR}
-        camera = _job(scene, "tables 1 to 3", scene.camera_settings | activity)
+        activity = scene.camera_settings | camera_size | {"columns": ("frustum",), "pairs": ONE_PAIR}
         images = {}
         for light, fps in itertools.product(options.lights, options.fps):
-            own: dict[str, Any] = {"width": width, "height": height, "light": light, "fps": fps}
-            own |= {"pairs": QUICK_PAIRS if options.quick else "all"}
-            traced = light == "path-traced"
-            own |= {"spp": options.spp} if traced and options.spp is not None else {}
+            settings = scene.settings | size | {"light": light, "fps": fps}
+            settings["pairs"] = QUICK_PAIRS if options.quick else "all"
+            if light == "path-traced" and options.spp is not None:
+                settings["spp"] = options.spp
             name = image_name(light, fps)
-            images[name] = _job(scene, f"table 4, {name}", scene.settings | own, options.lobes)
-        jobs.append(SceneJobs(scene, camera, images))
+            images[name] = _job(scene, f"table 4, {name}", settings, options.lobes)
+        jobs.append(SceneJobs(scene, _job(scene, "tables 1 to 3", activity), images))
     return jobs
 
 
 def _job(scene: PaperScene, part: str, settings: dict[str, Any], lobes: tuple[str, ...] = ()) -> Job:
     checked = Settings(**settings)
     # Lobes are no settings: without them here, two jobs would share an id and a folder.
-    return Job(
-        job_id(f"{scene.name}-{scene.kind}-{'+'.join(lobes)}", checked),
-        scene.path,
-        checked,
-        {"part": part},
-        lobes=lobes,
-    )
+    written = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}"
+    return Job(job_id(written, checked), scene.path, checked, {"part": part}, lobes=lobes)
 
 
-def run_jobs(jobs: Sequence[SceneJobs], out: Path, seconds: float | None, **how: Any) -> list[SceneResult]:
+def run_jobs(
+    jobs: Sequence[SceneJobs],
+    out: Path,
+    seconds: float | None,
+    *,
+    engine: str | Engine | None = None,
+    workers: int | None = None,
+    chunk: int | None = None,
+    listener: Listener | None = None,
+) -> list[SceneResult]:
     """Run what is not finished in the batch of ``out``.  Raises TaubenchError.
 
-    ``seconds``: of the slowest pair, which limits the pairs of a unit; ``how``: arguments of ``run_batch``.
+    ``seconds``: of the slowest pair, which limits the pairs of a unit; None: not known.  ``engine``, ``workers``,
+    ``chunk``: as of ``run_batch``.
     """
-    if how.get("chunk") is None and seconds is not None:
-        how["chunk"] = max(1, min(32, int(UNIT_SECONDS / max(seconds, 1e-3))))
-    spec = BatchSpec("paper", tuple(job for scene in jobs for job in scene.all))
-    failed = run_batch(spec, out / RUNS, **how).failed
+    if chunk is None and seconds is not None:
+        chunk = max(1, min(32, int(UNIT_SECONDS / max(seconds, 1e-3))))
+    spec = BatchSpec("paper", tuple(job for scene in jobs for job in scene.parts.values()))
+    failed = run_batch(spec, out / RUNS, engine=engine, workers=workers, chunk=chunk, listener=listener).failed
     store, results = batch_store(out / RUNS), []
     for scene in jobs:
-        result = SceneResult(scene.scene)
-        for part, job in ((CAMERA, scene.camera), *scene.images.items()):
-            if job.id in failed:
-                result.failed[part] = failed[job.id]
-            elif part == CAMERA:
-                result.camera = load_run(job_folder(store, job.id))
-            else:
-                result.images[part] = load_run(job_folder(store, job.id))
-        results.append(result)
+        done = {part: load_run(job_folder(store, j.id)) for part, j in scene.parts.items() if j.id not in failed}
+        why = {part: failed[job.id] for part, job in scene.parts.items() if job.id in failed}
+        results.append(SceneResult(scene.scene, done.pop(CAMERA, None), done, why))
     return results

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,11 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Observers
+from taubench_gl.evaluation import LightPlan, Observers
 from taubench_gl.evaluation.lobes import LobeColumns
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
-from taubench_gl.evaluation.scene import SceneInput, open_scene
-from taubench_gl.evaluation.session import ColumnAdder, Session, Wants, evaluate
+from taubench_gl.evaluation.scene import ScenePlan, plan_scene
+from taubench_gl.evaluation.session import ColumnGroup, Readback, Session, run_session
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
@@ -44,7 +44,7 @@ NOISY_COLUMNS = ("color", "direct", "indirect")
 
 
 @dataclass(frozen=True, slots=True)
-class PathTracedInput:
+class PathTracedPlan:
     """An opened sequence with its camera."""
 
     sequence: PathTracedSequence
@@ -58,23 +58,35 @@ class PathTracedInput:
 
     @property
     def animated(self) -> None:
-        """Files have no scene."""
+        """None: files have no scene."""
+
+    @property
+    def light(self) -> LightPlan:
+        """The light of the files, of a fixed number of samples."""
+        return LightPlan.FIXED
 
     @property
     def frames(self) -> range:
         """Frame numbers to evaluate.  Raises PathTracedError on gaps."""
         return self.sequence.select(self.settings.sequence.frames)
 
-    def open_source(self, owner: GpuOwner, timer: PassTimer, wants: Wants) -> PathTracedSource:
-        return owner.own(PathTracedSource(owner.gpu, self.sequence, self.camera, self.settings, lobes=wants.lobes))
+    def open_source(self, owner: GpuOwner, timer: PassTimer, readback: Readback) -> PathTracedSource:
+        return owner.own(PathTracedSource(owner.gpu, self.sequence, self.camera, self.settings, lobes=readback.lobes))
 
-    def adders(self, session: Session) -> Iterator[ColumnAdder]:
-        if session.wants.lobes:
-            missing = _missing_lobes(session.source)
+    def missing_lobes(self, source: PathTracedSource, lobes: Collection[str]) -> dict[str, dict[str, str]]:
+        named = {lobe: {bounce: f"{lobe}_{bounce}" for bounce in BOUNCES} for lobe in lobes}
+        return {
+            lobe: {bounce: source.missing[name] for bounce, name in names.items() if name in source.missing}
+            for lobe, names in named.items()
+        }
+
+    def column_groups(self, session: Session) -> Iterator[ColumnGroup]:
+        missing = session.missing_lobes
+        if missing:
             yield LobeColumns(session, session.source, self.settings, missing, lambda lobe, bounce: f"{lobe}_{bounce}")
 
-    def facts(self, session: Session) -> dict[str, Any]:
-        """As ``evaluation.scene_facts``, for files."""
+    def static_summary(self, session: Session) -> dict[str, Any]:
+        """As ``evaluation.static_summary``, for files."""
         return {
             "scene": {
                 "name": self.sequence.name,
@@ -92,10 +104,7 @@ class PathTracedInput:
     def views(self, session: Session) -> list[View]:
         return session.drawn
 
-    def sampled_light(self, session: Session) -> None:
-        """None: the files have their light."""
-
-    def amend(self, summary: dict[str, Any], session: Session) -> None:
+    def add_to_summary(self, summary: dict[str, Any], session: Session) -> None:
         """What the render recorded, and the noise floor of a second seed."""
         record = read_render(self.sequence.folder)
         summary["settings"] |= _lighting(record)
@@ -108,25 +117,25 @@ class PathTracedInput:
             summary["notes"].append(_floor_note(floor))
 
 
-def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedInput:
+def plan_sequence(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedPlan:
     """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
     sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
     camera, fps = _choose_camera(options, settings, sequence)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
-    return PathTracedInput(sequence, camera, settings, options)
+    return PathTracedPlan(sequence, camera, settings, options)
 
 
-def choose_input(
+def choose_plan(
     source: Scene | str | Path, settings: Settings, options: PathTracedOptions
-) -> SceneInput | PathTracedInput:
+) -> ScenePlan | PathTracedPlan:
     """What a session evaluates of a scene, or of ``exr:DIR`` with ``options``: its camera, frames and lighting.
 
     Raises TaubenchError.
     """
     if is_sequence(source):
         require_supported(source, settings)
-        return open_input(source, settings, options)
-    return open_scene(source, settings)
+        return plan_sequence(source, settings, options)
+    return plan_scene(source, settings)
 
 
 def _choose_camera(
@@ -162,9 +171,9 @@ def evaluate_path_traced(
     """
     settings, options = settings or Settings(), options or PathTracedOptions()
     require_supported(spec, settings)
-    observers, rendered = observers or Observers(), open_input(spec, settings, options)
-    with Session(rendered, Wants.of(observers, options.lobes)) as session:
-        return evaluate(session, observers, out)
+    observers, rendered = observers or Observers(), plan_sequence(spec, settings, options)
+    with Session(rendered, Readback.of(observers, options.lobes)) as session:
+        return run_session(session, observers, out)
 
 
 def require_supported(spec: str | Path, settings: Settings) -> None:
@@ -178,14 +187,6 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
         if value != only:
             hint = f"leave it at {only}"
             raise SettingsError(f"{setting} {value} is for rendered scenes", where=str(spec), hint=hint)
-
-
-def _missing_lobes(source: PathTracedSource) -> dict[str, dict[str, str]]:
-    """lobe -> {direct or indirect: why it is null}."""
-    return {
-        lobe: {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
-        for lobe in source.lobes
-    }
 
 
 def _lighting(record: RenderRecord | None) -> dict[str, Any]:
@@ -202,7 +203,7 @@ def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
     return notes
 
 
-def noise_floor(owner: GpuOwner, rendered: PathTracedInput, second: PathTracedSequence) -> dict[str, Any]:
+def noise_floor(owner: GpuOwner, rendered: PathTracedPlan, second: PathTracedSequence) -> dict[str, Any]:
     """Column of NOISY_COLUMNS -> ``discard`` entry of two renders of one frame that differ only in their seed.
 
     Camera and surfaces do not move in such a pair, so every discarded pixel is noise; about as many of a real pair's

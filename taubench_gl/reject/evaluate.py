@@ -14,7 +14,7 @@ from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import open_session
 from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels
-from taubench_gl.evaluation.session import Session, Wants
+from taubench_gl.evaluation.session import Readback, Session
 from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.metrics.classifier import Confusion, Curve
 from taubench_gl.metrics.exact_rates import CHANGES
@@ -124,9 +124,9 @@ def evaluate_tests(
     if not settings.metrics.all_pairs:
         raise SettingsError("rejection tests are scored on consecutive pairs", hint="leave pairs at all")
     settings.require_exact()
-    wants = Wants(images=True, channels=tuple(dict.fromkeys((*exact_channels(), *CHANNELS))))
-    with open_session(scene, settings, wants, every=1) as session, session.gpu:
-        if len(session.given.frames) < 3:
+    readback = Readback(images=True, channels=tuple(dict.fromkeys((*exact_channels(), *CHANNELS))))
+    with open_session(scene, settings, readback, every=1) as session, session.gpu:
+        if len(session.plan.frames) < 3:
             raise SettingsError("fewer than three frames", hint="give --frames A:B with B - A of at least 3")
         return _Run(session, loaded).evaluate(progress)
 
@@ -136,7 +136,7 @@ class _Run:
 
     def __init__(self, session: Session, tests: tuple[RejectionTest, ...]):
         self._session, self._source, self._pairs = session, session.source, session.evaluator
-        self._given, self._tests = session.given, tests
+        self._given, self._tests = session.plan, tests
         single = {t.name: t for test in tests for t in test.single}
         self._differences = session.own(Differences(session.context, self._source, tuple(single.values())))
         self._single = tuple(single)

@@ -23,7 +23,7 @@ SHOWN = {
     "flip": ("FLIP", 4), "psnr_db": ("PSNR", 2), "relmse_trimmed": ("relMSE trimmed", 4),
     "clipped_mse": ("clipped MSE", 5), "flicker": ("flicker", 4),
 }  # fmt: skip
-"""Measures of the rankings: title and digits."""
+"""Measure of the rankings -> its title and number of decimals."""
 
 _HEADROOMS = {"headroom_db": "headroom", "clipped_headroom_db": "headroom clipped"}
 
@@ -34,7 +34,7 @@ AXES = {
 }  # fmt: skip
 PLOT_NAME = "speeds"
 FINE = 16
-"""Points of a plotted line between two steps."""
+"""Number of points of a plotted line between two steps."""
 
 
 def benchmark_tables(summary: Summary) -> list[Table]:
@@ -95,7 +95,7 @@ def _ranking(summary: Summary, track: str, rankings: Summary) -> Table:
 
 
 def _contents(summary: Summary, track: str) -> str:
-    """``12 cases, input noisy@64``."""
+    """What a track contains, in words: ``12 cases, input noisy@64``."""
     track_cases = {name: case for name, case in summary["cases"].items() if case["track"] == track}
     cases = {case["sha256"]: name.rpartition("/")[2] for name, case in track_cases.items()}
     return f"{len(cases)} case{'s' * (len(cases) != 1)}, input {' or '.join(dict.fromkeys(cases.values()))}"
@@ -133,7 +133,7 @@ def _finished_methods(summary: Summary, track: str) -> dict[str, Summary]:
 
 
 def crossing_text(curve: Summary) -> str | None:
-    """``3.2 (2.5 to 4.1)``, ``> 16`` or ``never``."""
+    """The speed at which reuse stops being better, with its interval: ``3.2 (2.5 to 4.1)``, ``> 16`` or ``never``."""
     crossing, steps = curve["crossing"], curve["steps"]
     if crossing is None:
         return None
@@ -218,7 +218,7 @@ def plot_speeds(summary: Summary, folder: Path) -> list[Path]:
 
 
 def benchmark_html(summary: Summary, image: bytes | None = None) -> str:
-    """The page: one file.  ``image``: the plot as PNG."""
+    """The page of a benchmark, one file of HTML.  ``image``: the plot of speeds as PNG."""
     suite, provenance, rankings = summary["suite"], summary["provenance"], summary["rankings"]
     intro = [
         tag("p", "Every method renders the same frames, which are compared with a reference. A track is a group of "
@@ -269,7 +269,7 @@ def _best(summary: Summary, track: str) -> str:
 
 
 def _failed(summary: Summary) -> list[tuple[str, str]]:
-    """Track, and the method that failed with its reason."""
+    """Methods that failed: the name of the track, and the name of the method with the reason."""
     leading = {
         track: next(iter(rankings.values()))["ranking"] for track, rankings in summary["rankings"].items() if rankings
     }

@@ -28,7 +28,7 @@ FLOOR = 1e-3
 """Percentage points at which smaller errors are drawn."""
 
 WIDTH = 150
-"""Characters of a line of text."""
+"""Width of a line of cost.txt in characters."""
 
 
 def answer(study: Study) -> list[str]:
@@ -145,7 +145,7 @@ def cost_text(study: Study) -> str:
 
 
 def _drawn_as(p: Point) -> str:
-    """Name in SERIES."""
+    """The key of SERIES that a configuration is drawn as."""
     return "every" if p["series"] == "decided" and p["sampled_light"] is None else p["series"]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -110,7 +110,7 @@ class ImageRecorder:
     schema = ""
 
     def __init__(self, out: Path, patterns: Sequence[str]):
-        """``patterns``: as of ``KeptFrames``."""
+        """``patterns``: names of the files of one frame, with ``*`` for its number."""
         self.folder = out / FOLDER
         self.kept_frames = KeptFrames(self.folder, patterns)
         self.size, self.step = (0, 0), 1
@@ -136,13 +136,16 @@ class ImageRecorder:
         Image.fromarray(pixels).save(data, format=form.upper(), **options)
         write_atomically(self.folder / name, data.getvalue())
 
-    def write_index(self, frames_file: Path, **more: Any) -> None:
-        """Write the index.  ``frames_file``: the rows of the run, to which its hash ties the images; ``more``: further
-        entries.  Raises OutputError."""
+    def write_index(self, frames_file: Path, entries: Mapping[str, Any]) -> None:
+        """Write the index.  Raises OutputError.
+
+        ``frames_file``: the rows of the run, to which its hash ties the images; ``entries``: of the index beyond those
+        of ``ImageIndex``.
+        """
         index = {
             "schema": self.schema, "rows_sha256": file_sha256(frames_file), "width": self.size[0],
             "height": self.size[1], "step": self.step, "frames": self.kept_frames.frames,
-            "worst": self.kept_frames.worst, **more,
+            "worst": self.kept_frames.worst, **entries,
         }  # fmt: skip
         write_atomically(self.folder / INDEX, json.dumps(index) + "\n")
 
@@ -215,11 +218,11 @@ def _downscaled(image: Array, step: int, shape: tuple[int, int]) -> Array:
     if step == 1:
         return image
     rows, columns = shape
-    more = ((0, max(0, rows * step - image.shape[0])), (0, max(0, columns * step - image.shape[1])), (0, 0))
-    image = np.pad(image, more, mode="edge")[: rows * step, : columns * step]
+    padding = ((0, max(0, rows * step - image.shape[0])), (0, max(0, columns * step - image.shape[1])), (0, 0))
+    image = np.pad(image, padding, mode="edge")[: rows * step, : columns * step]
     return image.reshape(rows, step, columns, step, 3).mean(axis=(1, 3))
 
 
 def file_sha256(path: Path) -> str:
-    """Of the bytes of a file."""
+    """SHA-256 of the bytes of a file, hexadecimal."""
     return hashed(path).hexdigest()

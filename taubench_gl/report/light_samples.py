@@ -15,7 +15,7 @@ MAPS = (
     "Light kept: a color for each light, dark where it does not reach the pixel. History kept: green rightly kept, red "
     "wrongly kept, gray rightly rejected, blue wrongly rejected."
 )
-"""What the images of reservoirs show."""
+"""Explanation of the images of reservoirs for readers of the page."""
 
 _SAMPLES = {
     "shadow_rays": Column("rays", "", 2), "light_samples": Column("light samples", "", 2),
@@ -87,15 +87,15 @@ def sample_tables(evaluated: Mapping[str, Summary], reasons: Mapping[str, str]) 
 
 
 def mean_samples(summary: Summary) -> Table:
-    """Of a benchmark: what methods that sample lights keep and cost, means over their cases."""
+    """The table of a benchmark of what methods that sample lights keep and cost, means over their cases."""
     values: dict[str, dict[str, list[float]]] = {}
     for label, method in summary["methods"].items():
         for cell in method["cases"].values():
             if samples := cell.get("samples"):
                 history = (samples["history"] or {"all": {}})["all"]
                 bias = (samples["bias"] or {}).get("percent")
-                own = {"bias": None if bias is None else abs(bias)}
-                merged = {**history, **samples, **samples["per_pixel"], **own}
+                size = {"bias": None if bias is None else abs(bias)}
+                merged = {**history, **samples, **samples["per_pixel"], **size}
                 for name in _MEANS:
                     if (value := merged.get(name)) is not None:
                         values.setdefault(label, {}).setdefault(name, []).append(value)

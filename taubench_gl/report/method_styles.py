@@ -19,7 +19,7 @@ COLORS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#5D5D00", "#332288",
 )  # fmt: skip
 KINDS = (("-", "o", True), ("--", "s", False), ("-.", "D", True), (":", "^", False))
-"""Line, marker, and whether the marker is filled."""
+"""Line style, marker and whether the marker is filled, for the first nine methods, the next nine, and so on."""
 
 SOLID = (
     "accumulate", "taa_clamp", "svgf", "taa_variance", "taa_clip", "fsr2-class", "reblur-class", "bmfr", "oidn",
@@ -33,7 +33,7 @@ DASHED = (
 
 @dataclass(frozen=True, slots=True)
 class MethodStyle:
-    """``line``: a Matplotlib line style; ``filled``: of the marker."""
+    """How a method is drawn.  ``color``: ``#rrggbb``; ``line``: a Matplotlib line style; ``filled``: the marker is."""
 
     color: str
     line: str

@@ -34,7 +34,11 @@ REPORT_FILE = "report.html"
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """``link``: its name in the bar, none without; ``label``: for readers of screens, where there is no title."""
+    """A part of a page.
+
+    ``link``: its name in the bar, none if empty; ``label``: its name for screen readers where it has no title;
+    ``step``: whether it is one screen of a lecture.
+    """
 
     id: str
     title: str
@@ -89,7 +93,7 @@ def tag(name: str, *children: Any, **attributes: str) -> Markup:
 
 
 def text_lines(texts: Iterable[str], class_: str = "about") -> Markup:
-    """A paragraph of lines."""
+    """A paragraph with a line for each text."""
     return tag("p", Markup("<br>").join(texts), class_=class_)
 
 

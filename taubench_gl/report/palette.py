@@ -43,7 +43,7 @@ EXACT_COLORS: Mapping[Visibility, RGB] = {
     Visibility.DARKENED: REASON_COLORS[Reason.SHADOWED],
     Visibility.VIEW_DEPENDENT: REASON_COLORS[Reason.OCCLUDING],
 }
-"""Of the exact reasons (``glossary.EXACT_REASONS``), as the related reason of a mask where there is one."""
+"""Exact reason (``glossary.EXACT_REASONS``) -> color, that of the related reason of a mask where there is one."""
 
 REUSE_COLORS: Mapping[str, RGB] = {"surface": (0xEE, 0x33, 0x77), "shading": (0xAA, 0x33, 0x99)}
 """Pixels that a reuse rate does not count."""

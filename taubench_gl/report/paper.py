@@ -56,10 +56,10 @@ def _census(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) ->
     return Table(1, "Animation details", columns, tuple(rows), _notes(summaries, labels, paper))
 
 
-def _paper_rows(block: str, keys: Sequence[str], fps: float | None = None, **fields: Any) -> list[Row]:
-    """The rows of the paper from a block of its scenes."""
+def _paper_rows(block: str, keys: Sequence[str], fps: float | None = None, percent_of: str = "%") -> list[Row]:
+    """The rows of the paper: values ``keys`` of a block of each scene, fps, and no number of pairs."""
     return [
-        Row(scene["name"], (*(scene[block].get(key) for key in keys), fps, None), paper=True, **fields)
+        Row(scene["name"], (*(scene[block].get(key) for key in keys), fps, None), paper=True, percent_of=percent_of)
         for scene in paper_numbers()["scenes"]
     ]
 
@@ -89,7 +89,7 @@ def _rotation(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
 
 
 def camera_column(quantity: str, statistic: str, name: str, unit: str) -> Column:
-    """A statistic of the camera's motion; ``unit``: of the quantity."""
+    """The column of a statistic of the camera's motion.  ``unit``: unit of the quantity, such as m."""
     definition = f"{STATISTICS[statistic].definition}: {CAMERA[quantity].tooltip}"
     return Column(name, f"{unit}²" if statistic == "variance" else unit, 3, definition)
 
@@ -192,7 +192,7 @@ def _mean_of(exact: Mapping[str, Any], name: str) -> float | None:
 
 
 def _misregistered(label: str, summary: Summary) -> Row:
-    """Of the discards of each column, the share whose surface point was visible and unchanged."""
+    """A row with the share of the discards of each column whose surface point was visible and unchanged."""
     wrong = summary["exact"].get("misregistered") or {}
     values = [(wrong.get(name) or {}).get("share_percent") for name in COLUMNS] + [None] * len(SEEN)
     why = [(wrong.get(name) or {}).get("reason") or "nothing discarded" for name in COLUMNS]
@@ -292,11 +292,11 @@ def two_decimals(value: float | None) -> str:
 
 
 def thresholds_of(summary: Summary) -> dict[str, float]:
-    """a_B per feature; position in meters."""
+    """Feature -> threshold a_B of a run; that of position in meters."""
     return dict((summary.get("settings") or {}).get("thresholds") or {})
 
 
-def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *more: str) -> tuple[str, ...]:
+def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *further: str) -> tuple[str, ...]:
     """Notes of every table: camera and lighting, and the source of the paper's rows."""
     notes = []
     for label, summary in zip(labels, summaries, strict=True):
@@ -306,7 +306,7 @@ def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *mo
         lighting = lighting_text(summary)
         notes += [f"{_prefix(label, labels)}{lighting}."] if lighting else []
         notes += [f"{_prefix(label, labels)}stand-in: {stand_in}."] if stand_in else []
-    notes += [note for note in more if note]
+    notes += [note for note in further if note]
     if paper:
         notes.append(f"Paper: {paper_numbers()['citation']}.")
     return tuple(notes)

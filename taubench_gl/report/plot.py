@@ -28,9 +28,16 @@ class Plot:
     """
 
     def __init__(
-        self, title: str, width: float = 7.5, height: float = 4.6, rows: int = 1, columns: int = 1, **grid: Any
+        self,
+        title: str,
+        width: float = 7.5,
+        height: float = 4.6,
+        rows: int = 1,
+        columns: int = 1,
+        *,
+        shared_x: Sequence[float] = (),
     ):
-        """``width`` x ``height`` inches; ``grid``: arguments of ``Figure.subplots``."""
+        """``width`` x ``height`` inches.  ``shared_x``: relative heights of panels that share their x axis."""
         import matplotlib
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -40,7 +47,8 @@ class Plot:
             self.figure = Figure(figsize=(width, height), layout="constrained")
             FigureCanvasAgg(self.figure)
             self.figure._repr_png_ = MethodType(_png_of, self.figure)  # notebooks show figures of pyplot only
-            self.panels = list(self.figure.subplots(rows, columns, squeeze=False, **grid).flat)
+            shared = {"sharex": True, "height_ratios": shared_x} if shared_x else {}
+            self.panels = list(self.figure.subplots(rows, columns, squeeze=False, **shared).flat)
         self.axes = self.panels[0]
         self.title(self.axes, title)
 
@@ -48,12 +56,12 @@ class Plot:
         """Title of a panel."""
         axes.set_title(as_title(text), loc="left", fontsize=11)
 
-    def legend(self, axes: Any, *others: Any, x: float = 1.01, **options: Any) -> None:
+    def legend(self, axes: Any, *others: Any, x: float = 1.01, title: str | None = None) -> None:
         """The legend of ``axes`` and ``others`` right of ``axes``, at ``x`` of its width; none without labels."""
         entries = [entry for each in (axes, *others) for entry in zip(*each.get_legend_handles_labels(), strict=True)]
         if entries:
             place = {"loc": "upper left", "bbox_to_anchor": (x, 1.0), "frameon": False, "fontsize": 9}
-            axes.legend(*zip(*entries, strict=True), **place, **options)
+            axes.legend(*zip(*entries, strict=True), title=title, title_fontsize=9, **place)
 
     def save(self, path: Path) -> list[Path]:
         """Write ``path`` with the suffixes .png and .svg.  -> both files.  Raises OutputError.
@@ -77,7 +85,7 @@ class Plot:
 
 
 def _png_of(figure: Any) -> bytes:
-    """The figure as a PNG file."""
+    """A figure as the bytes of a PNG file."""
     data = io.BytesIO()
     figure.savefig(data, format="png", dpi=100)
     return data.getvalue()
@@ -134,7 +142,7 @@ def as_title(text: Any) -> str:
 
 
 def pareto_steps(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Of (time, error): those with a smaller error than everything faster, fastest first."""
+    """The Pareto front: points (time, error) with a smaller error than every faster point, fastest first."""
     out: list[tuple[float, float]] = []
     for time, error in sorted(points):
         if not out or error < out[-1][1]:

@@ -19,7 +19,7 @@ MERGED = (("behind", "outside"), ("lit", "shadowed"))
 """Reasons that are one phrase in the sentence."""
 OF_SURFACE = "% of surface pixels"
 _MOST_REASONS = 6
-"""Columns of the table of reasons; the others are summed up."""
+"""Most columns of the table of reasons; further reasons are summed up in one."""
 
 
 def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
@@ -62,8 +62,8 @@ def reusable_sentence(summary: Summary) -> str:
 def headline(summary: Summary) -> str:
     """``camera reprojection: 81.3 % of surface ...``: the reprojection mode and ``reusable_sentence``."""
     mode, _, history = (reprojection_of(summary) or "").partition(", ")
-    how = f"{mode} reprojection" + (f", {OPTIONS[history].label}" if history else "")
-    return (f"{how}: " if mode else "") + reusable_sentence(summary)
+    kind = f"{mode} reprojection" + (f", {OPTIONS[history].label}" if history else "")
+    return (f"{kind}: " if mode else "") + reusable_sentence(summary)
 
 
 def sentence(

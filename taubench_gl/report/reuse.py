@@ -36,7 +36,7 @@ _BOUND = {
     "weight": Column("weight of the bound", "", 3), "blended_percent": Column("blended", "%", 2),
 }  # fmt: skip
 _LINEAR = ("linear_mse", "clipped_mse", "relmse", "clipped_relmse")
-"""Measures of Table 7."""
+"""Measures of Table 7, errors of linear radiance."""
 _FURTHER = {
     "relmse_trimmed": Column("relMSE trimmed", "", 5), "clipped_relmse": Column("relMSE clipped", "", 5),
     "flip_p50": Column("FLIP p50", "", 4),
@@ -44,7 +44,7 @@ _FURTHER = {
     "warp_error": Column("warping error", "", 6), "hdr_flip": Column("HDR-FLIP", "", 4),
     "lpips": Column("LPIPS", "", 4), "cvvdp_jod": Column("ColorVideoVDP", "", 3),
 }  # fmt: skip
-"""Measures of the last table, whose units the evaluation states."""
+"""Measures of Table 6; their units are those that the evaluation states."""
 
 _LABELS = {"linear_mse": "linear MSE", "clipped_mse": "clipped MSE"} | {
     name: column.name for name, column in (_QUALITY | _FURTHER).items()
@@ -55,7 +55,7 @@ _HEADLINES = ("flip", "psnr_db", "relmse")
 """Measures of the table of paired differences: the first that was measured."""
 
 MOST_PAIRS = 15
-"""Of more pairs, a table shows those with the best method."""
+"""Most pairs of methods in a table of differences; of more, only those with the best method are listed."""
 
 NO_PIXEL = "no such pixel"
 
@@ -79,7 +79,7 @@ _WORTH = 0.01
 """Share of the error without reuse from which on a gain or loss in one class of pixels is named."""
 
 BELOW_NOISE = "below the reference's noise"
-"""An unbiased squared error that is not above 0."""
+"""Reason of a missing value: an unbiased estimate of a squared error is not above 0."""
 
 _BOUND_NOTE = (
     "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
@@ -150,8 +150,8 @@ def _linear_table(summary: Summary) -> list[Table]:
             values += [(interval.get("over_seeds") or {}).get(end) for end in ("low", "high")]
             values.append(method["tail_percent"].get(name))
             rows.append(Row(f"{label}, {_LABELS[name]}", tuple(values), reasons={0: BELOW_NOISE} if below else {}))
-        if (own := method["emitters"]["linear_mse"]) is not None:
-            rows.append(Row(f"{label}, emitters", (own, None, None, None, None, None)))
+        if (error := method["emitters"]["linear_mse"]) is not None:
+            rows.append(Row(f"{label}, emitters", (error, None, None, None, None, None)))
     share = next(iter(valid.values()))["emitters"]["percent"]
     seen = "It is not known which pixels show an emitting surface: all count."
     if share is not None:
@@ -209,11 +209,14 @@ def verdict(summary: Summary) -> str | None:
     return f"{text}." + (f" Against no reuse it {' and '.join(parts)}." if parts else "")
 
 
-def _gains(own: Mapping[str, Summary], base: Mapping[str, Summary]) -> list[tuple[str, float]]:
-    """Classes of pixels with what ``own`` gains there of the error of ``base``, the largest gain first."""
+def _gains(method: Mapping[str, Summary], base: Mapping[str, Summary]) -> list[tuple[str, float]]:
+    """Class of pixels and what ``method`` gains there, as a share of the error of ``base``; the largest gain first.
+
+    Both hold the block ``classes`` of reuse.json.
+    """
     measure = next((m for m in ("flip", "relmse") if any(m in entry for entry in base.values())), None)
     values = {
-        name: [entry["percent"] * (of.get(name) or {}).get(measure, 0.0) for of in (base, own)]
+        name: [entry["percent"] * (of.get(name) or {}).get(measure, 0.0) for of in (base, method)]
         for name, entry in base.items()
         if name != "not_classified" and entry["pixels"]
     }
@@ -389,7 +392,7 @@ def flip_notes(summary: Summary) -> tuple[str, ...]:
 
 
 def fit_table(fit: Summary) -> Table:
-    """Every point that a fit evaluated."""
+    """A table of every point that a parameter fit evaluated."""
     names = list(fit["settings"])
     columns = (*(Column(name, "", 6) for name in names), Column(fit["metric"], "", 6))
     rows = []
@@ -498,7 +501,7 @@ def plot_fit(fit: Summary, path: Path) -> list[Path]:
 
 
 def _frames(summary: Summary, rows: Sequence[Mapping[str, Any]], measure: str) -> Plot:
-    plot = Plot(_title(summary, "Error per frame"), 9.0, 6.0, rows=2, sharex=True, height_ratios=(3, 2))
+    plot = Plot(_title(summary, "Error per frame"), 9.0, 6.0, rows=2, shared_x=(3, 2))
     methods = _valid(summary)
     styles = method_styles(methods)
     for label in methods:

@@ -101,14 +101,12 @@ class ReuseRecorder(ImageRecorder):
     def finish(self, frames_file: Path) -> None:
         """Write the index.  ``frames_file``: frames.csv of the evaluation."""
         if self.kept_frames.frames:
-            self.write_index(
-                frames_file, names=self._names, every_frame=self._every, class_pixels=self._pixels,
-                class_errors=self._errors,
-            )  # fmt: skip
+            classes = {"class_pixels": self._pixels, "class_errors": self._errors}
+            self.write_index(frames_file, {"names": self._names, "every_frame": self._every, **classes})
 
 
 def file_name(part: str, index: int | None, frame: int) -> str:
-    """``image2_00012.webp``, ``classes_00012.png``."""
+    """Name of a file of the images of a frame: ``image2_00012.webp``, ``classes_00012.png``."""
     return f"{part}{'' if index is None else index}_{frame:05d}.{'png' if part == 'classes' else 'webp'}"
 
 

@@ -49,7 +49,7 @@ NO_PLANES = "the run was made without --report-full"
 
 
 class _Levels(msgspec.Struct):
-    """``levels_data`` of one feature."""
+    """Levels of the distances of one feature, as ``distance_planes.levels_data`` writes them."""
 
     values: list[float]
     home: Count
@@ -181,7 +181,7 @@ class FrameRecorder(ImageRecorder):
     schema = SCHEMA
 
     def __init__(self, out: Path, planes: PlaneRecorder | None = None):
-        """``planes``: to record the distances too."""
+        """``planes``: records the distances too; None for images alone."""
         super().__init__(out, [LEVELS, *(f"{part}_*.{suffix}" for part, suffix in _SUFFIX.items())])
         self._planes = planes
 
@@ -230,13 +230,13 @@ class FrameRecorder(ImageRecorder):
         if not frames:
             return []
         planes = {} if self._planes is None else {"planes": self._planes.finish(self.folder, frames)}
-        self.write_index(frames_file, **planes)
+        self.write_index(frames_file, planes)
         parts = [part for part in _SUFFIX if part != _PLANES or planes]
         return [self.folder / "index.json", *(self.folder / file_name(p, f) for p in parts for f in frames)]
 
 
 def file_name(part: str, frame: int) -> str:
-    """``frame_00012.webp``."""
+    """Name of a file of the images of a frame: ``frame_00012.webp``."""
     return f"{part}_{frame:05d}.{_SUFFIX[part]}"
 
 
@@ -273,7 +273,7 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
 
 
 def _stored_planes(folder: Path, index: _Index) -> tuple[StoredPlanes | None, str]:
-    """The distances of a run, or None and the reason."""
+    """The distances that a run has recorded, or None and the reason why there are none."""
     planes, frames = index.planes, index.frames
     if planes is None:
         return None, NO_PLANES

@@ -174,7 +174,7 @@ def _rate(summary: Summary, rate: str) -> dict[str, Any]:
 
 
 def _sky(summary: Summary) -> dict[str, Any]:
-    """The share of sky, None where it is unknown."""
+    """Definition and value of the share of sky; the value is None where it is unknown."""
     value = (summary.get("reusable") or {}).get("sky_percent")
     return {
         "definition": glossary.STATISTICS["sky_percent"].tooltip,

@@ -65,7 +65,7 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
         xscale="log", xlim=(min(ends) / 1.5, max(ends) * 1.5), ylim=(0, None), ylabel=OF_ALL,
         xlabel="threshold, in the unit of the feature (position: meters)",
     )  # fmt: skip
-    plot.legend(plot.axes, title="dots: thresholds of the run", title_fontsize=9)
+    plot.legend(plot.axes, title="dots: thresholds of the run")
     return plot.save(Path(path))
 
 
@@ -80,7 +80,7 @@ def plot_frames(summary: Summary, frames: Sequence[Mapping[str, Any]], path: str
 def frames_plot(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Plot:
     """The discard rate per pair, and below it the camera motion; cuts are vertical lines."""
     title = _title(summary, "Discard rate and camera motion per frame")
-    plot = Plot(title, 9.0, 5.6, rows=2, sharex=True, height_ratios=(3, 2))
+    plot = Plot(title, 9.0, 5.6, rows=2, shared_x=(3, 2))
     upper, lower = plot.panels
     number = _column(frames, "frame")
     pixels = _column(frames, "pixels")
@@ -134,7 +134,7 @@ def plot_sweep(
         style = {"color": "none", "markeredgecolor": hex_of("frustum"), "markersize": 7}
         plot.axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **style)
     plot.axes.set(xlabel=f"{axis} per frame, {sign.strip()}", ylabel=OF_ALL, ylim=(0, None))
-    plot.legend(plot.axes, title="outlined: the paper's frustum" if within else None, title_fontsize=9)
+    plot.legend(plot.axes, title="outlined: the paper's frustum" if within else None)
     return plot.save(Path(path))
 
 

@@ -41,7 +41,7 @@ class Column:
 
     @property
     def heading(self) -> str:
-        """Name and unit."""
+        """Heading of the column: its name and its unit."""
         return f"{self.name} [{self.unit}]" if self.unit and self.unit not in ("pairs", "1/s") else self.name
 
     def text_of(self, value: Any) -> str:
@@ -100,7 +100,7 @@ class Table:
 
     @property
     def headings(self) -> list[str]:
-        """Of all columns, that of the row labels first, which is empty."""
+        """Headings of all columns; the first, above the row labels, is empty."""
         return ["", *(column.heading for column in self.columns)]
 
     @property

@@ -19,7 +19,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.features import COLUMNS
 from taubench_gl.fields import from_values
@@ -247,7 +247,7 @@ def evaluate_methods(
         settings, reasons = as_rendered(settings), {}
     else:
         # Images need their exposure whatever the columns.
-        opened = open_scene(scene, settings.replace(columns=COLUMNS), camera)
+        opened = plan_scene(scene, settings.replace(columns=COLUMNS), camera)
         scene, camera, reasons = opened.animated.scene, opened.animated.camera, opened.lighting.reasons
         settings = opened.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     with opened_gpu(settings) as owner:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isclose
 from pathlib import Path
-from statistics import fmean
 from typing import Annotated, Any
 
 import msgspec
@@ -123,7 +121,6 @@ def load_evaluation(folder: str | Path) -> StoredEvaluation:
     _check_methods(summary, path)
     rows = _read_rows(out / FRAMES_FILE, summary)
     summary, _ = without_checksums(summary, path, out / FRAMES_FILE)
-    _check_means(summary, rows, path)
     return StoredEvaluation(summary, rows, out)
 
 
@@ -137,25 +134,6 @@ def _check_methods(summary: dict[str, Any], path: Path) -> None:
         if missing:
             message = f"methods.{label} has no {', '.join(missing)}"
             raise OutputError(message, where=str(path), hint="is the file damaged?")
-
-
-def _check_means(summary: dict[str, Any], rows: list[dict[str, Any]], path: Path) -> None:
-    """Raises OutputError for the first mean of a method that is not that of its rows after the warm-up.
-
-    PSNR is of the mean error, which rows do not have.
-    """
-    first = summary["settings"]["first_frame"] + summary.get("warmup", 0)
-    for label, method in summary["methods"].items():
-        counted = [row for row in rows if row["method"] == label and row["frame"] >= first]
-        if method["failed"] or not counted:
-            continue
-        for block in ("mean", "reuse"):
-            for name in method[block].keys() & counted[0].keys() - {"psnr_db", "tpsnr_db"}:
-                values = [row[name] for row in counted if row[name] is not None]
-                mean, recorded = (fmean(values) if values else None), method[block][name]
-                if (mean is None) != (recorded is None) or not isclose(mean or 0.0, recorded or 0.0, rel_tol=1e-9):
-                    message = f"methods.{label}.{block}.{name} is {recorded}, the rows give {mean}"
-                    raise OutputError(message, where=str(path), hint="evaluate the methods again")
 
 
 def _read_rows(path: Path, summary: dict[str, Any]) -> list[dict[str, Any]]:

@@ -22,9 +22,10 @@ UNASSIGNED = 16
 
 
 class DaskCluster:
-    """``address`` of a scheduler (tcp://host:port), or None: ``workers`` local processes with one GL thread each."""
+    """Runs units on the workers of a Dask scheduler, as an Engine (``study.unit``)."""
 
     def __init__(self, address: str | None, workers: int = 1):
+        """Connect to the scheduler at ``address``, tcp://host:port; None: start ``workers`` local processes."""
         self._address, self._count = address, workers
         self._client: Any = None
         self._cluster: Any = None
@@ -83,6 +84,7 @@ class DaskCluster:
         return max(len(self._workers()), 1)
 
     def _workers(self) -> list[str]:
+        """Addresses of the workers that are there now, without those that have no OpenGL."""
         info = self._client.scheduler_info(n_workers=-1)
         return [address for address in info["workers"] if address not in self._without_gl]
 
@@ -112,6 +114,7 @@ class DaskCluster:
         return [event for future in futures for event in self._ended(future)]
 
     def _next(self) -> Any:
+        """The next future that has ended.  Raises TaubenchError if the scheduler has stopped."""
         while True:
             try:
                 return self._done.get(timeout=CONNECT_SECONDS)
@@ -123,6 +126,7 @@ class DaskCluster:
                     ) from None
 
     def _ended(self, future: Any) -> list[Event]:
+        """The event of a future that has ended; none for one that is no longer awaited."""
         _, unit, _ = self._in_flight.pop(future.key, (None, None, None))
         if unit is None:
             return []
@@ -143,12 +147,12 @@ _thread = ThreadPoolExecutor(1, thread_name_prefix="taubench-gl")
 
 
 def dask_setup(dask_worker: Any) -> None:
-    """Called by Dask on workers started with ``--preload`` and this module: imports are done before they join."""
+    """Import what units need before a worker joins: Dask calls this on workers started with ``--preload``."""
     warm_up()
 
 
 def run_on_worker(unit: Unit) -> Event:
-    """Runs on a Dask worker: all GL calls of a process are made on one thread, whatever threads the worker has."""
+    """Run a unit on a Dask worker: all GL calls of the process are made on one thread, whatever threads it has."""
     from distributed import get_worker
 
     try:

@@ -3,21 +3,54 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from taubench_gl.errors import GraphicsError
+from taubench_gl.folder_lock import FolderLock
+from taubench_gl.study.engines import make_engine
 from taubench_gl.study.progress import Listener
+from taubench_gl.study.store import LOGS
 from taubench_gl.study.study import Study
 from taubench_gl.study.unit import ATTEMPTS, Advanced, Engine, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
 
 
 @dataclass(slots=True)
 class _JobState:
+    """What the driver knows of a job: the units that wait, and how many run now."""
+
     label: str
     pending: deque[Unit] = field(default_factory=deque)
     in_flight: int = 0
     over: bool = False  # finished or failed
+
+
+def run_study(
+    study: Study,
+    about: Mapping[str, Any],
+    same: tuple[str, ...] = (),
+    *,
+    engine: str | Engine | None = None,
+    workers: int | None = None,
+    listener: Listener | None = None,
+) -> Any:
+    """Run what is missing of ``study`` in its folder and write its results.  -> what ``Study.merge`` returns.
+
+    ``about``: values of study.json; ``same``: names of those that an earlier run in the folder must have had, too.
+    ``engine``: a name (``make_engine``), or an Engine.  Results do not depend on it.  Raises TaubenchError.
+    """
+    store, listener = study.store, listener or Listener()
+    made = make_engine(engine, workers, store.out / LOGS) if engine is None or isinstance(engine, str) else engine
+    kept = {name: about[name] for name in same}
+    store.require_usable(kept)  # before the lock file is written
+    with FolderLock(store.out):
+        store.require_usable(kept)
+        with made as running:
+            store.write_about(about)
+            listener.begin(len(study.jobs()), running.describe())
+            Driver(study, running, listener).run()
+        return study.merge()
 
 
 class Driver:
@@ -27,7 +60,7 @@ class Driver:
         self._study, self._engine, self._listener = study, engine, listener
         self._states = {job: _JobState(label) for job, label in study.jobs().items()}
         self._attempts: Counter[str] = Counter()
-        self._shown: Counter[str] = Counter()  # weight of a running unit that was reported to the listener
+        self._shown: Counter[str] = Counter()  # key of a running unit -> weight that the listener knows as done
         self._without_gl = "all workers have ended"
 
     def run(self) -> None:
@@ -66,16 +99,17 @@ class Driver:
         waiting = [state for state in self._states.values() if state.pending]
         if not waiting:
             return None
-        own = self._states.get(slot.last_job) if slot.last_job is not None else None
-        if own is None or not own.pending:
+        job = self._states.get(slot.last_job) if slot.last_job is not None else None
+        if job is None or not job.pending:
             if slot.busy:
                 return None
-            fresh = next((state for state in waiting if not state.in_flight), None)
-            own = fresh or max(waiting, key=lambda state: len(state.pending))
-        own.pending.extendleft(reversed(self._study.instead(own.pending.popleft(), False)))
-        return own.pending.popleft()
+            untouched = next((state for state in waiting if not state.in_flight), None)
+            job = untouched or max(waiting, key=lambda state: len(state.pending))
+        job.pending.extendleft(reversed(self._study.instead(job.pending.popleft(), False)))
+        return job.pending.popleft()
 
     def _handle(self, event: Event) -> None:
+        """Store a result, repeat or fail a unit; then plan its job again if nothing of it is left to run."""
         unit = event.unit
         state = self._states[unit.job]
         if isinstance(event, Advanced):
@@ -116,6 +150,7 @@ class Driver:
             state.pending.extendleft(reversed(units))
 
     def _fail(self, unit: Unit, message: str, details: str) -> None:
+        """A unit has no result: its job fails too, unless the study can use the other units."""
         state = self._states[unit.job]
         if state.over:
             return

@@ -1,15 +1,16 @@
-"""What a driver reports while it runs, and the lines that say so."""
+"""What a driver reports while it runs, the lines that say so, and the estimate that is announced before it runs."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from taubench_gl.outputs import duration_text
 
 
 class Listener:
-    """Receives progress.  Every method does nothing here."""
+    """Receives the progress of a study.  Every method does nothing here."""
 
     def begin(self, jobs: int, engine: str) -> None:
         """The workers have started; ``engine``: what they are, in one phrase."""
@@ -18,11 +19,13 @@ class Listener:
         """The weight of a job is known, and how much of it an earlier run has done."""
 
     def advanced(self, job: str, weight: int) -> None:
-        """``weight`` more of a job is done; negative if a unit is repeated."""
+        """More of a job is done; ``weight`` is negative if a unit is repeated."""
 
-    def job_finished(self, job: str) -> None: ...
+    def job_finished(self, job: str) -> None:
+        """All units of a job are done, and its results are written."""
 
-    def job_failed(self, job: str, label: str, message: str) -> None: ...
+    def job_failed(self, job: str, label: str, message: str) -> None:
+        """A job has no result; ``message``: why, in one line."""
 
     def message(self, line: str) -> None:
         """A message, such as that a worker died or has no OpenGL."""
@@ -31,9 +34,9 @@ class Listener:
 class Progress(Listener):
     """Counts what is done, and says one line for each job that ends.  Totals grow while jobs are planned."""
 
-    def __init__(self, say: Callable[[str], None], of: str = "pairs"):
-        """``of``: what a weight counts."""
-        self.say, self.of = say, of
+    def __init__(self, say: Callable[[str], None], counted: str = "pairs"):
+        """Begin to count; ``say`` prints a line; ``counted``: what weights count, such as pairs."""
+        self.say, self.counted = say, counted
         self.labels: dict[str, str] = {}
         self.done: dict[str, int] = {}
         self.total: dict[str, int] = {}
@@ -52,7 +55,7 @@ class Progress(Listener):
         self._here += weight
 
     def job_finished(self, job: str) -> None:
-        self._end(f"{self.labels[job]}: done, {self.total[job]} {self.of}{self._rate()}")
+        self._end(f"{self.labels[job]}: done, {self.total[job]} {self.counted}{self._rate()}")
 
     def job_failed(self, job: str, label: str, message: str) -> None:
         self._end(f"{label}: failed: {message}")
@@ -69,6 +72,41 @@ class Progress(Listener):
         if not self._here:
             return " of an earlier run"
         rate = self._here / max(time.monotonic() - self._started, 1e-9)
-        rest = sum(self.total.values()) - sum(self.done.values())
-        left = f"; about {duration_text(rest / rate)} left" if rest else ""
-        return f", {rate:.2f} {self.of}/s{left}"
+        undone = sum(self.total.values()) - sum(self.done.values())
+        left = f"; about {duration_text(undone / rate)} left" if undone else ""
+        return f", {rate:.2f} {self.counted}/s{left}"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The time that a job or unit will take.
+
+    ``weight``: what is left of it; ``seconds``: of weight 1; ``reason``: how they were measured; ``begin``: seconds
+    before the first.
+    """
+
+    label: str
+    weight: int
+    seconds: float
+    reason: str = ""
+    begin: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Seconds that one worker takes."""
+        return self.begin + self.weight * self.seconds
+
+
+def announce(estimates: Sequence[Estimate], counted: str, workers: int | None, say: Callable[[str], None]) -> None:
+    """Say one line per estimate, and their sum.
+
+    ``counted``: what weights count, such as pairs; ``workers``: None for this process.
+    """
+    for each in estimates:
+        reason = f" ({each.reason})" if each.reason else ""
+        say(f"{each.label}: {each.weight} {counted} of about {each.seconds:.2g} s, {duration_text(each.total)}{reason}")
+    if estimates:
+        total = sum(each.total for each in estimates)
+        spread = max(total / (workers or 1), max(each.begin + each.seconds for each in estimates))
+        several = f" in one process; with {workers} workers about {duration_text(spread)}" if workers else ""
+        say(f"estimated time: {duration_text(total)}{several}")

@@ -35,7 +35,7 @@ class _Record(msgspec.Struct):
 
 
 def json_bytes(value: Any) -> bytes:
-    """A result of a unit.  NumPy values become lists and numbers.  Raises ValueError for NaN and infinity."""
+    """The result of a unit as JSON.  NumPy values become lists and numbers.  Raises ValueError for NaN and infinity."""
     return json.dumps(value, default=_plain, allow_nan=False).encode()
 
 
@@ -51,20 +51,20 @@ def content_hash(value: Any) -> str:
 
 
 class Store:
-    """Folder ``out`` of a study.  ``kind``: ``batch`` or ``benchmark``, also the name of its command."""
+    """The folder ``out`` of a study.  ``kind``: name of its command, such as ``batch``; ``schema``: of study.json."""
 
     def __init__(self, out: str | Path, kind: str, schema: str):
         self.out, self._kind, self._schema = Path(out), kind, schema
 
     # ------------------------------------------------------------------------------------------------------- study
-    def require_usable(self, own: Mapping[str, Any] | None = None) -> None:
+    def require_usable(self, expected: Mapping[str, Any]) -> None:
         """Raise OutputError if the folder holds other files, or another study.
 
-        ``own``: values that its ``study.json`` must have; records that were copied here need none.
+        ``expected``: values that study.json must have, if there is one; a folder of copied records has none.
         """
         if (self.out / STUDY_FILE).exists():
             values = self.about()
-            for name, value in (own or {}).items():
+            for name, value in expected.items():
                 if values.get(name) != value:
                     message = f"holds a {self._kind} of another {name}: {_short(values.get(name))}, not {_short(value)}"
                     raise OutputError(message, where=str(self.out), hint="give --out a new folder")
@@ -74,11 +74,11 @@ class Store:
             )
 
     def write_about(self, values: Mapping[str, Any]) -> None:
-        """Write ``study.json``."""
+        """Write ``values`` to study.json, with schema and version."""
         self.write_json(self.out / STUDY_FILE, {"schema": self._schema, "version": __version__, **values})
 
     def about(self) -> dict[str, Any]:
-        """The values of ``study.json``.  Raises OutputError if there are none, or of another version."""
+        """The values of study.json.  Raises OutputError if there is none, and for one of another version."""
         path = self.out / STUDY_FILE
         if not path.exists():
             message = f"holds no {self._kind}" if self.out.is_dir() else "is not a folder"
@@ -94,12 +94,12 @@ class Store:
 
     # ----------------------------------------------------------------------------------------------------- records
     def save(self, key: str, data: bytes) -> None:
-        """Store the result of a unit."""
+        """Store the result of a unit, JSON, as the record ``key`` with a checksum.  Raises OutputError."""
         sha256 = hashlib.sha256(data).hexdigest().encode()
         write_atomically(self._record(key), b'{"sha256":"' + sha256 + b'","value":' + data + b"}\n", parents=True)
 
     def load(self, key: str, *, remove: bool = True) -> Any:
-        """The value of a record; None if it is missing or damaged.  ``remove``: a damaged file."""
+        """The value of a record; None if it is missing or damaged.  ``remove``: whether a damaged file is removed."""
         path = self._record(key)
         try:
             record = msgspec.json.decode(read_bytes(path, max_bytes=MAX_RECORD_BYTES), type=_Record)
@@ -113,7 +113,7 @@ class Store:
         return None
 
     def find(self, pattern: str, *, remove: bool = True) -> Iterator[Any]:
-        """Values of the records whose keys match ``pattern``, in the order of the keys; as of ``load``."""
+        """Values of the records whose keys match ``pattern``, in the order of the keys, as ``load`` reads them."""
         for path in sorted((self.out / RECORDS).glob(f"{pattern}.json")):
             value = self.load(path.relative_to(self.out / RECORDS).with_suffix("").as_posix(), remove=remove)
             if value is not None:
@@ -124,10 +124,11 @@ class Store:
 
     # -------------------------------------------------------------------------------------------------------- logs
     def log_file(self, job: str) -> Path:
+        """The file that says why a job failed."""
         return self.out / LOGS / f"{job}.log"
 
     def log_failure(self, job: str, message: str, details: str) -> None:
-        """``message``: one line."""
+        """Write why a job failed: ``message``, one line, and ``details`` below it."""
         write_atomically(self.log_file(job), f"{message}\n\n{details}".rstrip() + "\n", parents=True)
 
     def failure(self, job: str) -> str | None:
@@ -138,10 +139,12 @@ class Store:
             return None
 
     def write_json(self, path: Path, values: Mapping[str, Any]) -> None:
+        """Write ``values`` to ``path``, whose folder is created.  Raises OutputError."""
         text = json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(path, text + "\n", parents=True)
 
 
 def _short(value: Any) -> str:
+    """A JSON value for messages, at most 100 characters of it."""
     text = json.dumps(value)
     return text if len(text) <= 100 else f"{text[:100]}..."

@@ -10,17 +10,18 @@ from taubench_gl.study.unit import Unit
 
 
 class Study:
-    """A study of one unit per job: ``units``, by job, in the order of the work.  Others say what a job lacks.
+    """What a driver runs: the jobs of a study, the units that they lack, and how records become results.
 
-    ``store``: where the driver keeps the records of units; ``failed``: job -> why it failed.
+    A subclass with one unit per job sets ``units``; others say themselves what a job lacks (``missing``).
     """
 
-    store: Store
-    units: Mapping[str, Unit]
+    store: Store  # where the driver keeps the records of units
+    units: Mapping[str, Unit]  # job -> its unit, in the order of the work
+    failed: dict[str, str]  # job -> why it failed
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self.failed: dict[str, str] = {}
+        self.failed = {}
 
     def jobs(self) -> Mapping[str, str]:
         """Job -> label for messages, in the order of the work."""
@@ -39,14 +40,14 @@ class Study:
         return (unit,)
 
     def finish(self, job: str) -> None:
-        """No unit of the job is missing."""
+        """Write the results of a job, no unit of which is missing."""
 
     def fail(self, unit: Unit, message: str, details: str) -> bool:
-        """The unit has no result.  -> whether the other units of its job are still of use."""
+        """Note that a unit has no result.  -> whether the other units of its job are still of use."""
         self.failed[unit.job] = message
         self.store.log_failure(unit.job, message, details)
         return False
 
     def merge(self) -> Any:
-        """Write the results of all jobs, after the last one has ended."""
+        """Write the results of all jobs, after the last one has ended.  -> what the study's caller gets."""
         raise NotImplementedError

@@ -35,6 +35,8 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Finished:
+    """The unit has a result: ``data``, a JSON value."""
+
     unit: Unit
     data: bytes
 
@@ -69,7 +71,7 @@ class NoGraphics:
 
 @dataclass(frozen=True, slots=True)
 class Advanced:
-    """A part of a unit is done.  Optional: engines without this information send none."""
+    """A part of a unit is done, ``weight`` of its work.  Engines without this information send none."""
 
     unit: Unit
     weight: int = 1
@@ -86,17 +88,16 @@ class Worker:
     """Runs units one after another, and keeps what the next unit of the same job needs again."""
 
     def __init__(self, report: Callable[[Advanced], None] = lambda event: None, *, limited: bool = False):
-        """``report`` is called when a part of a unit is done; ``limited``: units that exceed their limit end this
-        process."""
+        """Call ``report`` when a part of a unit is done; ``limited``: a unit beyond its limit ends the process."""
         self._report, self._limited = report, limited
         self._unit: Unit | None = None
         self._key: Hashable = None
         self._kept: Any = None
 
     def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """What ``make`` returned for ``key``, if that was the last key; else the last one is released and another made.
+        """What ``make`` returned for ``key``, an object with ``release``, if that was the last key asked for.
 
-        What is kept has ``release``.
+        Otherwise the object of the last key is released and another one is made.
         """
         if self._kept is None or self._key != key:
             self.release()
@@ -104,13 +105,13 @@ class Worker:
         return self._kept
 
     def release(self) -> None:
-        """Free what is kept."""
+        """Free the object that ``kept`` holds."""
         kept, self._kept = self._kept, None
         if kept is not None:
             kept.release()
 
     def done(self, weight: int = 1) -> None:
-        """Units call this after each part of their work; ``weight``: of the part."""
+        """Report that a part of the running unit is done, ``weight`` of its work."""
         if self._unit is not None:
             self._restart_limit()
             self._report(Advanced(self._unit, weight))
@@ -134,11 +135,12 @@ class Worker:
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _restart_limit(self) -> None:
-        """The signal also ends a process that waits in a driver or library."""
+        """Start the unit's limit again: its signal also ends a process that waits in a driver or library."""
         if self._limited and self._unit.limit is not None:
             signal.setitimer(signal.ITIMER_REAL, self._unit.limit)
 
     def _failed(self, unit: Unit, message: str) -> Failed:
+        """The event of the exception that is being handled; frees what is kept, which may be what failed."""
         details = traceback.format_exc()
         self.release()
         return Failed(unit, " ".join(message.split()), f"in {unit.name} of {unit.scene}\n\n{details}")
@@ -146,9 +148,10 @@ class Worker:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A worker that can take one more unit.  ``last_job``: the job whose scene it has loaded.
+    """A worker that can take one more unit.
 
-    ``busy``: it still runs a unit, so it gets another one of the same job only: others may become idle before it.
+    ``key``: the engine's name of the worker; ``last_job``: the job whose scene it has loaded.  ``busy``: it still runs
+    a unit, so it gets another one of the same job only: other workers may become idle before it.
     """
 
     key: Any
@@ -176,7 +179,7 @@ class Engine(Protocol):
         """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
 
     def submit(self, slot: Slot, unit: Unit) -> None:
-        """Start a unit."""
+        """Start a unit on the worker of ``slot``."""
 
     def wait(self, advanced: Callable[[Advanced], None]) -> list[Event]:
         """Block until there is an event.  Called only while units are in flight.

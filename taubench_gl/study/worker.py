@@ -20,7 +20,7 @@ from taubench_gl.study.unit import NoGraphics, NoOpenGL, Worker
 
 
 def open_context(settings: Settings) -> Gpu:
-    """The worker's GL context.  Raises NoOpenGL, or GraphicsError if the settings name a backend or device."""
+    """The GL context of this worker process.  Raises NoOpenGL; GraphicsError if settings name a backend or device."""
     try:
         return open_gpu(settings.device.backend, settings.device.device)
     except GraphicsError as error:
@@ -35,6 +35,7 @@ def warm_up() -> None:
 
 
 def main(arguments: list[str]) -> None:
+    """Receive units and send events until the connection ends.  ``arguments``: CONNECTION and LIFELINE."""
     connection, lifeline = Connection(int(arguments[0])), int(arguments[1])
     threading.Thread(target=_exit_with_the_driver, args=(lifeline,), daemon=True).start()
     warm_up()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -33,18 +32,7 @@ from taubench_gl.viewer.state import METHOD_IMAGES, ViewerState
 
 Array = np.ndarray
 WARM_UP = 8
-"""Frames that a reuse method runs before one that does not follow the last."""
-
-
-class Comparison(Protocol):
-    """Images of the frames of a feed, with the camera of the file."""
-
-    name: str
-
-    def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
-        """The same channel of the same frame; None if it has none.  Raises TaubenchError."""
-
-    def release(self) -> None: ...
+"""Number of frames that a reuse method runs first, where the frame asked for does not follow the last one."""
 
 
 def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Comparison]:
@@ -66,9 +54,8 @@ def run_comparison(gpu: Gpu, request: OpenRequest, feed: Feed) -> Comparison:
     """The scene of another run with that run's settings, at the size of ``feed``.  Raises TaubenchError."""
     run = load_run(request.run)
     width, height = feed.size
-    size = feed.settings.replace(width=width, height=height, frames=(None, None))
-    asked = OpenRequest(request.run, size, given=frozenset({"size", "frames"}))
-    text, settings = scene_of(run, asked)
+    settings = feed.settings.replace(width=width, height=height, frames=(None, None))
+    text, settings = scene_of(run, OpenRequest(request.run, settings, given=frozenset({"size", "frames"})))
     if is_sequence(text):
         return PathTracedComparison(PathTracedFeed(gpu, text, settings, request.options), feed)
     return RunComparison(scene_feed(gpu, text, settings, PassTimer(gpu, enabled=False)))
@@ -84,10 +71,14 @@ class RunComparison(Owner):
         self._feed = self.own(feed)
 
     def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
+        """The same channel of the same frame, with the camera of the file; None if it has none.
+
+        Raises TaubenchError.
+        """
         if frame not in self._feed.frames or channel not in CHANNELS or channel == "motion":
             return None
-        needs = {effect for name, effect in LIGHT.items() if VISUALIZATIONS[name].channel == channel}
-        off = frozenset() if needs else frozenset(LIGHT.values())
+        of_light = any(VISUALIZATIONS[name].channel == channel for name in LIGHT)
+        off = frozenset() if of_light else frozenset(LIGHT.values())
         self._feed.plan(frozenset({channel}) - {"position", "normal"} - set(LIGHT), off, self._feed.live)
         if channel not in self._feed.source.channels:
             return None
@@ -268,3 +259,7 @@ class PathTracedComparison(Owner):
         if self._error is not None:
             raise self._error
         return self._feed.source.current[channel]
+
+
+Comparison = RunComparison | MethodComparison | PathTracedComparison
+"""Anything with images of the frames of a feed; ``texture`` takes the same arguments in each class."""

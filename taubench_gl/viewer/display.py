@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import or_
 from typing import Any
@@ -30,7 +30,7 @@ ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
 OUTLINE_COLOR = (0.45, 1.0, 0.2, 1.0)
 LIGHT_BITS = Reason(sum(bit for f in TABLE if f.light for bit in (f.bit, *f.details)))
 MODES = ("off", "split", "difference", "error", "ghost", "other")
-"""How an image and another are combined; ghost: error where the other has alpha; other: that one alone."""
+"""How two images are combined.  ghost: the error where the other image has alpha; other: the other image alone."""
 
 
 @dataclass(slots=True)
@@ -77,7 +77,7 @@ class Content:
 
 
 def _bits(name: str) -> int:
-    """Bits of an overlay in the mask that is drawn."""
+    """The bits of an overlay in the mask texture, where those of exact reasons are shifted by SHIFT."""
     exact = EXACT_OVERLAYS.get(name)
     return int(OVERLAYS[name]) if exact is None else int(exact) << SHIFT
 
@@ -87,7 +87,7 @@ def _bits_of(names: tuple[str, ...]) -> int:
 
 
 def _packed_color(name: str) -> int:
-    """Color of an overlay as ``unpackUnorm4x8`` reads it."""
+    """Color of an overlay as an integer that ``unpackUnorm4x8`` reads: red in the lowest byte."""
     exact = EXACT_OVERLAYS.get(name)
     red, green, blue = color_of(OVERLAYS[name]) if exact is None else EXACT_COLORS[exact]
     return red | green << 8 | blue << 16
@@ -134,7 +134,7 @@ class Display(Owner):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
     def _prepared(self, content: Content) -> tuple[moderngl.Program, dict[str, Any], dict[str, Any]]:
-        """Program, textures and uniforms of ``content``."""
+        """Program, textures by name and uniforms by name that draw ``content``."""
         other = content.other if content.comparison != "off" else None
         size = content.position.size
         defines: dict[str, Any] = {f"KIND_{kind.upper()}": i for i, kind in enumerate(KINDS)}
@@ -224,6 +224,7 @@ class Display(Owner):
         """The image, (h, w, 3) uint8, row 0 at the top."""
         width, height = self.size
         self._gpu.finish()  # Mesa 22's llvmpipe may read a texture before its last draw has finished
+        # OpenGL's first row is the lowest one.
         return np.frombuffer(self.texture.read(), np.uint8).reshape(height, width, 4)[::-1, :, :3]
 
     def release(self) -> None:
@@ -240,6 +241,49 @@ class Display(Owner):
         if program.glo not in self._arrays:
             self._arrays[program.glo] = self.own(self._gpu.ctx.vertex_array(program, []))
         return self._arrays[program.glo]
+
+
+TILES = ("previous", "reprojected", "current")
+"""The images that show one pixel magnified: previous frame, reprojected history, current frame."""
+Pixel = tuple[int, int]  # x, y up
+
+
+class Magnifier(Owner):
+    """Draws TILES from left to right into ``texture``, each ``side`` pixels of the image wide and high.
+
+    The middle of the first is the history position, the middle of the others the pixel itself.
+    """
+
+    def __init__(self, gpu: Gpu):
+        super().__init__()
+        self._gpu = gpu
+        self._display: Display | None = None
+        self.side = 0
+
+    @property
+    def texture(self) -> moderngl.Texture | None:
+        """The three images, RGBA8, (3 side, side) pixels; None before the first ``draw``."""
+        return None if self._display is None else self._display.texture
+
+    def draw(self, side: int, current: Content, history: Other | None, pixel: Pixel, at: Pixel | None) -> None:
+        """``current``: the image, without comparison; ``history``: the same channel of the previous frame, with the
+        motion to it; ``at``: its pixel, None where it has none."""
+        if side != self.side:
+            display = Display(self._gpu, (len(TILES) * side, side))
+            self._display, self.side = self.own(display, instead_of=self._display), side
+            self._display.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        off = replace(current, comparison="off", other=None)
+        nothing = (off, (-side, -side))  # beside the image: black
+        before = nothing if history is None or at is None else (_only(off, replace(history, motion=None)), at)
+        moved = nothing if history is None else (_only(off, history), pixel)
+        for i, (content, middle) in enumerate((before, moved, (off, pixel))):
+            first = (middle[0] - side // 2, middle[1] - side // 2)
+            self._display.draw(content, (i * side, 0, side, side), first)
+
+
+def _only(current: Content, other: Other) -> Content:
+    """``current`` with ``other`` in the place of its image, without masks."""
+    return replace(current, comparison="other", other=other, shown=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +339,7 @@ VISUALIZATIONS: dict[str, Visualization] = {
 
 LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "direct_diffuse": "direct",
          "direct_glossy": "direct", "direct_transmission": "transmission", "emission": "emission"}  # fmt: skip
-"""Visualization -> the effect it needs."""
+"""Visualization that shows light -> the effect that must be enabled for it."""
 
 
 def visualizations_of_scene(effects: dict[str, Effect]) -> tuple[str, ...]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import moderngl
@@ -22,7 +20,6 @@ from taubench_gl.evaluation.explain import Explanation, with_light
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES, LIGHT_FEATURES, TABLE
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.timing import WALL_CLOCK, wall_time
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
@@ -30,11 +27,20 @@ from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disj
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
-from taubench_gl.viewer.display import ARROW_STEP_PX, LIGHT_BITS, VISUALIZATIONS, Content, Display, FrozenCamera, Other
+from taubench_gl.viewer.controls import IMAGE, MASKS
+from taubench_gl.viewer.display import (
+    ARROW_STEP_PX,
+    LIGHT_BITS,
+    VISUALIZATIONS,
+    Content,
+    Display,
+    FrozenCamera,
+    Magnifier,
+    Other,
+)
 from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.light import REFINED, Lights
-from taubench_gl.viewer.magnifier import Magnifier
 from taubench_gl.viewer.names import PixelNames, node_at
 from taubench_gl.viewer.state import HISTORY, ViewerState
 
@@ -71,13 +77,13 @@ class ViewerEngine:
     user: UserCamera | None = None
     unmeasured: Mapping[str, str] = field(default_factory=dict)  # column of the pair -> why it is not measured
     arrow_scale: float = 1.0  # of the arrows drawn last
+    lights: Lights | None = None
 
     _owner: GpuOwner | None = None  # of everything here, the feed and the comparisons
     _evaluator: PairEvaluator | None = None
     _reversed: PairEvaluator | None = None  # of the other eye, whose history is the image; None until it is shown
     _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
     _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
-    _lights: Lights | None = None
     _observer: SceneFeed | None = None
     _display: Display | None = None
     _mask_key: Any = None
@@ -98,7 +104,7 @@ class ViewerEngine:
         self._owner = GpuOwner(self.gpu, self.timer)
         for part in (self.feed, *self.comparisons.values()):
             self._owner.own(part)
-        self._lights = self._owner.own(Lights(self._owner.context, self.timer))
+        self.lights = self._owner.own(Lights(self._owner.context, self.timer))
         self._exact = self._owner.own(ExactMasks(self.gpu))
         self._display = self._owner.own(Display(self.gpu, self.feed.size))
         self._magnifier = self._owner.own(Magnifier(self.gpu))
@@ -115,12 +121,12 @@ class ViewerEngine:
         return self._drawn_feed.source
 
     def names_at(self, x: int, row: int) -> PixelNames | None:
-        """As ``Feed.names_at``, of the pair shown."""
+        """Names of what pixel (x, row from the top) of the image shows; None where they are not known."""
         return self._drawn_feed.names_at(x, row)
 
     @property
     def evaluator(self) -> PairEvaluator:
-        """Holds mask and motion of the pair shown."""
+        """The evaluator that compared the pair shown: it holds mask and motion."""
         return self._active
 
     def reset_camera(self, state: ViewerState) -> None:
@@ -131,16 +137,16 @@ class ViewerEngine:
         self._plan(state)
         previous, current = self._choose_pair(state)
         channel = VISUALIZATIONS[state.channel].channel
-        coarse = self._lights.choose(state, self.feed, channel)
+        coarse = self.lights.choose(state, self.feed, current, channel)
         shown = frozenset(VISUALIZATIONS[state.channel].channels) | self._exact_channels(state)
         shown |= self._names(state)
-        self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
+        self._drawn_feed = self.feed if coarse is None else self.lights.geometry(state, shown)
         changed = self._drawn_feed.show(previous, current)
         if changed:
             self.gpu.flush()  # it is drawn while light is prepared
         self.shots = previous, current
         first = self._first(state, previous, current)
-        mask_key = (previous.key, current.key, first, coarse, tuple(sorted(state.thresholds.items())))
+        mask_key = (previous.key, current.key, first, coarse, state.restarted_by(MASKS))
         evaluate = changed or mask_key != self._mask_key
         if evaluate:
             self.drawn.pairs += changed
@@ -148,7 +154,7 @@ class ViewerEngine:
             self._mask_key, self._exact_key = mask_key, None
         self._find_exact(state)
         self._pick(state)
-        self._refine(state, current, channel)
+        self._refine(state)
         try:
             self._update_image(state)
         finally:
@@ -160,9 +166,9 @@ class ViewerEngine:
         if state.playing and state.camera == "file" and self.feed.free:
             self.feed.file_shot(state.next_frame)
 
-    def _refine(self, state: ViewerState, shot: Shot, channel: str) -> None:
+    def _refine(self, state: ViewerState) -> None:
         try:
-            self._lights.refine(state, self.feed, shot, channel)
+            self.lights.refine(state)
         except TaubenchError as error:  # such as too little memory: rasterized light stays
             state.samples, state.message = 0, str(error)
 
@@ -186,7 +192,7 @@ class ViewerEngine:
         return bool(self.source.renderer.frame.state.visible[node])
 
     def _find_exact(self, state: ViewerState) -> None:
-        """Exact reasons of the pair shown, where they are asked for."""
+        """Find the exact reasons of the pair shown, if the state asks for them and they are not there yet."""
         if not state.exact or self._exact_key == self._mask_key:
             return
         try:
@@ -209,13 +215,15 @@ class ViewerEngine:
         if state.live != asked:
             state.message = "path-traced files have their light and their size"
         if planned or self._evaluator is None:
-            for part in (self._lights, self._exact):
+            for part in (self.lights, self._exact):
                 part.reset()
             self._drawn_feed = self.feed
             if self._reversed is not None:
                 self._owner.free_parts(self._reversed)
-            how, self._reversed = {"images": True, "instead_of": self._evaluator}, None
-            self._active = self._evaluator = self._owner.open_evaluator(self.feed.source, self.feed.settings, **how)
+            self._reversed = None
+            self._active = self._evaluator = self._owner.open_evaluator(
+                self.feed.source, self.feed.settings, images=True, instead_of=self._evaluator
+            )
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
             self._resize(state)
@@ -226,7 +234,7 @@ class ViewerEngine:
                 state.channel = state.channels[0]
 
     def _without_exact(self) -> SettingsError | None:
-        """Why there are no exact reasons; None where there are."""
+        """Why the source has no exact reasons; None if it has them."""
         if not self.feed.free:
             return SettingsError("path-traced files have no surfaces to trace rays against")
         try:
@@ -278,13 +286,14 @@ class ViewerEngine:
             last = self.feed.other_eye(current)
         return self._freeze("previous", state.freeze_previous, last), current
 
-    def _freeze(self, which: str, on: bool, shot: Shot) -> Shot:
-        if not on:
-            self._frozen[which] = None
+    def _freeze(self, camera: str, frozen: bool, shot: Shot) -> Shot:
+        """``shot``, or the one that ``camera`` (current or previous) had when it was frozen."""
+        if not frozen:
+            self._frozen[camera] = None
             return shot
-        if self._frozen[which] is None:
-            self._frozen[which] = shot
-        return self._frozen[which]
+        if self._frozen[camera] is None:
+            self._frozen[camera] = shot
+        return self._frozen[camera]
 
     def _first(self, state: ViewerState, previous: Shot, current: Shot) -> bool:
         """Whether there is no history: the first frame with the file camera."""
@@ -293,15 +302,18 @@ class ViewerEngine:
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
     def _submit(self, state: ViewerState, declared: int) -> None:
-        """Compare the pair: mask and motion, and the counts that ``_count`` reads."""
+        """Start the comparison of the pair, which gives mask and motion; ``_count`` reads its counts later.
+
+        ``declared``: bits of ``Reason`` that every pixel has, such as FIRST.
+        """
         previous, current = self.shots
         self.pair = reprojection(current.view, previous.view, *self.feed.size)
-        coarse = self._lights.active is not None
-        self._lights.draw(state, self.feed, self.shots)  # before the masks, which wait for the geometry
-        self._active = self._lights.evaluator if coarse else self._evaluator
+        coarse = self.lights.active is not None
+        self.lights.draw(state, self.shots)  # before the masks, which wait for the geometry
+        self._active = self.lights.evaluator if coarse else self._evaluator
         self._active.submit(self.pair, declared=declared, thresholds=state.thresholds)
         if coarse:
-            self._lights.submit(state, self.shots, declared)
+            self.lights.coarse.submit(self.shots, declared, state.thresholds)
 
     def _count(self) -> None:
         """Read the counts of the pair compared last."""
@@ -310,12 +322,12 @@ class ViewerEngine:
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.unmeasured = self.source.unmeasured
-        if self._lights.active is not None:
-            self._add_light(self._lights.read())
+        if self.lights.active is not None:
+            self._add_light(self.lights.coarse.read())
         self.drawn.masks += 1
 
     def _add_light(self, counts: Counts) -> None:
-        """Counts of light from fewer pixels, scaled to those of the image."""
+        """Add counts of coarse light, which come from fewer pixels, scaled to the number of pixels of the image."""
         coarse = counts_of(counts.mask_histogram)
         share = self.counts["pixels"] / coarse["pixels"]
         names = (*(bit.name.lower() for bit in LIGHT_BITS), "reusable_shading")
@@ -324,21 +336,13 @@ class ViewerEngine:
         self.reasons["shading"] = {name: round(share * pixels) for name, pixels in reasons.items()}
         light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n in LIGHT_FEATURES}
         self.histograms |= {name: share * bins for name, bins in light.items()}
-        missing = self._lights.coarse.unmeasured
+        missing = self.lights.coarse.unmeasured
         self.unmeasured = {**self.feed.source.unmeasured, **{n: missing[n] for n in light if n in missing}}
 
     def _update_image(self, state: ViewerState) -> None:
         observed = state.freeze_current
         shown = self._last if observed else self.shots[1]
-        key = (
-            self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
-            state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
-            state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
-            state.freeze_previous, state.beside, state.method, state.method_input, state.exact, state.selection,
-            state.method_image,
-            version(state.method) if state.against == "method" else None,
-        )  # fmt: skip
-        if key == self._image_key:
+        if self._image_key_of(state, shown) == self._image_key:
             return
         source, frozen = self.source, None
         if observed:
@@ -356,7 +360,13 @@ class ViewerEngine:
             self._outline(state, source)
         self.gpu.flush()  # it is drawn while the panels are built
         self.drawn.images += 1
-        self._image_key = key[:3] + (state.low, state.high) + key[5:]
+        self._image_key = self._image_key_of(state, shown)  # with the automatic range
+
+    def _image_key_of(self, state: ViewerState, shown: Shot) -> tuple[Any, ...]:
+        """Everything that the image depends on."""
+        files = version(state.method) if state.against == "method" else None
+        drawn = (self._mask_key, shown.key, self.lights.samples, state.flicker_other, files)
+        return (*drawn, *state.restarted_by(IMAGE))
 
     def _outline(self, state: ViewerState, source: Any) -> None:
         """Outline the selected node in every image."""
@@ -375,18 +385,18 @@ class ViewerEngine:
         return min(ARROW_STEP_PX / far, 1000.0) if far > 0.0 else 1.0
 
     def _observe(self, state: ViewerState, shown: Shot) -> tuple[Any, FrozenCamera]:
-        """Source and frozen camera of a view from outside."""
+        """The source that draws the view from outside, and the frozen camera as the image needs it."""
         current = self.shots[1].view
         clip = current.clip_from_relative(*self.feed.size)
         frozen = self.source.current["position"]
         return self._render_observer(state, shown), FrozenCamera(frozen, clip, shown.view.position - current.position)
 
     def _content_of(self, state: ViewerState, source: Any, frozen: FrozenCamera | None) -> Content:
-        """The image without comparison."""
+        """What the image shows of one channel, without comparison.  ``frozen``: for a view from outside."""
         visual = VISUALIZATIONS[state.channel]
-        lit = self._lights.source(self.shots[1], visual.channel) if frozen is None else None
+        lit = self.lights.source if frozen is None else None
         channels = (lit or source).current
-        coarse = self._lights.coarse
+        coarse = self.lights.coarse
         return Content(
             visual.kind,
             self._active.motion_texture if visual.channel == "motion" else channels[visual.channel],
@@ -439,7 +449,7 @@ class ViewerEngine:
 
     def _shows_eyes(self, state: ViewerState) -> bool:
         """Whether the image beside is the other eye, with the masks of its own history, which is this image."""
-        whole = not state.exact and self._lights.coarse is None
+        whole = not state.exact and self.lights.coarse is None
         return state.live.history == "eye" and state.against == HISTORY[0] and whole
 
     def _mask_of_eye(self, state: ViewerState) -> moderngl.Texture:
@@ -452,11 +462,11 @@ class ViewerEngine:
 
     @property
     def textures(self) -> tuple[moderngl.Texture, ...]:
-        """The image and what is beside it, RGBA8."""
+        """The image and the images beside it, RGBA8."""
         return tuple(display.texture for display in (self._display, *self._beside))
 
     def titles(self, state: ViewerState) -> tuple[str, ...]:
-        """Titles of ``textures``; none for an image alone."""
+        """A title for each of ``textures``; empty for the image itself."""
         if not self._beside:
             return ("",)
         bound = "bound of " if state.method_image == "bound" else ""
@@ -475,7 +485,7 @@ class ViewerEngine:
         return None if method is None else method.reservoir(x, row)
 
     def _method(self, state: ViewerState) -> MethodComparison | None:
-        """The method that the frame shown is compared with."""
+        """The reuse method that the frame shown is compared with; None if it is compared with something else."""
         method = self.comparisons.get(state.against)
         compared = isinstance(method, MethodComparison) and state.camera == "file" and method.frame == state.frame
         return method if compared else None
@@ -501,7 +511,7 @@ class ViewerEngine:
 
     def _history_of(self, channel: str, reprojected: bool) -> Other | None:
         """A channel of the previous frame; None for a channel that only pairs have."""
-        coarse = self._lights.coarse if channel in REFINED else None
+        coarse = self.lights.coarse if channel in REFINED else None
         previous = (coarse or self).source.previous
         if channel not in previous:
             return None
@@ -522,21 +532,21 @@ class ViewerEngine:
 
     @property
     def magnified(self) -> moderngl.Texture | None:
-        """What ``magnify`` drew last."""
+        """The magnified images that ``magnify`` drew last; None before."""
         return self._magnifier.texture
 
     def magnify(self, state: ViewerState, explained: Explanation) -> moderngl.Texture:
-        """The images of ``magnifier.TILES`` around an explained pixel of the pair."""
+        """The images of ``display.TILES`` around an explained pixel of the pair."""
         key = (self._image_key, explained.pixel, state.magnified)
         if key != self._magnified:
             height = self.feed.size[1]
             channel = VISUALIZATIONS[state.channel].channel
-            at = None  # rounded as the masks do, y up
+            at = None  # the history pixel, rounded as the masks do; OpenGL counts rows from the bottom
             if explained.at is not None:
                 at = math.floor(explained.at[0] + 0.5), math.floor(height - 1 - explained.at[1] + 0.5)
             pixel = (explained.pixel[0], height - 1 - explained.pixel[1])
             content = self._content
-            if self.light_samples(state):  # history has the light of the light method
+            if self.lights.samples:  # history has the light of the light method
                 content = replace(content, channel=self.source.current[channel])
             self._magnifier.draw(state.magnified, content, self._history_of(channel, True), pixel, at)
             self._magnified = key
@@ -564,7 +574,7 @@ class ViewerEngine:
             self._display.lines(points, np.tile(color, (len(points), 1)), view, source.current["position"])
 
     def _set_range(self, state: ViewerState, source: Any, shown: Shot) -> None:
-        """Set the automatic display range: that of the visualization, else smallest to largest value."""
+        """Set the automatic display range: the fixed one of the visualization, or smallest to largest value."""
         visual = VISUALIZATIONS[state.channel]
         if not state.auto_range:
             return
@@ -572,42 +582,21 @@ class ViewerEngine:
         if key == self._range_key:
             return
         self._range_key = key
-        lit = self._lights.source(shown, visual.channel) if not state.freeze_current else None
-        state.low, state.high = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
+        lit = self.lights.source if not state.freeze_current else None
+        state.display_range = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
 
     def explain(self, state: ViewerState) -> Explanation:
-        """The probed pixel; with coarse light, that of the coarse pixel over it."""
+        """Why the probed pixel is kept or discarded; its light is that of the coarse pixel over it, if there is one."""
         explained = self._active.explain(*state.probe, thresholds=state.thresholds)
-        if self._lights.active is None:
+        if self.lights.active is None:
             return explained
-        return with_light(explained, self._lights.coarse.explain(*state.probe, state.thresholds))
+        return with_light(explained, self.lights.coarse.explain(*state.probe, state.thresholds))
 
     def exact_words(self, x: int, row: int) -> str | None:
         """The exact reason of a pixel; None unless the masks are exact ones."""
         if self._exact_key is None or self._exact.bits is None:
             return None
         return exact_words(int(self._exact.bits[row, x]), self._exact.lit)
-
-    @property
-    def coarse_light(self) -> bool:
-        """Whether the light of the pair shown is coarse."""
-        return self._lights.active is not None
-
-    def light_samples(self, state: ViewerState) -> int:
-        """Path-traced samples per pixel of the image; 0 where its light is that of the light method."""
-        return self._lights.samples(self.shots[1], VISUALIZATIONS[state.channel].channel)
-
-    def light_traced(self, state: ViewerState) -> int:
-        """Path-traced samples per pixel that there are, shown or not yet."""
-        return self._lights.traced(self.shots[1], VISUALIZATIONS[state.channel].channel)
-
-    def light_text(self, state: ViewerState) -> str:
-        """The quality of light in words; empty without light."""
-        return self._lights.text(state, self.feed, self.shots[1], VISUALIZATIONS[state.channel].channel)
-
-    def refining(self, state: ViewerState) -> bool:
-        """Whether more path-traced samples are to come."""
-        return self._lights.pending(state, self.feed, self.shots[1], VISUALIZATIONS[state.channel].channel)
 
     def value_range(self, kind: str, channel: str, source: Any) -> tuple[float, float]:
         """Smallest and largest finite value of a channel on surfaces; (0, 1) without any."""
@@ -628,7 +617,7 @@ class ViewerEngine:
         return low, high if high > low else low + 1.0
 
     def motion(self) -> Array:
-        """Previous - current, pixels, (h, w, 2), +y down, row 0 at the top."""
+        """Motion vectors, previous - current position in pixels, (h, w, 2), +y down, row 0 at the top."""
         return self._active.motion()
 
     def mask(self) -> Array:
@@ -680,43 +669,6 @@ class ViewerEngine:
         self._owner.release()
 
 
-SMOOTHING = 0.2
-"""Weight of the latest time in the moving average."""
-
-
-class LiveTimer:
-    """Moving average of each pass's time, ``ms``; has the interface of ``gpu.timing.PassTimer``.
-
-    It measures only while ``enabled``, because it waits for the GPU before and after each pass.
-    """
-
-    clock = WALL_CLOCK
-
-    def __init__(self, gpu: Gpu):
-        self._gpu, self.enabled = gpu, False
-        self.ms: dict[str, float] = {}
-        self.latest: frozenset[str] = frozenset()  # passes of the last update that had any
-        self._measured: set[str] = set()  # since the last update began
-
-    def update(self) -> None:
-        """The next update of the image begins."""
-        if self._measured:
-            self.latest = frozenset(self._measured)
-            self._measured.clear()
-
-    @contextmanager
-    def measure(self, name: str) -> Iterator[None]:
-        if not self.enabled:
-            yield
-            return
-        with wall_time(self._gpu, partial(self._record, name)):
-            yield
-
-    def _record(self, name: str, elapsed: float) -> None:
-        self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
-        self._measured.add(name)
-
-
 def _map_beside(state: ViewerState) -> str:
-    """Mode of the last of the three images."""
+    """How the last of three images side by side combines the other two: ``ghost`` or ``error``."""
     return "ghost" if state.comparison == "ghost" else "error"

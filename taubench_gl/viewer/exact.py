@@ -48,13 +48,14 @@ class ExactMasks(GpuOwner):
         if self.texture is None or self.texture.size != source.size:
             texture = self.gpu.ctx.texture(source.size, 1, dtype="u4")
             self.texture = self.own(texture, instead_of=self.texture)
+        # Texture rows go upwards.
         self.texture.write((mask | bits << np.uint32(SHIFT)).astype(np.uint32)[::-1].tobytes())
         self.percent = {name: 100.0 * float(np.mean((bits & wanted) != 0)) for name, wanted in EXACT_OVERLAYS.items()}
         if not reasons.lit:
             self.percent |= dict.fromkeys(("exact_brightened", "exact_darkened", "exact_view_dependent"))
 
     def reset(self) -> None:
-        """Free everything, before another source is shown."""
+        """Free textures and reasons, before another source is shown."""
         self.release()
         self._reasons, self.percent, self.bits, self.texture = {}, {}, None, None
 

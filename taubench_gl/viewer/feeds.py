@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,20 +18,20 @@ from taubench_gl.animation.eyes import EyeCamera
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import FEATURES
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, plan_sequence
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.run import SUMMARY_FILE, Run, load_run, total_discards
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import AUTO, STEREO, Settings
+from taubench_gl.settings import AUTO, FIELDS, Settings
 from taubench_gl.viewer.display import visualizations_of_channels, visualizations_of_scene
 from taubench_gl.viewer.names import PixelNames, names_at
 from taubench_gl.viewer.scene_tree import SceneTree
@@ -40,7 +40,7 @@ from taubench_gl.viewer.state import Live
 
 @dataclass(frozen=True)
 class Shot:
-    """One frame seen by one view."""
+    """A frame number and the view that it is drawn from."""
 
     frame: int
     view: View
@@ -50,48 +50,8 @@ class Shot:
         return self.frame, self.view.position.tobytes(), self.view.world_from_view.tobytes()
 
 
-class Feed(Protocol):
-    """``free``: the camera can be moved.  ``effects``: by name, empty for files.  ``size``: pixels."""
-
-    name: str
-    free: bool
-    size: tuple[int, int]
-    frames: range
-    settings: Settings
-    effects: Mapping[str, Effect]
-    lighting: Mapping[str, str]  # why light unit, exposure and environment were chosen
-    center: np.ndarray
-    radius: float
-    source: Any
-    tree: SceneTree | None  # of the nodes; None for files
-
-    def file_shot(self, frame: int) -> Shot:
-        """The frame with the camera of the file."""
-
-    def visualizations(self) -> tuple[str, ...]: ...
-
-    live: Live  # as planned
-
-    def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
-        """Provide channels ``extra``, disable effects ``off``, apply ``live``; whether the source was recreated.
-
-        What of ``live`` the source cannot change stays.  Raises TaubenchError, with nothing changed.
-        """
-
-    def show(self, previous: Shot, current: Shot) -> bool:
-        """Hold the channels of this pair; whether anything was rendered."""
-
-    def names_at(self, x: int, row: int) -> PixelNames | None:
-        """What pixel (x, row from the top) of the current frame shows; None where that is not known.
-
-        A rasterized scene knows it with the channel ``ids``.
-        """
-
-    def release(self) -> None: ...
-
-
 class KeptPoses(Poser):
-    """Keeps the latest poses: sources of one pair ask for the same times."""
+    """A Poser that keeps the latest four poses, because several sources of one pair ask for the same times."""
 
     def __init__(self, scene: Scene):
         super().__init__(scene)
@@ -108,9 +68,14 @@ class KeptPoses(Poser):
 
 
 class SceneFeed(GpuOwner):
-    """A rasterized Scene."""
+    """A rasterized Scene.
 
-    free = True
+    ``frames``: of the sequence; ``size``: width and height in pixels; ``lighting``: why light unit, exposure and
+    environment were chosen; ``center`` (3,) and ``radius``: bounding sphere in scene units; ``tree``: the nodes;
+    ``live``: the live settings of the last plan; ``source``: the channels of the pair.
+    """
+
+    free = True  # the camera can be moved
 
     def __init__(
         self,
@@ -125,7 +90,7 @@ class SceneFeed(GpuOwner):
         self.scene, self._timer, self.tree = scene, timer, SceneTree.of(scene)
         # One sample at the pixel center: the masks belong to the displayed image.
         one = {"history": "frame"} if settings.metrics.history == "both" else {}
-        opened = open_scene(
+        opened = plan_scene(
             scene, settings.replace(samples_per_pixel=1, **one), camera, poser=poser or KeptPoses(scene)
         )
         self.settings = opened.settings.replace(pairs=settings.metrics.pairs)
@@ -134,7 +99,7 @@ class SceneFeed(GpuOwner):
         self.center, self.radius = bounding_sphere(self.poser, self.animated.times)
         self._all = decide(scene, self.settings)
         self.source: RasterSource | None = None
-        self._given = self.settings  # without ``live``
+        self._base_settings = self.settings  # before the changes of ``live``
         self.live = live_of(self.settings)
         self._extra: frozenset[str] = frozenset()
         self._off: frozenset[str] | None = None
@@ -147,6 +112,7 @@ class SceneFeed(GpuOwner):
 
     @property
     def effects(self) -> Mapping[str, Effect]:
+        """Every effect by name, enabled or not."""
         return self._all if self.source is None else self.source.effects
 
     @property
@@ -163,9 +129,11 @@ class SceneFeed(GpuOwner):
         return tuple(n for n in SWITCHABLE if self._all[n].enabled)
 
     def visualizations(self) -> tuple[str, ...]:
+        """Keys of ``display.VISUALIZATIONS`` that can be shown."""
         return visualizations_of_scene(dict(self.effects))
 
     def file_shot(self, frame: int) -> Shot:
+        """The frame with the camera of the file."""
         if frame not in self._shots:
             while len(self._shots) > 3:  # a pair is asked for again and again
                 del self._shots[next(iter(self._shots))]
@@ -173,30 +141,37 @@ class SceneFeed(GpuOwner):
         return self._shots[frame]
 
     def other_eye(self, shot: Shot) -> Shot:
-        """With history ``eye``: the other eye of a shot of any camera, or the camera of the file that it is."""
+        """With history ``eye``: the frame from the other eye, or from the camera of the file that stands for it."""
         eye = self.source.eye
         if isinstance(eye, EyeCamera):
             return Shot(shot.frame, eye.beside(shot.view))
         return Shot(shot.frame, eye.view_at(self.poser.sample(shot.frame / self.settings.sequence.fps)))
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
+        """Provide channels ``extra``, disable effects ``off``, apply ``live``; whether the source was recreated.
+
+        Raises TaubenchError, with nothing changed.
+        """
         have = () if self.source is None else self.source.channels
         same = off == self._off and live == self.live
         if self.source is not None and self.source.visibility is not None and VISIBILITY not in extra:
             self._extra, same = self._extra - {VISIBILITY}, False  # its rays cost time in every pair
         if self.source is not None and same and extra <= {*have, *self._extra}:
             return False
-        settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)
+        base = self._base_settings
+        settings = base if live == self.live == live_of(base) else live_settings(base, live)
         every = decide(self.scene, settings)
         wanted = tuple(n for n in CHANNELS if n in self._extra | extra)
-        how = {"extra": wanted, "without": off, "timer": self._timer}
-        self.source = self.open_source(self.animated, settings, instead_of=self.source, **how)
+        self.source = self.open_source(
+            self.animated, settings, extra=wanted, without=off, timer=self._timer, instead_of=self.source
+        )
         self._off, self._held = off, [None, None]
         self.settings, self.live, self._all, self._extra = settings, live, every, self._extra | extra
         self.size = self.source.size
         return True
 
     def show(self, previous: Shot, current: Shot) -> bool:
+        """Hold the channels of this pair; whether anything was rendered."""
         keys = [previous.key, (*current.key, *previous.key)]
         if self._held == keys:
             return False
@@ -208,6 +183,7 @@ class SceneFeed(GpuOwner):
         return True
 
     def names_at(self, x: int, row: int) -> PixelNames | None:
+        """What pixel (x, row from the top) of the current frame shows; None without the channel ``ids``."""
         return names_at(self.gpu, self.source, x, row) if "ids" in self.source.channels else None
 
     def show_one(self, shot: Shot) -> bool:
@@ -225,7 +201,7 @@ class SceneFeed(GpuOwner):
 
 
 class PathTracedFeed(Owner):
-    """Path-traced OpenEXR frames with the camera of the files."""
+    """Path-traced OpenEXR frames with the camera of the files.  Attributes and methods are those of ``SceneFeed``."""
 
     free = False
     switchable: tuple[str, ...] = ()
@@ -234,13 +210,13 @@ class PathTracedFeed(Owner):
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
         super().__init__()
-        given = open_input(spec, settings, options)
-        self.sequence, self.settings, self.frames = given.sequence, given.settings, given.frames
+        plan = plan_sequence(spec, settings, options)
+        self.sequence, self.settings, self.frames = plan.sequence, plan.settings, plan.frames
         self.size, self.name = self.sequence.size, self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = self.own(PathTracedSource(gpu, self.sequence, given.camera, self.settings))
-        self._gpu, self._camera, self._given = gpu, given.camera, self.settings
+        self.source = self.own(PathTracedSource(gpu, self.sequence, plan.camera, self.settings))
+        self._gpu, self._camera, self._base_settings = gpu, plan.camera, self.settings
         self.live = live_of(self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
@@ -256,12 +232,13 @@ class PathTracedFeed(Owner):
         return visualizations_of_channels(self.source.channels)
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
+        """Apply what of ``live`` the files can change; the rest stays.  Whether the source was recreated."""
         live = replace(live, light=self.live.light, scale=1.0, history="frame")  # the files have them
         if "prev_position" not in self.sequence.index:
             live = replace(live, reprojection=self.live.reprojection)
         if live == self.live:
             return False
-        settings = live_settings(self._given, live)
+        settings = live_settings(self._base_settings, live)
         source = PathTracedSource(self._gpu, self.sequence, self._camera, settings)
         self.source, self.settings, self.live = self.own(source, instead_of=self.source), settings, live
         self._held, self._shown = (None, None), None
@@ -286,20 +263,21 @@ class PathTracedFeed(Owner):
         self._held, self._shown = (self._held[1], frame), None
 
 
+Feed = SceneFeed | PathTracedFeed
 LIVE_SPP = 4
 """Samples per pixel of path-traced light that is switched on in the viewer."""
 
 
 def live_of(settings: Settings) -> Live:
-    """The live settings that leave ``settings`` as they are."""
+    """The values of the live settings that ``settings`` have already."""
     metrics = settings.metrics
     history = "eye" if metrics.stereo else "frame"  # a picture shows one history: with ``both`` the frame
-    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history)
+    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light, history=history)
 
 
-def live_settings(given: Settings, live: Live) -> Settings:
-    """``given`` with ``live`` applied."""
-    sequence, lighting = given.sequence, given.lighting
+def live_settings(settings: Settings, live: Live) -> Settings:
+    """The settings of a source after the changes that the user makes while looking."""
+    sequence, lighting = settings.sequence, settings.lighting
     changed: dict[str, Any] = {
         "reprojection": live.reprojection,
         "sampling": live.sampling,
@@ -311,16 +289,11 @@ def live_settings(given: Settings, live: Live) -> Settings:
     if live.light != lighting.light:
         changed |= {"light": live.light, "spp": LIVE_SPP}
         changed |= {"indirect": AUTO} if live.light == "path-traced" else {}
-    return given.replace(**changed)
+    return settings.replace(**changed)
 
 
-_RUN_SETTINGS = (
-    *STEREO, "fps", "reprojection", "sampling", "unit_scale", "culling", "blend", "textures", "effects", "light_unit",
-    "exposure", "light", "spp", "bounces", "bidirectional", "pattern", "seed",
-    "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes",
-    "light_error", "storage",
-)  # fmt: skip
-"""Settings that a run's summary provides; columns, environment, thresholds, frames and size need conversion."""
+_OF_EVALUATION = ("samples_per_pixel", "pairs", "exact", "light_within", "light_time")
+"""Settings of a run that say how much was evaluated, not what its pairs look like."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,7 +308,7 @@ class OpenRequest:
     resolve: Callable[[str], tuple[str, dict[str, Any]]] | None = None
     run: str | None = None  # another run to compare with
     method: str | None = None  # a reuse method to compare with, as ``load_method`` takes it
-    restored: Any = None  # ``session_file.Restored``: how to show it
+    restored: Any = None  # ``session_file.SessionFile``: how to show it
 
 
 @dataclass(slots=True)
@@ -378,20 +351,12 @@ def scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
     if path is None:
         raise OutputError("the run's scene was not read from a file", where=str(run.out), hint="open a scene instead")
     stored = run.summary.get("settings") or {}
-    values = {n: stored[n] for n in _RUN_SETTINGS if n in stored and n not in request.given}
-    if "columns" in stored and "columns" not in request.given:
-        values["columns"] = tuple(stored["columns"])
-    if "environment" in stored and "environment" not in request.given:
-        environment = stored["environment"]
-        values["environment"] = tuple(environment) if isinstance(environment, list) else environment
-    if "thresholds" not in request.given and "thresholds" in stored:
-        limits = stored["thresholds"].items()
-        values["thresholds"] = {f: float(v) for f, v in limits if f in FEATURES and v is not None}
-    if "frames" not in request.given and stored.get("first_frame") is not None:
+    given = {*request.given, *(("width", "height") if "size" in request.given else ())}
+    values = {n: stored[n] for n in FIELDS if n in stored and n not in given and n not in _OF_EVALUATION}
+    if "thresholds" in values:
+        values["thresholds"] = {f: v for f, v in values["thresholds"].items() if f in FEATURES and v is not None}
+    if "frames" not in given and stored.get("first_frame") is not None:
         values["frames"] = (stored["first_frame"], stored["last_frame"] + 1)
-    for name in ("width", "height"):
-        if "size" not in request.given and name in stored:
-            values[name] = int(stored[name])
     path_traced, path = run.summary.get("path_traced") is not None, scene_path(run.out, str(path))
     return (f"exr:{path}" if path_traced else path), request.settings.replace(**values)
 
@@ -412,7 +377,7 @@ def scene_path(out: Path | None, path: str) -> str:
 
 
 def worst_frame(run: Run) -> int | None:
-    """The worst frame of a run, the one of its mask.png; None without pairs."""
+    """Number of the frame with the most discards, which mask.png of the run shows; None without pairs."""
     rows = [row for row in run.frames if row.get("frame") is not None]
     return int(max(rows, key=total_discards)["frame"]) if rows else None
 

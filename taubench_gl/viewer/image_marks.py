@@ -12,10 +12,11 @@ from taubench_gl.viewer.model import ViewerModel
 
 PIXEL_COLOR, HISTORY_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 LEAST_SIDE = 7.0
+"""Smallest side of a frame around a pixel, screen points."""
 
 
 def draw_marks(viewer: ViewerModel, layout: Layout) -> None:
-    """Marks of the pinned pixel, and the legend of the arrows."""
+    """Draw everything over the images: frames around the pinned pixel, titles, and the legend of the arrows."""
     _pinned(viewer, layout)
     _titles(viewer, layout)
     if viewer.state.arrows and not viewer.state.freeze_current:
@@ -50,7 +51,7 @@ def _titles(viewer: ViewerModel, layout: Layout) -> None:
     """How light is drawn, or what an image beside it shows, in the upper left corner of each image."""
     texts = viewer.engine.titles(viewer.state)
     for text, (left, top, width, _) in zip(texts, layout.images, strict=True):
-        text = text or viewer.engine.light_text(viewer.state)
+        text = text or viewer.engine.lights.text(viewer.state)
         if not text:
             continue
         lines, size = imgui.get_background_draw_list(), imgui.calc_text_size(text, False, width - 20.0)

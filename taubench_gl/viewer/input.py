@@ -17,7 +17,7 @@ _EDIT = ("BACKSPACE", "ENTER", "LEFT_ARROW", "RIGHT_ARROW", "TAB", "ESCAPE")
 
 
 ANSWERED = 8
-"""Frames after an event in which panels are composed."""
+"""Number of frames after an event in which the panels are composed again."""
 
 
 class Input:
@@ -32,7 +32,7 @@ class Input:
         self.answers = 0  # frames in which the panels still answer to events
 
     def _events(self) -> imgui.IO:
-        """Where ImGui takes events; it spreads them over several frames."""
+        """ImGui's queue of events, which it spreads over several frames: the panels answer in all of them."""
         self.answers = ANSWERED
         return imgui.get_io()
 

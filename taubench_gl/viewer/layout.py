@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 SIDE, BAR = 300, 132
-"""Width of a side panel, height of the bar below the image."""
+"""Width of a side panel and height of the bar below the image, screen points."""
 MIN_SIDE_WIDTH = 480
-"""Narrower windows have no side panel."""
+"""Width below which a window has no side panel, screen points."""
 MIN_BOTH_WIDTH = 960
-"""Narrower windows have one side panel, which shows the sections of both."""
+"""Width below which a window has one side panel, which shows the sections of both, screen points."""
 GAP = 4
-"""Between images side by side."""
+"""Distance between images side by side, screen points."""
 
 START = (1900, 1010)
 """Largest size of a new window that enlarges a small image."""

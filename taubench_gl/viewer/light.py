@@ -21,7 +21,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, PREVIEWED, Settings
 from taubench_gl.srgb import srgb_encode
-from taubench_gl.viewer.feeds import SceneFeed, Shot
+from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.state import MAX_THRESHOLD, ViewerState
 
 Array = np.ndarray
@@ -29,12 +29,12 @@ Array = np.ndarray
 REFINED = ("color", "direct", "indirect")
 """Channels that path tracing refines."""
 STILL_SECONDS = 0.3
-"""Without motion, before path tracing starts."""
+"""Seconds that the image stands still before path tracing starts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coarse:
-    """Light of fewer pixels."""
+    """A quality of light that is computed for fewer pixels than the image has."""
 
     step: int  # pixels of the image along a side of each
     shadows: bool = True
@@ -42,12 +42,12 @@ class Coarse:
 
     @property
     def text(self) -> str:
-        """What differs from light at every pixel."""
+        """The differences from light at every pixel, in words."""
         kept = f"indirect light of every {self.hold}th frame" if self.hold else "no indirect light"
         return f"light at 1/{self.step} resolution, {'' if self.shadows else 'no shadows, '}{kept}"
 
     def settings(self, full: Settings) -> Settings:
-        """``full`` with this light."""
+        """Settings of a smaller image with this light.  ``full``: those of the image."""
         width, height = (-(-n // self.step) for n in (full.sequence.width, full.sequence.height))
         changed: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // (2 * self.step), 16)}
         changed |= {} if self.shadows else {"shadow_lights": 0}
@@ -61,7 +61,7 @@ COARSE: Mapping[str, Coarse | None] = {
     "quarter": Coarse(4),
     "unshadowed": Coarse(4, shadows=False, hold=0),
 }
-"""Light while the image moves, by name."""
+"""Setting *while moving* -> light while the image moves; None: light at every pixel."""
 UNLIT = frozenset(LIGHT_FEATURES)
 """Effects without which only geometry is drawn."""
 
@@ -84,10 +84,11 @@ class CoarseLight(GpuOwner):
         return self._evaluator.mask_texture
 
     def draw(self, shots: tuple[Shot, Shot], off: frozenset[str]) -> None:
-        """Draw a pair."""
+        """Draw the previous and the current shot.  ``off``: effects that are switched off."""
         if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
-            how = {"images": True, "instead_of": self._evaluator}
-            self._evaluator = self.open_evaluator(self.source, self._feed.settings, **how)
+            self._evaluator = self.open_evaluator(
+                self.source, self._feed.settings, images=True, instead_of=self._evaluator
+            )
         light = self.source.light
         if light is not None and light.indirect is not None:
             light.indirect.hold = self.coarse.hold
@@ -105,7 +106,7 @@ class CoarseLight(GpuOwner):
         return {"indirect": kept, **self.source.unmeasured}
 
     def explain(self, x: int, row: int, thresholds: Mapping[str, float]) -> Explanation:
-        """The coarse pixel over pixel (x, row) of the image."""
+        """Why the coarse pixel over pixel (x, row from the top) of the image is kept or discarded."""
         return self._evaluator.explain(x // self.coarse.step, row // self.coarse.step, thresholds=thresholds)
 
     def read(self) -> Counts:
@@ -116,7 +117,7 @@ class CoarseLight(GpuOwner):
 class Refiner(GpuOwner):
     """Path-traced light of one frame, the mean of as many samples as were traced so far.
 
-    ``better``: its noise is smaller than the error of the light method, both root mean squares of displayed values:
+    ``converged``: its noise is smaller than the error of the light method, both root mean squares of displayed values:
     sRGB of radiance times exposure, clipped.  Twice as many samples move the mean by as much as its noise, because the
     second half is as noisy as the first and independent; the squared distance to the light method is the sum of both
     squared errors.  Compared at 2, 4, 8, ... samples until it is.
@@ -134,7 +135,7 @@ class Refiner(GpuOwner):
         self._targets = [self.own(gpu.ctx.framebuffer(textures)) for textures in self._means]
         self._shot: Shot | None = None
         self._half: Array | None = None  # the image at the last comparison, of half as many samples
-        self.samples, self.better = 0, False
+        self.samples, self.converged = 0, False
 
     @property
     def source(self) -> RasterSource:
@@ -148,7 +149,7 @@ class Refiner(GpuOwner):
         source, key = self.source, shot.key
         if self._shot is None or self._shot.key != key:
             source.draw_pair(shot.frame, shot.frame, shot.view, shot.view, light=False)
-            self._shot, self.samples, self.better = shot, 0, False
+            self._shot, self.samples, self.converged = shot, 0, False
         source.trace(shot.frame, self.samples, 1)
         self.samples += 1
         light = [source.current[name] for name in ("direct", "indirect")]
@@ -161,7 +162,7 @@ class Refiner(GpuOwner):
             self._average(self._means[0], self._means[0], target, 0.0)
             self.gpu.unbind_framebuffer()
         source.recolor()
-        if self.samples.bit_count() == 1 and not self.better:
+        if self.samples.bit_count() == 1 and not self.converged:
             self._compare(preview)
 
     def _compare(self, preview: RasterSource) -> None:
@@ -174,7 +175,7 @@ class Refiner(GpuOwner):
         mean = image(self.source)
         if self.samples > 1:
             noise, distance = (float(np.square(mean - other).mean()) for other in (self._half, image(preview)))
-            self.better = noise < distance - noise
+            self.converged = noise < distance - noise
         self._half = mean
 
     def _average(self, samples: list, means: list, target: moderngl.Framebuffer, weight: float) -> None:
@@ -207,17 +208,22 @@ class Lights(GpuOwner):
         self._coarse: CoarseLight | None = None
         self._refiner: Refiner | None = None
         self.active: Coarse | None = None  # of the pair shown
-        self._key: Any = None  # of the shot that is refined
+        self._feed: Feed | None = None  # what is shown: feed, current shot and channel
+        self._shot: Shot | None = None
+        self._channel = ""
+        self._refined: Any = None  # key of the shot that is refined
         self._hidden = False  # while compared with an image whose light is not path-traced
 
-    @staticmethod
-    def lit(feed: Any) -> bool:
-        """Whether a feed draws light, which can also be drawn coarsely and path-traced."""
+    @property
+    def lit(self) -> bool:
+        """Whether the feed draws light, which can also be drawn coarsely and path-traced."""
+        feed = self._feed
         return isinstance(feed, SceneFeed) and any(feed.effects[name].enabled for name in ("direct", "indirect"))
 
-    def choose(self, state: ViewerState, feed: Any, channel: str) -> Coarse | None:
-        """Set and return ``active``: coarse light while the image moves, if it has ``channel``."""
-        coarse = COARSE[state.moving_light] if state.moving and self.lit(feed) else None
+    def choose(self, state: ViewerState, feed: Feed, shot: Shot, channel: str) -> Coarse | None:
+        """Take what is shown; set and return ``active``: coarse light while the image moves, if it has ``channel``."""
+        self._feed, self._shot, self._channel = feed, shot, channel
+        coarse = COARSE[state.moving_light] if state.moving and self.lit else None
         if channel in ("indirect", "direct_diffuse", "direct_glossy", "direct_transmission"):
             coarse = None
         self.active = coarse
@@ -225,10 +231,10 @@ class Lights(GpuOwner):
         self._hidden = compared and state.against != "reference"
         return coarse
 
-    def geometry(self, state: ViewerState, feed: SceneFeed, extra: frozenset[str]) -> SceneFeed:
-        """The feed without light, with channels ``extra``."""
+    def geometry(self, state: ViewerState, extra: frozenset[str]) -> SceneFeed:
+        """A feed of the same scene without light, with channels ``extra``."""
         if self._geometry is None:
-            self._geometry = self.own(feed.beside(feed.settings))
+            self._geometry = self.own(self._feed.beside(self._feed.settings))
         if self._geometry.plan(extra - UNLIT, state.switched_off | UNLIT, self._geometry.live):
             source, settings = self._geometry.source, self._geometry.settings
             self._evaluator = self.open_evaluator(source, settings, images=True, instead_of=self._evaluator)
@@ -236,81 +242,72 @@ class Lights(GpuOwner):
 
     @property
     def evaluator(self) -> PairEvaluator:
-        """Compares pairs of ``geometry``."""
+        """The evaluator that compares pairs of ``geometry``."""
         return self._evaluator
 
-    def draw(self, state: ViewerState, feed: SceneFeed, shots: tuple[Shot, Shot]) -> None:
+    def draw(self, state: ViewerState, shots: tuple[Shot, Shot]) -> None:
         """Draw a pair with ``active`` light, if that is coarse."""
         if self.active is None:
             return
         if self._coarse is None or self._coarse.coarse != self.active:
-            coarse = CoarseLight(self.gpu, feed, self.active, self._timer)
+            coarse = CoarseLight(self.gpu, self._feed, self.active, self._timer)
             self._coarse = self.own(coarse, instead_of=self._coarse)
         self._coarse.draw(shots, state.switched_off)
-
-    def submit(self, state: ViewerState, shots: tuple[Shot, Shot], declared: int) -> None:
-        """Compare the pair drawn with ``active`` light."""
-        self._coarse.submit(shots, declared, state.thresholds)
-
-    def read(self) -> Counts:
-        """Counts of the pair compared last with ``active`` light."""
-        return self._coarse.read()
 
     @property
     def coarse(self) -> CoarseLight | None:
         """The coarse light of the pair shown; None if its light is exact."""
         return self._coarse if self.active is not None else None
 
-    def refine(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> None:
+    def refine(self, state: ViewerState) -> None:
         """Trace one more sample if the image is still and time passes."""
         still = not state.moving and state.elapsed > 0.0 and state.still_seconds >= STILL_SECONDS
-        if not still or not self.pending(state, feed, shot, channel):
+        if not still or not self.pending(state):
             return
         if self._refiner is None:
-            self._refiner = self.own(Refiner(self.gpu, feed, state.switched_off, self._timer))
-        self._refiner.add(shot, feed.source)
-        self._key = shot.key
+            self._refiner = self.own(Refiner(self.gpu, self._feed, state.switched_off, self._timer))
+        self._refiner.add(self._shot, self._feed.source)
+        self._refined = self._shot.key
 
-    def refinable(self, state: ViewerState, feed: Any, channel: str) -> bool:
-        return channel in REFINED and self.lit(feed) and not state.freeze_current and not self._hidden
-
-    def pending(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> bool:
+    def pending(self, state: ViewerState) -> bool:
         """Whether more samples are to be traced."""
-        return self.refinable(state, feed, channel) and self.traced(shot, channel) < state.samples
+        refinable = self._channel in REFINED and self.lit and not state.freeze_current and not self._hidden
+        return refinable and self.traced < state.samples
 
-    def traced(self, shot: Shot, channel: str) -> int:
-        """Path-traced samples that there are of a shot."""
-        refined = self._refiner is not None and channel in REFINED and self._key == shot.key and self.active is None
-        return self._refiner.samples if refined and not self._hidden else 0
+    @property
+    def traced(self) -> int:
+        """Path-traced samples per pixel that there are, shown or not yet."""
+        there = self._refiner is not None and self._channel in REFINED and self._refined == self._shot.key
+        return self._refiner.samples if there and self.active is None and not self._hidden else 0
 
-    def samples(self, shot: Shot, channel: str) -> int:
-        """Path-traced samples that the image of a shot has; 0 while its light is that of the light method."""
-        traced = self.traced(shot, channel)
-        return traced if traced and self._refiner.better else 0
+    @property
+    def samples(self) -> int:
+        """Path-traced samples per pixel of the image; 0 while its light is that of the light method."""
+        return self.traced if self.traced and self._refiner.converged else 0
 
-    def source(self, shot: Shot, channel: str) -> RasterSource | None:
-        """The source of a channel other than the feed's; None for the feed's."""
-        if self.active is not None and channel in REFINED:
+    @property
+    def source(self) -> RasterSource | None:
+        """The source of the channel if it is not that of the feed, else None."""
+        if self.active is not None and self._channel in REFINED:
             return self._coarse.source
-        return self._refiner.source if self.samples(shot, channel) else None
+        return self._refiner.source if self.samples else None
 
-    def text(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> str:
+    def text(self, state: ViewerState) -> str:
         """The quality of light in words; empty without light."""
-        if not self.lit(feed):
+        if not self.lit:
             return ""
         if self.active is not None:
             return self.active.text
-        samples, lighting = self.samples(shot, channel), feed.settings.lighting
-        if samples:
-            return f"path-traced light, {samples} of {state.samples} samples per pixel"
+        lighting = self._feed.settings.lighting
+        if self.samples:
+            return f"path-traced light, {self.samples} of {state.samples} samples per pixel"
         if lighting.light == "path-traced":
             return f"path-traced light, {lighting.spp} sample{'' if lighting.spp == 1 else 's'} per pixel"
-        of = "light of the preview, approximate," if lighting.light in PREVIEWED else "light"
-        traced = self.traced(shot, channel)
-        still = f"; {traced} of {state.samples} path-traced samples have more noise" if traced else ""
-        return f"{of} at full resolution{still}"
+        kind = "light of the preview, approximate," if lighting.light in PREVIEWED else "light"
+        noisy = f"; {self.traced} of {state.samples} path-traced samples have more noise" if self.traced else ""
+        return f"{kind} at full resolution{noisy}"
 
     def reset(self) -> None:
         """Free everything: the feed has another source."""
         self.release()
-        self._evaluator = self._geometry = self._coarse = self._refiner = self.active = self._key = None
+        self._evaluator = self._geometry = self._coarse = self._refiner = self.active = self._refined = None

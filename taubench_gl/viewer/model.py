@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +15,60 @@ from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.features import FEATURES
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.owner import Owner
+from taubench_gl.gpu.timing import WALL_CLOCK, wall_time
 from taubench_gl.outputs import write_png
 from taubench_gl.report.video import Video
 from taubench_gl.viewer import prefs, session_file
-from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.actions import run_action
 from taubench_gl.viewer.comparisons import open_comparisons
-from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
+from taubench_gl.viewer.controls import MASKS, SOURCE
+from taubench_gl.viewer.engine import ViewerEngine
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
 from taubench_gl.viewer.layout import Layout, Shown, arrange
 from taubench_gl.viewer.names import PixelNames
-from taubench_gl.viewer.state import HISTORY, ViewerState, variables
+from taubench_gl.viewer.state import HISTORY, ViewerState
 from taubench_gl.viewer.timeline import Rates, Timeline
 
 Array = np.ndarray
 LIGHT = ("direct", "color", "emission")
 """Effects that start disabled on software OpenGL."""
+
+
+SMOOTHING = 0.2
+"""Weight of the latest time in the moving average."""
+
+
+class LiveTimer:
+    """Moving average of each pass's time, ``ms``; has the interface of ``gpu.timing.PassTimer``.
+
+    It measures only while ``enabled``, because it waits for the GPU before and after each pass.
+    """
+
+    clock = WALL_CLOCK
+
+    def __init__(self, gpu: Gpu):
+        self._gpu, self.enabled = gpu, False
+        self.ms: dict[str, float] = {}
+        self.latest: frozenset[str] = frozenset()  # passes of the last update that had any
+        self._measured: set[str] = set()  # since the last update began
+
+    def update(self) -> None:
+        """Tell the timer that the next update of the image begins."""
+        if self._measured:
+            self.latest = frozenset(self._measured)
+            self._measured.clear()
+
+    @contextmanager
+    def measure(self, name: str) -> Iterator[None]:
+        if not self.enabled:
+            yield
+            return
+        with wall_time(self._gpu, partial(self._record, name)):
+            yield
+
+    def _record(self, name: str, elapsed: float) -> None:
+        self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)
+        self._measured.add(name)
 
 
 class ViewerModel(Owner):
@@ -50,7 +91,7 @@ class ViewerModel(Owner):
         self.state, engine = self._open(request)
         self.engine = self.own(engine)
         self.timeline = self.own(Timeline(gpu, self.state.first, self.state.last))
-        prefs.apply(stored, self.state)
+        stored.apply(self.state)
         self.state.message = note or self.state.message
         self.screenshots = Path(".")  # folder of screenshots and clips
         self.clip: Video | None = None
@@ -63,10 +104,10 @@ class ViewerModel(Owner):
 
     def _open(self, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
         with Owner().opening() as owner:
-            return self._shown(owner, request)
+            return self._open_owned(owner, request)
 
-    def _shown(self, owner: Owner, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
-        """``owner``: of what is opened until all of it is."""
+    def _open_owned(self, owner: Owner, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
+        """State and engine for ``request``.  ``owner`` frees what was opened if a later step fails."""
         opened = open_feed(self.gpu, request, self.timer)
         feed = owner.own(opened.feed)
         comparisons = open_comparisons(self.gpu, request, feed)
@@ -83,8 +124,8 @@ class ViewerModel(Owner):
             state.methods = (request.method, *(name for name in state.methods if name != request.method))
             state.method, state.beside = request.method, "method" in comparisons
         state.others = (*HISTORY, *comparisons)
-        wanted = ["method"] if request.method is not None else []
-        state.against = next((n for n in (*wanted, "reference", "run") if n in comparisons), "reprojected")
+        preferred = ("method", "reference", "run") if request.method is not None else ("reference", "run")
+        state.against = next((name for name in preferred if name in comparisons), "reprojected")
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)
@@ -101,9 +142,9 @@ class ViewerModel(Owner):
         if request.restored is not None:
             request.restored.apply(state, engine.user)
             engine.update(state)  # now the image has the stored size, and channels depend on the effects
-            left = request.restored.apply(state, engine.user)
+            misfits = request.restored.apply(state, engine.user)
             engine.update(state)
-            state.message = f"restored without {', '.join(left)}" if left else "restored"
+            state.message = f"restored without {', '.join(misfits)}" if misfits else "restored"
         return state, engine
 
     def reopen(self, request: OpenRequest) -> bool:
@@ -116,7 +157,7 @@ class ViewerModel(Owner):
         if self.clip is not None:
             self._toggle_clip()
         if request.restored is None:
-            prefs.apply(prefs.Prefs(values=variables(self.state)), state)
+            prefs.Prefs(values=prefs.kept(self.state)).apply(state)
         self._request, self.state, self.engine = request, state, self.own(engine, instead_of=self.engine)
         self.timeline = self.own(Timeline(self.gpu, state.first, state.last), instead_of=self.timeline)
         self._probed = self._named = None
@@ -148,7 +189,7 @@ class ViewerModel(Owner):
 
     def act(self, name: str) -> None:
         """Run an action and serve its requests.  Raises KeyError for an unknown action."""
-        ACTIONS[name].run(self.state)
+        run_action(name, self.state)
         for request in self.state.requests:
             self._serve(request)
         self.state.requests.clear()
@@ -229,15 +270,17 @@ class ViewerModel(Owner):
         if drawn == self._recorded or s.camera != "file" or s.freeze_current or s.freeze_previous:
             return
         self._recorded = drawn
-        key = (tuple(s.thresholds.items()), s.switched_off, s.live)
-        self.timeline.record(key, s.frame, Rates(engine.percentages(), engine.reusable()[1], engine.coarse_light))
+        key = s.restarted_by(MASKS, SOURCE)
+        self.timeline.record(
+            key, s.frame, Rates(engine.percentages(), engine.reusable()[1], engine.lights.active is not None)
+        )
         if self.timeline.lacks_image(s.frame):
             self.timeline.show(s.frame, engine.image())
 
     @property
     def busy(self) -> bool:
         """Whether the image changes without input."""
-        return self.state.busy or self.camera_moves or self.engine.refining(self.state)
+        return self.state.busy or self.camera_moves or self.engine.lights.pending(self.state)
 
     @property
     def layout(self) -> Layout:

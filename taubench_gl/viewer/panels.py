@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 
+import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.animation import OrbitCamera
-from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, OPTIONS, REASONS, STATISTICS, label_of
+from taubench_gl.features import FEATURE_BIT, FEATURES, TABLE
+from taubench_gl.glossary import COLUMNS, CONCEPTS, EXACT_REASONS, OPTIONS, REASONS, STATISTICS, label_of
+from taubench_gl.metrics.counts import edges
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.actions import help_lines, key_words
-from taubench_gl.viewer.display import VISUALIZATIONS
+from taubench_gl.viewer.display import OUTLINE_COLOR, VISUALIZATIONS
 from taubench_gl.viewer.feeds import Feed
 from taubench_gl.viewer.image_marks import draw_marks
 from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
-from taubench_gl.viewer.scene_panel import ScenePanel
-from taubench_gl.viewer.state import (
-    CAMERAS,
-    COMPARISONS,
-    DOCKED,
-    EXACT_OVERLAYS,
-    LIVE_CHOICES,
-    METHOD_IMAGES,
-    METHOD_INPUTS,
-    MOVING_LIGHTS,
-    OVERLAYS,
-    set_variable,
-)
-from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
-from taubench_gl.viewer.timeline_panel import draw_timeline
+from taubench_gl.viewer.scene_tree import SceneTree
+from taubench_gl.viewer.state import CAMERAS, CONTROLS, DOCKED, EXACT_OVERLAYS, OVERLAYS, ViewerState
+from taubench_gl.viewer.timeline import Timeline
 from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar
 
 SCORES = {
@@ -42,8 +35,7 @@ SCORES = {
     "bound_linear_mse": "bound, linear MSE",
     "headroom_db": "headroom, dB",
 }
-"""Columns of ``reuse evaluate`` -> how the section compare names them."""
-LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
+"""Column of ``reuse evaluate`` -> its label in the section compare."""
 
 
 class Panels:
@@ -54,12 +46,18 @@ class Panels:
         self._ui = Widgets(viewer)
         self._pixel = PixelPanel(self._ui)
         self._lighting: tuple[Settings | None, str] = (None, "")  # settings and what their light is in words
-        self._bodies: dict[str, Callable[[], None]] = {
-            "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
-            "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
-            "effects": self._effects, "time": self._time, "lesson": self._lesson,
-            "scene": ScenePanel(self._ui).draw,
+        self._first: dict[str, Callable[[], None]] = {
+            "camera": self._camera, "image": self._channels, "compare": lambda: self._ui.draw("against"),
+            "masks": self._reusable, "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw,
+            "effects": self._effects, "time": self._time, "lesson": self._lesson, "scene": ScenePanel(self._ui).draw,
         }  # fmt: skip
+        """Section -> function that draws what comes before the widgets of its controls."""
+        self._after: dict[str, Callable[[], None]] = {
+            "freeze_current": imgui.same_line, "auto_range": self._range, "arrows": self._arrow_scale,
+            "method_image": self._scores, "flicker_hz": self._flickering, "overlays": self._opacity,
+            "exact": self._legend, "samples": self._size,
+        }  # fmt: skip
+        """Control -> function that draws what follows its widget."""
 
     @property
     def widgets(self) -> dict[str, Rect]:
@@ -74,7 +72,7 @@ class Panels:
         docks, shown = self._viewer.state.docks, [n for n in DOCKED if n != "lesson" or self._viewer.state.lesson]
         for side, rect in (("left", layout.left), ("right", layout.right)):
             if rect is not None:
-                names = [n for n in shown if n in self._bodies and (layout.merged or docks[n] == side)]
+                names = [n for n in shown if layout.merged or docks[n] == side]
                 self._window(side, rect, lambda names=names: self._sections(names, layout.merged))
         if layout.bar is not None:
             self._window("bar", layout.bar, self._bar)
@@ -102,12 +100,21 @@ class Panels:
                 self._move_button(name, right)
             if state.sections[name]:
                 imgui.push_item_width(150)
-                self._bodies[name]()
+                self._body(name)
                 imgui.pop_item_width()
                 imgui.dummy(ImVec2(0, 3))
 
+    def _body(self, section: str) -> None:
+        if section in self._first:
+            self._first[section]()
+        for control in CONTROLS.values():
+            if control.section == section and control.visible(self._viewer.state):
+                self._ui.draw(control.name)
+                if control.name in self._after:
+                    self._after[control.name]()
+
     def _move_button(self, name: str, right: float) -> None:
-        """Moves a section to the other side panel."""
+        """Draw the button that moves a section to the other side panel."""
         docks = self._viewer.state.docks
         imgui.same_line(right - 18.0)
         if imgui.small_button(("<" if docks[name] == "right" else ">") + f"##{name}"):
@@ -162,16 +169,13 @@ class Panels:
             if imgui.radio_button(self._camera_label(mode), s.camera == mode):
                 self._viewer.act("file camera" if mode == "file" else mode)
             self._ui.place(f"camera.{mode}")
-        self._ui.check("freeze current", s.freeze_current, "freeze current", "freeze_current")
-        imgui.same_line()
-        self._ui.check("freeze previous", s.freeze_previous, "freeze previous", "freeze_previous")
 
     def _camera_label(self, mode: str) -> str:
-        """A file without a camera is seen from an orbit that frames it."""
+        """Text beside the radio button of a camera; a file without a camera is seen from an orbit that frames it."""
         framing = isinstance(getattr(self._viewer.engine.feed, "camera", None), OrbitCamera)
         return "framing orbit" if mode == "file" and framing else mode
 
-    def _image(self) -> None:
+    def _channels(self) -> None:
         s = self._viewer.state
         if imgui.begin_combo("channel", s.channel.replace("_", " ")):
             for name in s.channels:
@@ -179,46 +183,40 @@ class Panels:
                     s.channel = name
             imgui.end_combo()
         self._ui.place("channel")
-        self._ui.check("auto", s.auto_range, "auto range", "auto_range")
+
+    def _range(self) -> None:
+        s = self._viewer.state
         imgui.same_line()
         step = max((s.high - s.low) * 0.01, 1e-4)
         changed, low, high = imgui.drag_float_range2("range", s.low, s.high, step, 0, 0, "%.3g", "%.3g")
         self._ui.place("range")
         if changed:
             s.set_range(low, high)
-        self._ui.check("motion arrows", s.arrows, "arrows", "arrows")
-        if s.arrows:
-            text = "%.3g x" if s.arrow_scale else f"fitting: {self._viewer.engine.arrow_scale:.3g} x"
-            self._ui.slider("arrow_scale", 0.0, 100.0, text, LOGARITHMIC, "length")
 
-    def _compare(self) -> None:
+    def _arrow_scale(self) -> None:
         s = self._viewer.state
-        self._ui.pick("with", "against", s.others)
-        self._ui.pick("mode", "comparison", COMPARISONS)
-        self._ui.check("beside the image, with the error map", s.beside, "beside", "beside")
-        if s.against == "method":
-            self._ui.pick("method", "method", s.methods)
-            self._ui.pick("input", "method_input", METHOD_INPUTS)
-            self._ui.pick("image", "method_image", METHOD_IMAGES)
-            self._ui.faint("results are colors: show the channel color", wrap=True)
-            for name, label in SCORES.items():
-                if (value := self._viewer.engine.method_scores(s).get(name)) is not None:
-                    self._ui.pair(label, f"{value:.4g}", 190.0)
-        if s.beside or s.comparison in ("difference", "error", "ghost"):
-            self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
-        if s.comparison == "split":
-            self._ui.slider("split", 0.0, 1.0, "%.2f")
-        elif s.comparison == "flicker":
-            self._ui.slider("flicker_hz", 0.25, 30.0, "%.2g per second", LOGARITHMIC)
-            self._ui.faint(f"shown: {s.against if s.flicker_other else 'this image'}")
+        if s.arrows:
+            fitting = f"fitting: {self._viewer.engine.arrow_scale:.3g} x"
+            self._ui.draw("arrow_scale", "" if s.arrow_scale else fitting)
 
-    def _masks(self) -> None:
-        s, percentages = self._viewer.state, self._viewer.engine.percentages()
-        self._reusable()
-        self._ui.check("masks", s.overlays, "overlays", "overlays")
+    def _scores(self) -> None:
+        self._ui.faint("results are colors: show the channel color", wrap=True)
+        scores = self._viewer.engine.method_scores(self._viewer.state)
+        for name, label in SCORES.items():
+            if (value := scores.get(name)) is not None:
+                self._ui.pair(label, f"{value:.4g}", 190.0)
+
+    def _flickering(self) -> None:
+        s = self._viewer.state
+        self._ui.faint(f"shown: {s.against if s.flicker_other else 'this image'}")
+
+    def _opacity(self) -> None:
         imgui.same_line()
-        self._ui.slider("opacity", 0.0, 1.0, "%.2f")
-        self._ui.check("exact reasons", s.exact, "exact", "exact")
+        self._ui.draw("opacity")
+
+    def _legend(self) -> None:
+        """The masks or exact reasons with their shares."""
+        s, percentages = self._viewer.state, self._viewer.engine.percentages()
         self._ui.faint("% of all pixels")
         if s.exact:
             self._exact_legend(percentages)
@@ -256,21 +254,9 @@ class Panels:
         mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.stereo else " reprojection")
         self._ui.faint(f"{mode}: {words}", wrap=True)
 
-    def _settings(self) -> None:
-        """Settings that change while looking, and what they result in."""
-        s, feed = self._viewer.state, self._viewer.engine.feed
-        for name, choices in LIVE_CHOICES.items():
-            value = f"{getattr(s.live, name):g}" if name == "scale" else getattr(s.live, name)
-            picked = self._ui.choose(name, value, choices)
-            if picked is not None:
-                set_variable(s, name, picked)
-        changed, stops = imgui.slider_float("exposure", s.live.stops, -8.0, 8.0, "%+.2f stops")
-        self._ui.place("stops", slider=True)
-        if changed:
-            set_variable(s, "stops", str(stops))
-        self._ui.pick("while moving", "moving_light", MOVING_LIGHTS)
-        samples = self._ui.number("path tracing", s.samples, 0, 1024, "%d samples", "samples", LOGARITHMIC)
-        s.samples = s.samples if samples is None else samples
+    def _size(self) -> None:
+        """Size and exposure of the image, which follow from the settings."""
+        feed = self._viewer.engine.feed
         width, height = feed.size
         self._ui.faint(f"{width} x {height} pixels, exposure {feed.settings.lighting.exposure_factor:.4g}", wrap=True)
 
@@ -341,3 +327,239 @@ class Panels:
                     self._ui.faint(doc, wrap=True)
             imgui.end_table()
         imgui.end()
+
+
+LEAST = 1e-4
+"""Lower end of a threshold slider."""
+MOST = {feature.name: feature.most for feature in TABLE if feature.most}
+"""Feature -> upper end of its threshold slider; it is 10 for the other features."""
+SLIDER_HEIGHT = 30.0
+_EDGES = np.append(0.0, edges())
+
+
+def columns(counts: np.ndarray, high: float, width: int) -> np.ndarray:
+    """Pixels per column of a logarithmic axis from LEAST to ``high``, (width,) float64.
+
+    ``counts``: (HISTOGRAM_BINS,) pixels per bin of distance; a bin is spread over the columns that it covers.
+    Distances below LEAST are in the first column, those above ``high`` in the last.
+    """
+    total = np.zeros(len(counts) + 1)
+    np.cumsum(counts, out=total[1:])
+    inner = np.interp(np.arange(1, width), _places(high, width), total)
+    return np.diff(inner, prepend=0.0, append=total[-1])
+
+
+@lru_cache(maxsize=16)
+def _places(high: float, width: int) -> np.ndarray:
+    """Edges of the bins on the axis of ``columns``, (HISTOGRAM_BINS + 1,) columns."""
+    with np.errstate(divide="ignore"):
+        at = np.log(np.append(_EDGES, np.inf) / LEAST) / math.log(high / LEAST) * width
+    return np.clip(at, 0.0, width)
+
+
+class ThresholdsPanel:
+    """Draws the section of thresholds: a slider for each feature, with the histogram of its distances inside."""
+
+    def __init__(self, ui: Widgets):
+        self._ui = ui
+
+    def draw(self) -> None:
+        engine = self._ui.viewer.engine
+        width = imgui.get_content_region_avail().x - 66.0
+        for feature in FEATURES:
+            if feature not in engine.feed.source.unmeasured:
+                self._feature(feature, width)
+
+    def _feature(self, feature: str, width: float) -> None:
+        s, engine = self._ui.viewer.state, self._ui.viewer.engine
+        high = MOST.get(feature, 10.0)
+        corner = imgui.get_cursor_screen_pos()
+        bar(corner.x, corner.y, width, SLIDER_HEIGHT, (0.195, 0.205, 0.224))  # the slider has no background of its own
+        _histogram(engine.histograms.get(feature), feature, s.thresholds[feature], high, (corner.x, corner.y, width))
+        for name in ("frame_bg", "frame_bg_hovered", "frame_bg_active"):
+            imgui.push_style_color(getattr(imgui.Col_, name).value, ImVec4(0.0, 0.0, 0.0, 0.0))
+        imgui.push_style_var(
+            imgui.StyleVar_.frame_padding.value, ImVec2(8, (SLIDER_HEIGHT - imgui.get_font_size()) / 2)
+        )
+        imgui.set_next_item_width(width)
+        changed, value = imgui.slider_float(
+            f"{feature}##threshold", s.thresholds[feature], LEAST, high, f"%.4f{s.unit(feature)}",
+            imgui.SliderFlags_.logarithmic.value,
+        )  # fmt: skip
+        imgui.pop_style_var()
+        imgui.pop_style_color(3)
+        imgui.push_item_width(width)
+        self._ui.place(f"threshold.{feature}", slider=True)
+        imgui.pop_item_width()
+        self._ui.explain(COLUMNS[feature].tooltip)
+        if changed:
+            s.feature = feature
+            s.set_threshold(feature, value)
+
+
+def _histogram(counts: np.ndarray | None, feature: str, limit: float, high: float, place: tuple[float, ...]) -> None:
+    """Bars of a logarithmic number of pixels: those above the threshold in the color of the feature's mask."""
+    if counts is None or not counts.any():
+        return
+    x, y, width = place
+    many = columns(counts, high, int(width) // 3)
+    heights = np.log1p(many) / np.log1p(many.max())
+    cut = math.log(max(limit, LEAST) / LEAST) / math.log(high / LEAST) * len(many)
+    over = imgui.get_color_u32(ImVec4(*(c / 255.0 for c in color_of(FEATURE_BIT[feature])), 0.85))
+    under, lines = imgui.get_color_u32(ImVec4(0.42, 0.44, 0.48, 0.7)), imgui.get_window_draw_list()
+    smooth = lines.flags
+    lines.flags = 0  # upright edges between pixels: smoothing them would take five times the triangles
+    for i, height in enumerate(heights.tolist()):
+        if height > 0.0:
+            low, high_end = (
+                ImVec2(x + 3 * i, y + SLIDER_HEIGHT * (1.0 - height)),
+                ImVec2(x + 3 * i + 2.0, y + SLIDER_HEIGHT),
+            )
+            lines.add_rect_filled(low, high_end, over if i + 0.5 >= cut else under)
+    lines.flags = smooth
+
+
+TIMELINE_HEIGHT = 44.0
+"""Height of the timeline, screen points."""
+HEADROOM = 1.15
+"""The largest share of a discard is this much below the upper edge."""
+RATE_COLOR = (1.0, 1.0, 1.0, 0.95)
+
+
+def draw_timeline(ui: Widgets, timeline: Timeline) -> None:
+    """Small images, curves of the masks that are shown and of the reuse rate (white), a line at the frame.
+
+    A click goes to a frame; the mouse over it names its rates.
+    """
+    s = ui.viewer.state
+    corner, width = imgui.get_cursor_screen_pos(), max(imgui.get_content_region_avail().x, 40.0)
+    imgui.image(imgui.ImTextureRef(timeline.texture.glo), ImVec2(width, TIMELINE_HEIGHT))
+    bar(corner.x, corner.y, width, TIMELINE_HEIGHT, (0.0, 0.0, 0.0, 0.55))
+    imgui.set_cursor_screen_pos(corner)
+    imgui.invisible_button("##timeline", ImVec2(width, TIMELINE_HEIGHT))
+    ui.place("timeline")
+    at = timeline.frame_at((imgui.get_mouse_pos().x - corner.x) / width)
+    if imgui.is_item_active():
+        s.playing = False
+        s.go_to(at)
+    elif imgui.is_item_hovered():
+        imgui.set_tooltip(_words(timeline, s, at))
+
+    def point(frame: int, share: float) -> ImVec2:
+        return ImVec2(corner.x + timeline.place(frame) * width, corner.y + TIMELINE_HEIGHT * (1.0 - share))
+
+    for color, shares in _curves(timeline, s):
+        drawn = imgui.get_color_u32(ImVec4(*color))
+        for frame, share in shares.items():
+            if frame + 1 in shares:
+                ends = point(frame, share), point(frame + 1, shares[frame + 1])
+                imgui.get_window_draw_list().add_line(*ends, drawn, 1.5)
+    bar(point(s.frame, 1.0).x - 1.0, corner.y, 2.0, TIMELINE_HEIGHT, (1.0, 0.85, 0.3))
+
+
+def _curves(timeline: Timeline, s: ViewerState) -> list[tuple[tuple[float, ...], dict[int, float]]]:
+    """Color and height (0 to 1) by frame of each curve; discards have the scale of the largest one."""
+    rates = dict(sorted(timeline.rates.items()))
+    names = [n for n in s.active_overlays() if n in OVERLAYS]
+    shares = {n: {f: r.percent[n] for f, r in rates.items() if r.percent.get(n) is not None} for n in names}
+    most = HEADROOM * max((p for by in shares.values() for p in by.values()), default=1.0) or 1.0
+    curves = [
+        ((*(c / 255.0 for c in color_of(OVERLAYS[n])), 1.0), {f: p / most for f, p in by.items()})
+        for n, by in shares.items()
+    ]
+    return [*curves, (RATE_COLOR, {f: r.reusable / 100.0 for f, r in rates.items() if r.reusable is not None})]
+
+
+def _words(timeline: Timeline, s: ViewerState, frame: int) -> str:
+    rates = timeline.rates.get(frame)
+    if rates is None:
+        return f"frame {frame}: not shown yet"
+    lines = [f"frame {frame}"]
+    lines += [] if rates.reusable is None else [f"reusable {rates.reusable:.1f} % of surface pixels"]
+    percent = {n: rates.percent.get(n) for n in s.active_overlays() if n in OVERLAYS}
+    lines += [f"{n.replace('_', ' ')} {p:.2f} % of all pixels" for n, p in percent.items() if p is not None]
+    return "\n".join([*lines, *(["light is coarse"] if rates.coarse else [])])
+
+
+INDENT = 12.0
+"""Indentation of one level of the scene tree, screen points."""
+_NODE = imgui.TreeNodeFlags_.no_tree_push_on_open.value | imgui.TreeNodeFlags_.open_on_arrow.value
+
+
+class ScenePanel:
+    """Draws the section of the scene: its nodes as a tree, in which one can be selected.
+
+    Only the rows in view are built: a scene can have thousands of nodes.
+    """
+
+    def __init__(self, ui: Widgets):
+        self._ui = ui
+        self._tree: SceneTree | None = None
+        self._open: set[int] = set()  # nodes whose children are listed
+        self._search = ""
+        self._rows: list[tuple[int, int]] | None = None  # node and depth of each row; None: to be made again
+        self._followed: int | None = None  # the selection that the rows were scrolled to
+
+    def draw(self) -> None:
+        viewer = self._ui.viewer
+        s, tree = viewer.state, viewer.engine.feed.tree
+        if tree is None:
+            self._ui.faint("path-traced files have no nodes")
+            return
+        if tree is not self._tree:
+            self._tree, self._open, self._search, self._rows, self._followed = tree, set(), "", None, None
+        if s.selection != self._followed:
+            self._followed = s.selection
+            if s.selection is not None:
+                self._open |= tree.ancestors(s.selection)
+                self._search, self._rows = "", None
+                self._ui.reveal = f"node.{tree.labels[s.selection]}"
+        # Another name after a selection: a text field that is being edited keeps its own text.
+        changed, self._search = imgui.input_text_with_hint(f"##search {self._followed}", "search", self._search)
+        self._ui.place("search", slider=True)
+        if changed or self._rows is None:
+            self._rows = self._listed()
+        clipper = imgui.ListClipper()
+        clipper.begin(len(self._rows), imgui.get_text_line_height_with_spacing())
+        if (self._ui.reveal or "").startswith("node."):  # a row that is to be scrolled to must be built
+            shown = (i for i, (node, _) in enumerate(self._rows) if self._ui.reveal == f"node.{tree.labels[node]}")
+            for row in shown:
+                clipper.include_item_by_index(row)
+        while clipper.step():
+            for node, depth in self._rows[clipper.display_start : clipper.display_end]:
+                self._row(node, depth)
+
+    def _listed(self) -> list[tuple[int, int]]:
+        """Nodes whose name contains the search text, or without one the open part of the tree."""
+        tree, text, rows = self._tree, self._search.lower(), []
+        stack = [(node, 0) for node in reversed(tree.roots)]
+        while stack:
+            node, depth = stack.pop()
+            if text in tree.labels[node].lower():
+                rows.append((node, 0 if text else depth))
+            if text or node in self._open:
+                stack += [(child, depth + 1) for child in reversed(tree.children[node])]
+        return rows
+
+    def _row(self, node: int, depth: int) -> None:
+        s, tree = self._ui.viewer.state, self._tree
+        label = tree.labels[node]
+        leaf = bool(self._search) or not tree.children[node]
+        flags = _NODE | imgui.TreeNodeFlags_.leaf.value * leaf
+        imgui.dummy(ImVec2(INDENT * depth, 0.0))
+        imgui.same_line(0.0, 0.0)
+        imgui.set_next_item_open(node in self._open)
+        color = ImVec4(*OUTLINE_COLOR) if s.selection == node else imgui.get_style_color_vec4(imgui.Col_.text.value)
+        imgui.push_style_color(imgui.Col_.text.value, color)
+        imgui.tree_node_ex(str(node), flags, label)
+        imgui.pop_style_color()
+        self._ui.place(f"node.{label}")
+        if imgui.is_item_toggled_open():
+            self._open ^= {node}
+            self._rows = None
+        elif imgui.is_item_clicked():
+            s.selection = self._followed = None if s.selection == node else node
+        hidden = not self._ui.viewer.engine.visible(node)
+        words = [tree.kinds[node], *["animated"] * bool(tree.animated[node]), *["hidden"] * hidden]
+        imgui.same_line()
+        self._ui.faint(", ".join(filter(None, words)))

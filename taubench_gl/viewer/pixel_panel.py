@@ -7,8 +7,8 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from taubench_gl.evaluation.explain import Explanation, FeatureValues
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.report.palette import color_of
+from taubench_gl.viewer.display import TILES
 from taubench_gl.viewer.image_marks import HISTORY_COLOR, PIXEL_COLOR
-from taubench_gl.viewer.magnifier import TILES
 from taubench_gl.viewer.widgets import Widgets, bar
 
 MARK = {"previous": HISTORY_COLOR, "reprojected": PIXEL_COLOR, "current": PIXEL_COLOR}
@@ -18,7 +18,7 @@ REACH = 2.0
 
 
 class PixelPanel:
-    """Draws the section."""
+    """Draws the section of the probe."""
 
     def __init__(self, ui: Widgets):
         self._ui = ui
@@ -46,7 +46,7 @@ class PixelPanel:
             self._feature(name, values)
 
     def _strip(self, explained: Explanation) -> None:
-        """TILES side by side, with the pixel marked in each."""
+        """The three magnified images side by side, with the pixel marked in each."""
         viewer, s = self._ui.viewer, self._ui.viewer.state
         texture = viewer.engine.magnify(s, explained)
         side = int((imgui.get_content_region_avail().x - GAP * (len(TILES) - 1)) / len(TILES))
@@ -61,8 +61,11 @@ class PixelPanel:
                 _mark(x, corner.y, side, s.magnified, MARK[name])
             imgui.set_cursor_screen_pos(ImVec2(x, corner.y + side + 2))
             self._ui.faint(name)
-        half = self._ui.number("pixels", s.magnified // 2, 1, 30, f"{s.magnified} x {s.magnified}", "magnified")
-        s.magnified = s.magnified if half is None else 2 * half + 1
+        text = f"{s.magnified} x {s.magnified}"
+        changed, half = imgui.slider_int("pixels", s.magnified // 2, 1, 30, text)
+        self._ui.place("magnified", slider=True)
+        if changed:
+            s.magnified = 2 * half + 1
 
     def _names(self, explained: Explanation) -> None:
         where = "none" if explained.at is None else f"{explained.at[0]:.2f}, {explained.at[1]:.2f}"

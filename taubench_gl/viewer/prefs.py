@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+import msgspec
 
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.outputs import cannot_write, write_atomically
-from taubench_gl.viewer.state import OVERLAYS, SECTIONS, ViewerState, set_variable, variables
+from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variable
 
 FILE = "viewer.json"
-_KEPT = ("opacity", "overlays", "arrows", "frusta", "panels", "speed", "gain")
+_Width = Annotated[int, msgspec.Meta(ge=200, le=16384)]
+_Height = Annotated[int, msgspec.Meta(ge=150, le=16384)]
 
 
-@dataclass(slots=True)
-class Prefs:
-    window: tuple[int, int] | None = None
-    values: dict[str, Any] | None = None
+class Prefs(msgspec.Struct):
+    """Content of FILE.  ``window``: size in screen points; ``values``: preferences by name, as ``variables``."""
+
+    window: tuple[_Width, _Height] | None = None
+    values: dict[str, str | int | float] = {}
+
+    def apply(self, state: ViewerState) -> None:
+        """Set the stored values; names and values that are unknown are skipped."""
+        names = kept(state)
+        for name, value in self.values.items():
+            if name in names:
+                try:
+                    set_variable(state, name, str(value))
+                except TaubenchError:  # written by another version
+                    continue
+
+
+def kept(state: ViewerState) -> dict[str, str | int | float]:
+    """The preferences that ``state`` has, by name."""
+    return {name: v for control in CONTROLS.values() if control.preference for name, v in control.read(state).items()}
 
 
 def load(folder: Path) -> tuple[Prefs, str]:
@@ -28,43 +45,19 @@ def load(folder: Path) -> tuple[Prefs, str]:
     if not path.exists():
         return Prefs(), ""
     try:
-        data = read_json(path)
-        window = data.get("window")
-        if window is not None:
-            window = (int(window[0]), int(window[1]))
-            if not (200 <= window[0] <= 16384 and 150 <= window[1] <= 16384):
-                raise ValueError("window size")
-        values = data.get("values", {})
-        if not isinstance(values, dict):
-            raise ValueError("values")
-    except (OutputError, ValueError, TypeError, AttributeError, IndexError, KeyError):
+        return msgspec.convert(read_json(path, Prefs), Prefs), ""
+    except OutputError:
         return Prefs(), f"{FILE} cannot be read and is ignored"
-    return Prefs(window, values), ""
-
-
-def apply(prefs: Prefs, state: ViewerState) -> None:
-    """Set the stored values; unknown names and values are skipped."""
-    for name, value in (prefs.values or {}).items():
-        if name in _kept():
-            try:
-                set_variable(state, name, str(value))
-            except TaubenchError:  # written by another version
-                continue
 
 
 def save(folder: Path, state: ViewerState, window: tuple[int, int] | None) -> str:
     """Store window size and display options; returns a note if that fails, else an empty string."""
-    now = variables(state)
-    text = json.dumps({"window": window, "values": {n: now[n] for n in _kept()}}, indent=1) + "\n"
+    file = msgspec.json.encode(Prefs(window, kept(state)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(folder / FILE, text)
+        write_atomically(folder / FILE, msgspec.json.format(file, indent=1).decode() + "\n")
     except OutputError as error:
         return str(error)
     except OSError as error:
         return str(cannot_write(folder, error))
     return ""
-
-
-def _kept() -> list[str]:
-    return [*_KEPT, *(f"show.{n}" for n in OVERLAYS), *(f"section.{n}" for n in SECTIONS)]

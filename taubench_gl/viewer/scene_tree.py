@@ -48,7 +48,7 @@ class SceneTree:
         return cls(tuple(labels), words, nodes.parent, _animated(scene), tuple(map(tuple, below)), tuple(roots))
 
     def ancestors(self, node: int) -> set[int]:
-        """Nodes above ``node``."""
+        """Indices of the nodes above ``node``, up to its root."""
         out: set[int] = set()
         while (node := int(self.parent[node])) >= 0:
             out.add(node)
@@ -64,7 +64,7 @@ class SceneTree:
 
 
 def _animated(scene: Scene) -> Array:
-    """(N,) bool, see ``SceneTree.animated``."""
+    """Whether an animation changes the place, the visibility or the shape of each node, (N,) bool."""
     nodes, changing = scene.nodes, changing_nodes(scene)
     animated = changing.copy()
     animated[[c.index for c in scene.channels if c.target == "node" and c.path == "weights"]] = True

@@ -233,13 +233,13 @@ class ScriptRunner:
                   "image.width": viewer.engine.feed.size[0], "image.height": viewer.engine.feed.size[1],
                   "scene": viewer.engine.feed.name,
                   "pairs.drawn": viewer.engine.drawn.pairs, "images.drawn": viewer.engine.drawn.images,
-                  "light.quality": viewer.engine.light_text(viewer.state),
-                  "light.samples": viewer.engine.light_samples(viewer.state),
-                  "light.traced": viewer.engine.light_traced(viewer.state)}  # fmt: skip
+                  "light.quality": viewer.engine.lights.text(viewer.state),
+                  "light.samples": viewer.engine.lights.samples,
+                  "light.traced": viewer.engine.lights.traced}  # fmt: skip
         known |= {f"method.{n}": v for n, v in viewer.engine.method_scores(viewer.state).items()}
         if name not in known:
-            more = ["overlay.NAME", "count.NAME"]
-            raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")
+            choices = [*known, "overlay.NAME", "count.NAME"]
+            raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join(choices)}")
         return known[name]
 
     def _probed(self) -> dict[str, Any]:

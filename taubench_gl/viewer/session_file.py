@@ -5,41 +5,54 @@ Files beside it or below its folder are named relative to it, so that a folder w
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 from taubench_gl.data_files import read_json
-from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.errors import TaubenchError
 from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.evaluation import PathTracedOptions
 from taubench_gl.pathtraced.sequence import PREFIX
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.cameras import UserCamera
 from taubench_gl.viewer.feeds import OpenRequest
-from taubench_gl.viewer.state import ViewerState, set_variable, variable_names, variables
+from taubench_gl.viewer.state import CONTROLS, ViewerState, set_variable
 
 SCHEMA = "taubench-gl/viewer/1"
 SUFFIX = ".session.json"
-_OPTIONS = ("camera_file", "scene_file", "mapping", "layer")
-"""Of PathTracedOptions."""
-_NOT_KEPT = ("playing", "help")
 Resolve = Callable[[str], tuple[str, dict[str, Any]]]
 
 
 class _Pose(msgspec.Struct, forbid_unknown_fields=True):
+    """The camera of the user: scene units and radians."""
+
     position: tuple[float, float, float]
     yaw: float
     pitch: float
 
 
-class _File(msgspec.Struct, forbid_unknown_fields=True):
-    schema: str
+class _PathTraced(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What the file stores of ``PathTracedOptions``."""
+
+    camera_file: str | None = None
+    scene_file: str | None = None
+    mapping: str | None = None
+    layer: str | None = None
+
+
+class SessionFile(msgspec.Struct, forbid_unknown_fields=True):
+    """Content of a session file.
+
+    ``values``: of controls, by name in scripts; ``camera``: None for the camera of the source; ``lesson``: text of the
+    section lesson; ``given``: settings that the user chose, which override those of a run; the rest is as in
+    ``OpenRequest``.
+    """
+
+    schema: Literal["taubench-gl/viewer/1"]
     source: str
     settings: dict[str, Any]
     given: list[str]
@@ -49,19 +62,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     reference: str | None = None
     run: str | None = None
     method: str | None = None
-    path_traced: dict[str, str | None] = {}
-
-
-@dataclass(frozen=True, slots=True)
-class Restored:
-    """How the viewer showed a source: values of variables, and the camera of the user, None for that of the source.
-
-    ``lesson``: text of the section lesson.
-    """
-
-    values: Mapping[str, str | int | float]
-    camera: _Pose | None = None
-    lesson: str = ""
+    path_traced: _PathTraced = _PathTraced()
 
     def apply(self, state: ViewerState, camera: UserCamera) -> list[str]:
         """Set values and camera; the names of values that do not fit what is open."""
@@ -69,38 +70,56 @@ class Restored:
             camera.position[:] = self.camera.position
             camera.yaw, camera.pitch = self.camera.yaw, self.camera.pitch
         state.lesson = self.lesson
-        left = []
+        misfits = []
         for name, value in self.values.items():
             try:
                 set_variable(state, name, str(value))
             except TaubenchError:
-                left.append(name)
-        return left
+                misfits.append(name)
+        return misfits
+
+    def with_paths(self, change: Callable[[str, Path], str], folder: Path) -> SessionFile:
+        """A copy whose paths are ``change(path, folder)``."""
+
+        def changed(struct: Any, names: tuple[str, ...]) -> Any:
+            paths = {name: getattr(struct, name) for name in names}
+            return msgspec.structs.replace(struct, **{n: p and change(p, folder) for n, p in paths.items()})
+
+        traced = changed(self.path_traced, _PathTraced.__struct_fields__)
+        moved = changed(self, ("source", "reference", "run", "method"))
+        return msgspec.structs.replace(moved, path_traced=traced)
+
+    def write(self, path: Path) -> None:
+        """Write the file; its paths become relative to its folder.  Raises OutputError."""
+        data = msgspec.json.encode(self.with_paths(_stored, path.parent))
+        write_atomically(path, msgspec.json.format(data, indent=1).decode() + "\n")
 
 
 def is_session(text: str) -> bool:
+    """Whether a file of this name is a session file."""
     return text.endswith(SUFFIX)
 
 
 def save(path: Path, request: OpenRequest, state: ViewerState, camera: UserCamera) -> None:
     """Write a session file.  Raises OutputError."""
-    folder, now = path.parent, variables(state)
-    named = {"method"} if state.method == request.method else set()  # the request has its path, relative to the file
-    options = {name: getattr(request.options, name) for name in _OPTIONS}
-    file = _File(
-        SCHEMA,
-        _stored(request.source, folder),
-        request.settings.to_dict(),
-        sorted(request.given),
-        {name: now[name] for name in variable_names(state) if name not in {*_NOT_KEPT, *named}},
-        _Pose(tuple(map(float, camera.position)), float(camera.yaw), float(camera.pitch)),
-        state.lesson,
-        None if request.reference is None else _stored(request.reference, folder),
-        None if request.run is None else _stored(request.run, folder),
-        None if request.method is None else _stored(request.method, folder),
-        {name: None if value is None else _stored(str(value), folder) for name, value in options.items()},
-    )
-    write_atomically(path, json.dumps(msgspec.to_builtins(file), indent=1) + "\n")
+    values = {n: v for c in CONTROLS.values() if c.in_session for n, v in c.read(state).items()}
+    implied = {"method"} if state.method == request.method else set()  # the request has its path, relative to the file
+    if state.auto_range:  # setting an end of the range would switch the automatic range off
+        implied |= {"range.low", "range.high"}
+    options = {name: getattr(request.options, name) for name in _PathTraced.__struct_fields__}
+    SessionFile(
+        schema=SCHEMA,
+        source=request.source,
+        settings=request.settings.to_dict(),
+        given=sorted(request.given),
+        values={name: value for name, value in values.items() if name not in implied},
+        camera=_Pose(tuple(map(float, camera.position)), float(camera.yaw), float(camera.pitch)),
+        lesson=state.lesson,
+        reference=request.reference,
+        run=request.run,
+        method=request.method,
+        path_traced=_PathTraced(**{name: None if value is None else str(value) for name, value in options.items()}),
+    ).write(path)
 
 
 def save_lesson(
@@ -111,31 +130,24 @@ def save_lesson(
     Raises OutputError.
     """
     given = [name for name, value in settings.to_dict().items() if value != Settings().to_dict().get(name)]
-    file = _File(SCHEMA, _stored(source, path.parent), settings.to_dict(), given, dict(values), None, lesson)
-    write_atomically(path, json.dumps(msgspec.to_builtins(file), indent=1) + "\n")
+    SessionFile(SCHEMA, source, settings.to_dict(), given, dict(values), lesson=lesson).write(path)
 
 
 def load(path: str | Path, resolve: Resolve | None = None) -> OpenRequest:
     """The request that a session file stores, with ``restored``.  Raises OutputError and SettingsError."""
-    value = read_json(path, _File)
-    if value["schema"] != SCHEMA:
-        message = f"schema is {value['schema']!r}, expected {SCHEMA!r}"
-        raise OutputError(message, where=str(path), hint="save the session with this version")
-    file, folder = msgspec.convert(value, _File), Path(path).parent
-    if unknown := sorted(set(file.path_traced) - set(_OPTIONS)):
-        raise OutputError(f"there is no option {unknown[0]!r} of path-traced files", where=str(path))
-    paths = {name: value and _found(value, folder) for name, value in file.path_traced.items()}
-    options = {n: Path(v) if v and n.endswith("_file") else v for n, v in paths.items()}
+    value = read_json(path, SessionFile, hint="save the session with this version")
+    file = msgspec.convert(value, SessionFile).with_paths(_found, Path(path).parent)
+    options = msgspec.structs.asdict(file.path_traced)
     return OpenRequest(
-        _found(file.source, folder),
+        file.source,
         Settings.from_dict(file.settings),
-        file.reference and _found(file.reference, folder),
-        PathTracedOptions(**options),
+        file.reference,
+        PathTracedOptions(**{n: Path(v) if v and n.endswith("_file") else v for n, v in options.items()}),
         frozenset(file.given),
         resolve,
-        run=file.run and _found(file.run, folder),
-        method=file.method and _found(file.method, folder),
-        restored=Restored(file.values, file.camera, file.lesson),
+        run=file.run,
+        method=file.method,
+        restored=file,
     )
 
 
@@ -147,7 +159,7 @@ def _stored(text: str, folder: Path) -> str:
 
 
 def _found(text: str, folder: Path) -> str:
-    """The inverse of ``_stored``."""
+    """A path that ``_stored`` has made relative to ``folder``, as a path from the current folder."""
     prefix = PREFIX if text.startswith(PREFIX) else ""
     path = folder / text.removeprefix(PREFIX)
     return prefix + str(path) if path.exists() else text

@@ -14,15 +14,18 @@ from taubench_gl.gpu.owner import Owner
 
 Array = np.ndarray
 SLOTS = 10
-"""Small images side by side."""
+"""Number of small images side by side."""
 SLOT_SIZE = (96, 54)
-"""Pixels of a small image."""
+"""Width and height of a small image, pixels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Of one pair: percent per count as ``ViewerEngine.percentages``; the rate that ``reusable`` names, % of surface
-    pixels; ``coarse``: with coarse light."""
+    """Shares of one pair.
+
+    ``percent``: percent per count, as ``ViewerEngine.percentages``; ``reusable``: the reuse rate in % of surface
+    pixels, None where it is unknown; ``coarse``: whether light was coarse.
+    """
 
     percent: Mapping[str, float | None]
     reusable: float | None

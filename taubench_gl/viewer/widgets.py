@@ -6,10 +6,12 @@ import textwrap
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from taubench_gl.viewer.actions import ACTIONS, KEYS, key_words
+from taubench_gl.viewer.actions import ACTIONS, chords_of
+from taubench_gl.viewer.controls import Choice, Flag, Number
 from taubench_gl.viewer.imgui_renderer import FAINT
 from taubench_gl.viewer.layout import Rect
 from taubench_gl.viewer.model import ViewerModel
+from taubench_gl.viewer.state import CONTROLS
 
 FIXED = (
     imgui.WindowFlags_.no_move.value | imgui.WindowFlags_.no_resize.value | imgui.WindowFlags_.no_collapse.value
@@ -17,7 +19,7 @@ FIXED = (
     | imgui.WindowFlags_.no_nav.value
 )  # fmt: skip
 PANEL_FLAGS = FIXED | imgui.WindowFlags_.no_background.value
-"""Of panels, whose background the window has already: blending it costs milliseconds without a GPU."""
+"""Flags of panels without a background: the window is cleared to it, blending would cost milliseconds on a CPU."""
 _FAINT = ImVec4(*FAINT, 1.0)
 
 
@@ -71,8 +73,7 @@ class Widgets:
     def tip(self, action: str, definition: str = "") -> None:
         """Tooltip of the last item: the action with its keys, below the definition if there is one."""
         if imgui.is_item_hovered():
-            keys = " or ".join(key_words(c) for c, name in KEYS.items() if name == action)
-            text = f"{ACTIONS[action].doc}  [{keys}]"
+            text = f"{ACTIONS[action].doc}  [{chords_of(action)}]"
             imgui.set_tooltip(wrapped(f"{definition}\n{text}" if definition else text))
 
     def check(self, label: str, on: bool, action: str, name: str, definition: str = "") -> None:
@@ -82,38 +83,37 @@ class Widgets:
         if changed:
             self.viewer.act(action)
 
-    def slider(self, name: str, low: float, high: float, text: str, flags: int = 0, label: str = "") -> None:
-        """A slider for a number of the state, which is set only when the user moves it: ImGui has float32 values."""
-        s = self.viewer.state
-        shown = f"{label or name.split('_')[0]}##{name}"
-        changed, value = imgui.slider_float(shown, getattr(s, name), low, high, text, flags)
-        self.place(name, slider=True)
+    def draw(self, name: str, text: str = "") -> None:
+        """The widget of a control.  ``text``: shown in a slider instead of its value, in printf format."""
+        control, s = CONTROLS[name], self.viewer.state
+        label = control.label or name.replace("_", " ")
+        if isinstance(control, Flag):
+            self.check(label, control.get(s), control.switch, name)
+        elif isinstance(control, Choice):
+            self._list(control, label)
+        elif isinstance(control, Number):
+            self._slider(control, f"{label}##{name}", text or control.text)
+
+    def _slider(self, control: Number, label: str, text: str) -> None:
+        """The value is set only when the user moves the slider: ImGui has float32 values."""
+        s, (low, high) = self.viewer.state, control.slider or (control.low, control.high)
+        flags = imgui.SliderFlags_.logarithmic.value if control.logarithmic else 0
+        moved = imgui.slider_int if control.whole else imgui.slider_float
+        changed, value = moved(label, control.get(s), low, high, text, flags)
+        self.place(control.name, slider=True)
         if changed:
-            setattr(s, name, value)
+            control.set(s, value)
 
-    def pick(self, label: str, name: str, choices: tuple[str, ...]) -> None:
-        """A list of choices for a text of the state."""
-        picked = self.choose(label, getattr(self.viewer.state, name), choices, name)
-        if picked is not None:
-            setattr(self.viewer.state, name, picked)
-
-    def number(self, label: str, value: int, low: int, high: int, text: str, name: str, flags: int = 0) -> int | None:
-        """A slider for an integer; the one that the user chooses now, else None."""
-        changed, value = imgui.slider_int(label, value, low, high, text, flags)
-        self.place(name, slider=True)
-        return value if changed else None
-
-    def choose(self, label: str, value: str, choices: tuple[str, ...], key: str = "") -> str | None:
-        """A list of choices; the one that the user picks now, else None."""
-        picked = None
-        if imgui.begin_combo(label, value.replace("_", " ")):
-            for choice in choices:
+    def _list(self, control: Choice, label: str) -> None:
+        s, name = self.viewer.state, control.name
+        value = control.spelled(s)
+        if imgui.begin_combo(f"{label}##{name}", value.replace("_", " ")):
+            for choice in control.choices(s):
                 if imgui.selectable(choice.replace("_", " "), choice == value)[0]:
-                    picked = choice
-                self.place(f"{key or label}.{choice}")
+                    control.write(s, name, choice)
+                self.place(f"{name}.{choice}")
             imgui.end_combo()
-        self.place(key or label, slider=True)
-        return picked
+        self.place(name, slider=True)
 
 
 def wrapped(text: str) -> str:

@@ -155,7 +155,7 @@ class _Screen:
 
 
 def _fitting(size: tuple[int, int]) -> tuple[int, int]:
-    """``size``, reduced to a smaller screen."""
+    """The size of a new window, ``size`` where the monitor is large enough for it; screen points."""
     monitor = glfw.get_primary_monitor()
     if not monitor:
         return size

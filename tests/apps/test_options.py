@@ -111,7 +111,9 @@ for call in (
         print(error)
 print("preset", tb.load_preset(folder / "preset.toml"))
 print("keyword", tb.Settings(haze="1.5").replace(fps=30).get("haze"), tb.Settings().to_dict()["haze"])
-from taubench_gl.apps.doc import settings_table
+import sys
+sys.path.append({str(PACKAGE.parent / "tools")!r})
+from reference_pages import settings_table
 print([line for line in settings_table() if "haze" in line])
 """)
     assert "batch [0.25, 1.0]" in printed and "preset {'haze': 0.75}" in printed and "keyword 1.5 0.5" in printed

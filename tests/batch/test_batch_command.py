@@ -18,7 +18,7 @@ from taubench_gl.folder_lock import FolderLock, lock_holder
 from taubench_gl.scene import load_scene
 from taubench_gl.study import engines
 from taubench_gl.study.cluster import DaskCluster
-from taubench_gl.study.run import make_engine
+from taubench_gl.study.engines import make_engine
 
 
 def taubench(capsys, *arguments):

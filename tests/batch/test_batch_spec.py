@@ -118,7 +118,7 @@ def test_obj_sequences_are_one_scene(folder):
 
 def test_all_errors_are_reported_together(folder):
     text = """
-        scenes = ["a.glb", "gone.glb", "none*.glb", 7, "exr:renders"]
+        scenes = ["a.glb", "gone.glb", "none*.glb", { path = 7 }, "exr:renders"]
         widht = 100
         size = ["640x360", "large"]
         fps = "fast"
@@ -142,7 +142,9 @@ def test_all_errors_are_reported_together(folder):
 
 
 @pytest.mark.parametrize(
-    "text", ["fps = 24", "scenes = []", "scenes = 3", "scenes = ["], ids=["missing", "empty", "no list", "no TOML"]
+    "text",
+    ["fps = 24", "scenes = []", "scenes = 3", "scenes = [7]", "scenes = ["],
+    ids=["missing", "empty", "no list", "no name", "no TOML"],
 )
 def test_specs_without_scenes_are_refused(folder, text):
     with pytest.raises(SettingsError) as caught:

@@ -12,11 +12,20 @@ from repeated import few
 from taubench_gl.animation import FileCamera, Poser, camera_of_run
 from taubench_gl.benchmark.estimate import cost_of
 from taubench_gl.benchmark.merge import tracks_of
-from taubench_gl.benchmark.ranking import CaseValues, ranked
 from taubench_gl.benchmark.scenes import scene_file
-from taubench_gl.benchmark.speed import ALWAYS, CROSSES, NEVER, crossing_of, first_zero, speed_curves
+from taubench_gl.benchmark.scores import (
+    ALWAYS,
+    CROSSES,
+    NEVER,
+    CaseValues,
+    by_seed,
+    crossing_of,
+    first_zero,
+    over_cases,
+    ranked,
+    speed_curves,
+)
 from taubench_gl.benchmark.suite import BUILTIN, read_suite
-from taubench_gl.benchmark.values import by_seed, over_cases
 from taubench_gl.datasets.stress import CAMERA_NAME
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import frame_range

@@ -15,9 +15,8 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.apps.cli import main
-from taubench_gl.benchmark.compare import compared
 from taubench_gl.benchmark.estimate import estimate_units
-from taubench_gl.benchmark.output import load_benchmark
+from taubench_gl.benchmark.output import compared, load_benchmark
 from taubench_gl.benchmark.run import BenchmarkStudy, run_benchmark
 from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import Entry

@@ -170,7 +170,7 @@ def test_the_command_line_gives_the_settings_again():
         Settings(size="64x36", frames="3:9", environment=(0.1, 0.2, 0.3), thresholds="normal=0.05", strict=True,
                  columns="direct,indirect", exposure=0.1 + 0.2, animation=("a", "b c"), seed=4),
     ):  # fmt: skip
-        for configuration in Plan(baseline, {}).every:
+        for configuration in Plan(baseline, {}).compared:
             settings = configuration.settings(baseline)
             words = shlex.split(command_line("a scene.glb", settings))
             command = cli.commands["evaluate"]
@@ -182,9 +182,9 @@ def test_the_command_line_gives_the_settings_again():
 
 
 def test_every_configuration_has_its_name_and_what_has_no_effect_is_left_out():
-    every = Plan(Settings(), {}).every
+    every = Plan(Settings(), {}).compared
     assert len({c.name for c in every}) == len(every)
     off = {"shadow_size": "no shadows", "spp": "no paths"}
-    left = Plan(Settings(), off).every
+    left = Plan(Settings(), off).compared
     assert not any(c.series == PREVIEW and off.keys() & c.changes.keys() for c in left)
     assert len(left) == len(every) - 3 and {c.series for c in left} == {PREVIEW, FIXED, DECIDED}

@@ -8,7 +8,7 @@ from lamp_scenes import lamp_over_floor
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import Observers, decides_light, evaluate_scene, open_scene
+from taubench_gl.evaluation import LightPlan, Observers, evaluate_scene, light_plan, plan_scene
 from taubench_gl.features import FEATURE_BIT, FEATURES, RADIANCE_FEATURES
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.path_samples import LEAST, LIMIT
@@ -82,13 +82,13 @@ def test_images_are_compared_where_a_number_of_samples_is_given():
 @pytest.mark.parametrize("changes", [{"spp": 2}, {"exact": True}, {"samples_per_pixel": 2}, {"columns": ("position",)}])
 def test_what_compares_images_decides_no_pixels(changes):
     settings = Settings(**TRACED)
-    assert decides_light(settings) and not decides_light(settings.replace(**changes))
+    assert light_plan(settings, True) is LightPlan.DECIDED is not light_plan(settings.replace(**changes), True)
 
 
 def test_images_of_a_session_that_samples_nothing_have_a_number_of_samples():
     settings = Settings(**TRACED)
-    assert open_scene(lamp_over_floor(), settings).settings.lighting.spp == 256
-    assert open_scene(lamp_over_floor(), settings, sampled=True).settings.lighting.spp is None
+    assert plan_scene(lamp_over_floor(), settings).settings.lighting.spp == 256
+    assert plan_scene(lamp_over_floor(), settings, sampled=True).settings.lighting.spp is None
 
 
 def test_edited_counts_are_refused(tmp_path):

@@ -15,10 +15,10 @@ from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, open_session
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
-from taubench_gl.evaluation.histories import better
+from taubench_gl.evaluation.histories import merge_histories
 from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.counts import counts_of
-from taubench_gl.metrics.histories import takes_eye
+from taubench_gl.metrics.histories import uses_other_eye
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.paths import ASSETS
@@ -133,7 +133,7 @@ def test_masks_and_counts_equal_numpy(more):
         list(session.pairs())
         with session.gpu:
             now, before = ({n: session.source.read(n, previous=old) for n in names} for old in (False, True))
-        row = session.rows[0]
+        row = session.tally.rows[0]
     camera, state = choose_camera(scene), Poser(scene).sample(1.0 / given.sequence.fps)
     views = camera.view_at(state), other_eye(scene, camera, given).view_at(state)
     step = reprojection(*views, 96, 54)
@@ -202,7 +202,7 @@ def test_settings_that_are_no_eyes(wrong):
 def test_both_is_the_better_history_of_every_pixel(light):
     more = {"columns": (*GEOMETRIC, "direct", "color"), "fps": 2.0, **FIXED_LIGHTING, **light}
     frame, eye, both = (only_pair(room(), history=kind, **more) for kind in ("frame", "eye", "both"))
-    assert np.array_equal(both.mask, np.where(both.takes_eye, eye.mask, frame.mask))
+    assert np.array_equal(both.mask, np.where(both.uses_other_eye, eye.mask, frame.mask))
     for rate, bits in RATE_BITS.items():
         free = [(pair.mask & np.uint32(bits)) == 0 for pair in (frame, eye, both)]
         assert np.array_equal(free[2], free[0] | free[1]), rate
@@ -221,7 +221,7 @@ def test_better_takes_every_reason_word():
         [0, Reason.SKY, Reason.COLOR, Reason.DIRECT, Reason.POSITION, Reason.NORMAL, Reason.OUTSIDE, Reason.FIRST]
     )
     rank = np.array([0, 0, 0, 1, 2, 2, 3, 3])
-    assert np.array_equal(takes_eye(words[:, None], words[None]), rank[None] < rank[:, None])
+    assert np.array_equal(uses_other_eye(words[:, None], words[None]), rank[None] < rank[:, None])
 
 
 def test_decisions_of_two_histories_are_those_of_the_better_one_and_of_the_rarer_audit():
@@ -241,7 +241,7 @@ def test_decisions_of_two_histories_are_those_of_the_better_one_and_of_the_rarer
     frame = found([lit, 0, 0], [lit, lit, 0], [0.1, 0.02, 0.0], [False, False, True])
     eye = found([0, lit, lit], [lit, lit, lit], [0.02, 0.1, 0.1], [False, False, False])
     rows = np.zeros(5, np.int64), np.arange(5)
-    got = better(both, (frame, eye), traced, rows)
+    got = merge_histories(both, (frame, eye), traced, rows)
     assert got.words.tolist() == [0, 0, 0, lit, sky] and got.first.tolist() == [lit, lit, 0, lit, sky]
     assert got.audited.tolist() == [0.02, 0.02, 0.0, 0.1, 0.0]
     assert got.undecided.tolist() == [False, False, True, False, False]

@@ -6,7 +6,7 @@ import pytest
 from repeated import few
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.evaluation import Session, open_scene
+from taubench_gl.evaluation import Session, plan_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -23,8 +23,8 @@ def test_overlapping_passes_give_the_same_counts(gpu: Gpu, reprojection: str) ->
     settings = Settings(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
     rows = []
     for every in (1, 1 << 20, 1 << 20):
-        with Session(open_scene(scene, settings, choose_camera(scene)), every=every) as session:
+        with Session(plan_scene(scene, settings, choose_camera(scene)), every=every) as session:
             assert len(list(session.pairs())) == 3
-            rows.append(session.rows)
+            rows.append(session.tally.rows)
     assert len(rows[0]) == 3 and all(row["direct"] > 0 and row["normal"] > 0 for row in rows[0])
     assert rows[0] == rows[1] == rows[2]

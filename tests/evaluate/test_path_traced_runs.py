@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from taubench_gl.evaluation import Observers, evaluate_scene, open_scene, resolve_lighting
+from taubench_gl.evaluation import Observers, evaluate_scene, plan_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
@@ -62,9 +62,9 @@ def test_all_methods_and_seeds_are_metered_alike():
 
 
 def test_the_default_number_of_samples_is_resolved():
-    resolved = [open_scene(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
+    resolved = [plan_scene(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
     assert resolved == [None, 4, 4, 256]
-    assert open_scene(lamp(), Settings(light="preview", spp=3, **SMALL)).settings.lighting.spp == 3
+    assert plan_scene(lamp(), Settings(light="preview", spp=3, **SMALL)).settings.lighting.spp == 3
 
 
 def test_what_raster_leaves_out_is_noted():

@@ -13,7 +13,8 @@ from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.study import BatchStudy, batch_store
 from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Brightness, Wants, evaluate_scene, open_session, sampled_light
+from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
+from taubench_gl.evaluation.brightness import Brightness
 from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
 from taubench_gl.evaluation.sampled_light import Plan, round_of
 from taubench_gl.features import FEATURE_BIT
@@ -29,7 +30,7 @@ ALL = Plan(pairs=4, pixels=10**6, limit=128, samples=1 << 40)
 
 def opened(scene, **settings):
     chosen = Settings(**({"fps": 24.0, "frames": (0, 3), "spp": 1} | SMALL | settings))
-    return open_session(scene, chosen, Wants(images=True, distances=True, channels=("emission",), sampled=True))
+    return open_session(scene, chosen, Readback(images=True, distances=True, channels=("emission",)), sampled=True)
 
 
 def decided(session, frame, limit, columns=("direct", "indirect", "color")):

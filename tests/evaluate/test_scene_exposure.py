@@ -82,7 +82,7 @@ def test_the_cache_is_read(cache, expected):
 def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
     """As of a newer version, or of a test that changes them."""
     scene = load_scene(DEMO)
-    metering = _metering(scene, Settings(light_unit="candela", environment="none"))
+    metering = _metering(Settings(light_unit="candela", environment="none"))
     camera = camera_of_run(scene, metering.sequence)
     files = {
         _cache_file(scene, m, camera) for m in (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
@@ -93,7 +93,7 @@ def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
 def test_what_has_no_content_hash_has_no_file(cache):
     """A scene made in memory, and a camera that only the caller knows."""
     scene = load_scene(DEMO)
-    metering = _metering(scene, Settings(light_unit="candela", environment="none"))
+    metering = _metering(Settings(light_unit="candela", environment="none"))
     camera, own = (
         camera_of_run(scene, metering.sequence),
         MovingCamera(lambda time: View(np.zeros(3), np.eye(3), Camera())),

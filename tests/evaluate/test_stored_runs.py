@@ -1,4 +1,4 @@
-"""Stored runs check themselves: edits of numbers, rows and files are found, and every kind of run passes its check."""
+"""Stored runs: checksums notice damaged numbers, rows and files, and every kind of run is read as it was written."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE
-from taubench_gl.run_check import contradiction
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL: dict[str, Any] = {"size": "32x18", "light_unit": "candela", "exposure": 1, "shadow_size": 64, "probes": 32}
@@ -112,33 +111,8 @@ def test_random_edits_of_numbers_are_refused(folder, seed):
     load_run(folder)
 
 
-@pytest.mark.parametrize("block", ["reusable", "discard", "classes", "camera", "curves", "mask_histogram"])
-def test_edits_of_shown_numbers_are_recomputed_without_the_checksums(folder, block):
-    """Every number of these blocks follows from rows and histogram, so the line names key and both values."""
-    summary = json.loads((folder / SUMMARY_FILE).read_text())
-    del summary[KEY]
-    places = [at for at in numbers(summary[block], (block,)) if at[-1] != "fps"]
-    write_json(folder, summary)
-    rows = load_run(folder).frames
-    rng = random.Random(block)
-    for at in rng.sample(places, min(40, len(places))):
-        wrong = copy.deepcopy(summary)
-        inner = wrong
-        for key in at[:-1]:
-            inner = inner[key]
-        inner[at[-1]] += 3
-        found = contradiction(wrong, rows)
-        assert found is not None and not found.in_rows, at
-        assert found.key.startswith(block) or found.key.startswith("the length"), (at, found)
-
-
-@pytest.mark.parametrize("sealed", [True, False], ids=["with checksums", "without"])
-def test_rows_that_are_empty_doubled_swapped_or_missing(folder, sealed):
+def test_rows_that_are_empty_doubled_swapped_or_missing(folder):
     lines = (folder / FRAMES_FILE).read_text().splitlines(keepends=True)
-    if not sealed:
-        summary = json.loads((folder / SUMMARY_FILE).read_text())
-        del summary[KEY]
-        write_json(folder, summary)
     cases = {
         "none": lines[:1],
         "empty": [*lines[:2], "," * lines[0].count(",") + "\n", *lines[3:]],
@@ -153,23 +127,23 @@ def test_rows_that_are_empty_doubled_swapped_or_missing(folder, sealed):
         assert FRAMES_FILE in refusal(folder), name
 
 
-def test_compare_refuses_1234_percent_and_an_unknown_reason(folder, capsys):
+def test_compare_refuses_a_changed_number_in_one_line(folder, capsys):
     summary = json.loads((folder / SUMMARY_FILE).read_text())
-    recorded = summary["discard"]["normal"]["mean_percent"]
-    for change in ({"mean_percent": 1234.5}, None):
-        wrong = copy.deepcopy(summary)
-        if change is None:
-            wrong["reusable"]["reasons"]["moonlight"] = {"mean_percent": 1.0, "pixels": 1}
-            del wrong[KEY]
-        else:
-            wrong["discard"]["normal"] |= change
-        write_json(folder, wrong)
-        with pytest.raises(SystemExit) as ended:
-            cli.main(["compare", str(folder)])
-        printed = capsys.readouterr()
-        assert ended.value.code == 2 and not printed.out and len(printed.err.strip().splitlines()) == 1
-        wanted = ["discard.normal.mean_percent", "1234.5", f"{recorded:.10g}"] if change else ["moonlight"]
-        assert all(text in printed.err for text in wanted)
+    summary["discard"]["normal"]["mean_percent"] = 1234.5
+    write_json(folder, summary)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["compare", str(folder)])
+    printed = capsys.readouterr()
+    assert ended.value.code == 2 and not printed.out and len(printed.err.strip().splitlines()) == 1
+
+
+def test_values_without_checksums_are_read_as_they_are(folder):
+    """A file that somebody changed on purpose, who removed the block ``stored``."""
+    summary = json.loads((folder / SUMMARY_FILE).read_text())
+    del summary[KEY]
+    summary["discard"]["normal"]["mean_percent"] = 12.5
+    write_json(folder, summary)
+    assert load_run(folder).summary == summary
 
 
 def test_order_and_indentation_are_no_edits(folder):
@@ -201,14 +175,7 @@ def test_files_that_vanish_during_a_run(tmp_path):
 
 
 @pytest.mark.parametrize("kind", few(KINDS, 3))
-def test_every_kind_of_run_passes_its_check(tmp_path, kind):
+def test_every_kind_of_run_is_read_as_it_was(tmp_path, kind):
     run = evaluate(DEMO, out=tmp_path, **SMALL | KINDS[kind])
     again = load_run(tmp_path)
-    assert again.summary == run.summary and again.missing == []
-    summary = json.loads((tmp_path / SUMMARY_FILE).read_text())
-    del summary[KEY]
-    for block, key in (("reusable", "surface"), ("discard", "normal")):
-        wrong = copy.deepcopy(summary)
-        wrong[block][key]["mean_percent"] = (wrong[block][key]["mean_percent"] or 0.0) + 0.001
-        found = contradiction(wrong, again.frames)
-        assert found is not None and found.key == f"{block}.{key}.mean_percent"
+    assert again.summary == run.summary and again.frames == run.frames and again.missing == []

@@ -6,8 +6,8 @@ from repeated import few
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation.exposure import meter
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.evaluation.scene import evaluate_scene, open_scene
-from taubench_gl.evaluation.session import Session, Wants
+from taubench_gl.evaluation.scene import evaluate_scene, plan_scene
+from taubench_gl.evaluation.session import Readback, Session
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.frame import sources
 from taubench_gl.gpu.context import open_gpu
@@ -26,14 +26,14 @@ def demo():
 
 
 def _pairs(demo, out):
-    wants = Wants(images=True, lobes=("diffuse",))
-    with Session(open_scene(demo, Settings(exact=True, **SMALL)), wants) as session:
+    wants = Readback(images=True, lobes=("diffuse",))
+    with Session(plan_scene(demo, Settings(exact=True, **SMALL)), wants) as session:
         for pair in session.pairs():
             assert pair.mask.any() or pair.row["pixels"]
 
 
 def _left_early(demo, out):
-    with Session(open_scene(demo, Settings(**SMALL)), Wants(images=True)) as session:
+    with Session(plan_scene(demo, Settings(**SMALL)), Readback(images=True)) as session:
         next(iter(session.pairs()))
 
 
@@ -41,7 +41,7 @@ ACTS = {
     "evaluate": lambda demo, out: evaluate_scene(demo, Settings(**SMALL)),
     "exact pairs": _pairs,
     "left early": _left_early,
-    "metering": lambda demo, out: meter(demo, open_scene(demo, Settings(**SMALL)).settings),
+    "metering": lambda demo, out: meter(demo, plan_scene(demo, Settings(**SMALL)).settings),
     "export": lambda demo, out: export_scene(
         DEMO, out, Settings(**SMALL), ExportOptions(format="npz", channels=("mask", "motion_forward"))
     ),
@@ -69,7 +69,7 @@ def test_no_object_stays(demo, tmp_path, act):
 
 
 def test_a_part_that_fails_to_open_frees_the_others(demo):
-    given = open_scene(demo, Settings(**SMALL))
+    given = plan_scene(demo, Settings(**SMALL))
     with open_gpu() as gpu:
         before = alive(gpu)
         with pytest.raises(ZeroDivisionError), GpuOwner(gpu) as owner:
@@ -99,7 +99,7 @@ def test_a_source_that_cannot_be_opened_frees_its_parts(demo, monkeypatch):
     def fail(*_):
         raise GraphicsError("no room")
 
-    opened = open_scene(demo, Settings(**SMALL))
+    opened = plan_scene(demo, Settings(**SMALL))
     monkeypatch.setattr(sources, "LightStage", fail)
     with open_gpu() as gpu, GpuOwner(gpu) as owner:
         before = alive(gpu)

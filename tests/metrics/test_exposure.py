@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_radiance
+from taubench_gl.metrics.exposure import exposure_of_samples, metered_exposure, rounded
 
 
 def gray(*luminance: float) -> np.ndarray:
@@ -60,14 +60,22 @@ def test_four_significant_digits_never_above(exposure, expected):
     assert rounded(exposure) == expected
 
 
-def test_radiance_of_finite_surface_pixels():
-    radiance = np.zeros((2, 3, 4), dtype=np.float32)
-    radiance[0, 0] = (1.0, 2.0, 4.0, 1.0)
-    radiance[0, 1] = (np.nan, 1.0, 1.0, 1.0)
-    radiance[0, 2] = (np.inf, 1.0, 1.0, 1.0)
-    radiance[1, 0] = (7.0, 7.0, 7.0, 1.0)  # sky
-    position = np.ones((2, 3, 4), dtype=np.float32)
-    position[1, 0, 3] = 0.0
-    found = surface_radiance(radiance, position)
-    assert found.dtype == np.float64
-    assert np.sort(found, axis=0).tolist() == [[0.0] * 3, [0.0] * 3, [1.0, 2.0, 4.0]]
+def test_noise_of_samples_does_not_bias_the_exposure():
+    """16 and 2 x 16 samples of exponential noise: the log of their mean is low by 1/32 and 1/64."""
+    rng = np.random.default_rng(3)
+    light = rng.lognormal(sigma=1.0, size=(40000, 1))
+    halves = rng.gamma(16.0, 1.0 / 16.0, (2, 40000, 1)) * light * np.ones(3)
+    weights = np.ones(len(light))
+    exact = metered_exposure(light * np.ones(3))
+    assert metered_exposure(halves.mean(axis=0)) / exact - 1.0 > 0.01
+    assert exposure_of_samples(halves, weights) == pytest.approx(exact, rel=0.006)
+    assert exposure_of_samples(np.stack([halves[0]] * 2), weights) == pytest.approx(metered_exposure(halves[0]))
+    assert exposure_of_samples(0.0 * halves, weights) is None
+
+
+def test_a_weight_counts_as_so_many_pixels():
+    rng = np.random.default_rng(5)
+    pixels, weights = rng.lognormal(sigma=2.0, size=(300, 3)), rng.integers(1, 9, 300)
+    assert metered_exposure(pixels, weights.astype(float)) == pytest.approx(
+        metered_exposure(np.repeat(pixels, weights, axis=0)), rel=1e-12
+    )

@@ -80,9 +80,9 @@ def test_datasets_come_before_stand_ins():
     assert vr.settings["exposure"] == 1.0 and "exposure" not in fps.settings
     jobs = plan(found.scenes, PaperOptions(lights=("raster", "path-traced"), spp=3))
     assert list(jobs[0].images) == ["raster", "raster, 60 fps", "path-traced", "path-traced, 60 fps"]
-    assert [job.settings.sequence.fps for job in jobs[0].all] == [60.0, 24.0, 60.0, 24.0, 60.0]
+    assert [job.settings.sequence.fps for job in jobs[0].parts.values()] == [60.0, 24.0, 60.0, 24.0, 60.0]
     assert jobs[0].images["path-traced"].settings.lighting.spp == 3
-    assert len({job.id for scene in jobs for job in scene.all}) == 10
+    assert len({job.id for scene in jobs for job in scene.parts.values()}) == 10
     assert list(plan(found.scenes, PaperOptions(fps=(60.0,)))[0].images) == ["auto, 60 fps"]
 
 

@@ -15,7 +15,7 @@ from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
 from taubench_gl.pathtraced.cameras import FittedCamera, SidecarCamera
 from taubench_gl.pathtraced.check import SAME, check_sequence
-from taubench_gl.pathtraced.evaluation import open_input
+from taubench_gl.pathtraced.evaluation import plan_sequence
 from taubench_gl.pathtraced.exr import read_exr, write_exr
 from taubench_gl.pathtraced.passes import PRESETS, to_y_up
 from taubench_gl.pathtraced.readings import GEOMETRY, MOTION
@@ -33,7 +33,7 @@ def exported(tmp_path_factory):
     out = tmp_path_factory.mktemp("frames")
     settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
     export_scene(ASSETS / "demo.glb", out, settings, ExportOptions("exr", ("gbuffer", "prev_position", "flow")))
-    opened = open_input(f"exr:{out}", Settings(), PathTracedOptions())
+    opened = plan_sequence(f"exr:{out}", Settings(), PathTracedOptions())
     frames = {n: opened.sequence.read(n) for n in opened.sequence.frames}
     return opened.sequence, frames, json.loads((out / "camera.json").read_text())
 

@@ -8,7 +8,7 @@ from references.rejection import REFERENCES, PixelRows, PointRows, smaller_chang
 
 from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import MethodError
-from taubench_gl.evaluation import PairEvaluator, open_scene
+from taubench_gl.evaluation import PairEvaluator, plan_scene
 from taubench_gl.frame.passes.pathtracing import pixel_footprint
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.passes import GpuContext
@@ -28,7 +28,7 @@ def pair(gpu):
         width=SIZE[0], height=SIZE[1], reprojection="motion", shadow_size=64, indirect="none",
         columns=("frustum", "position", "normal", "direct"), **FIXED_LIGHTING,
     )  # fmt: skip
-    given = open_scene(ASSETS / "demo.glb", settings)
+    given = plan_scene(ASSETS / "demo.glb", settings)
     source = RasterSource(gpu, given.animated, given.settings, extra=CHANNELS)
     context = GpuContext(gpu)
     evaluator = PairEvaluator(context, source, given.settings, images=True)

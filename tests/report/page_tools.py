@@ -1,12 +1,51 @@
-"""Pages in headless Chromium."""
+"""Pages as text and in headless Chromium: their data, tags and images."""
 
 from __future__ import annotations
 
+import base64
+import io
+import json
+import re
 from collections.abc import Iterator
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
+
+
+def data_of(page: str) -> Any:
+    """The data of the scripts of a page."""
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1])
+
+
+def image_of(uri: str) -> np.ndarray:
+    """The pixels of a data URI."""
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))
+
+
+class Tags(HTMLParser):
+    """``tags``: name and attributes of each element of a page; ``text``: all of its text."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text += data
+
+    @property
+    def names(self) -> list[str]:
+        return [name for name, _ in self.tags]
+
+    def policy(self) -> str:
+        return next(a["content"] for _, a in self.tags if a.get("http-equiv") == "Content-Security-Policy")
 
 
 def opened(browser: Any, file: Path, **options: Any) -> Iterator[Any]:

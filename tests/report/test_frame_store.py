@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import io
-
 import numpy as np
+from page_tools import image_of
 from PIL import Image
 
 from taubench_gl.conventions import Reason
@@ -31,7 +29,7 @@ def record(folder, count: int, discarded=lambda i: 0, mask=MASK, image=IMAGE):
 
 
 def unpacked(uri: str) -> np.ndarray:
-    image = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.split(",")[1]))))
+    image = image_of(uri)
     return image[..., 0].astype(np.uint32) | image[..., 1].astype(np.uint32) << 8
 
 

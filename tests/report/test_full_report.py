@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_tools import mask_pixels, opened, shown_frame
+from page_tools import data_of, mask_pixels, opened, shown_frame
 from PIL import Image
 
 from taubench_gl.api import evaluate
-from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.features import FEATURE_BIT, FEATURES
 from taubench_gl.metrics.reuse_rate import ReuseStats
@@ -256,6 +256,11 @@ def test_firefox_repaints_masks_and_headline(firefox, made):
     Wait(page, timeout=60).until(
         lambda d: {n: d.execute_script(cells)[n] for n in COUNTED} == {n: row[n] for n in COUNTED}
     )
+    script = """const c = document.querySelector(".mask");
+        const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
+        return Array.from(data.filter((_, i) => i % 4 === 3))"""
+    drawn = np.reshape(page.execute_script(script), (HEIGHT, WIDTH)) > 0
+    np.testing.assert_array_equal(drawn, (made.masks[frame] & int(sum(FEATURE_BIT.values()) | FRUSTUM)) != 0)
 
 
 @pytest.mark.long
@@ -449,8 +454,7 @@ def test_distances_of_another_run_are_not_used(made, copied):
     rows = [dict(row) for row in made.run.frames]
     rows[0]["position"] += 1
     text = write_html_report([ReportRun(made.run.summary, rows, copied)], copied / "report.html").read_text()
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
-    images = data["runs"][0]["images"]
+    images = data_of(text)["runs"][0]["images"]
     assert images["planes"] is None and images["no_planes"]
 
 
@@ -485,13 +489,12 @@ def test_nothing_overflows_and_no_sliders_overlap(browser, both, size):
         assert min(box["height"] for box in boxes) >= 24
 
 
-@pytest.mark.parametrize("width", [390, 360])
-def test_bars_of_reasons_fit_on_a_phone(browser, made, width):
+def test_bars_of_reasons_fit_on_a_phone(browser, made):
     names = {term.label for term in TERMS.values()}
     spans = """box => [...box.querySelectorAll('.bars th, .bars td, .bars i')].map(e => {
         const here = e.getBoundingClientRect(), all = box.getBoundingClientRect();
         return [e.textContent.trim(), here.left - all.left, here.right - all.left, all.width] })"""
-    for page in opened(browser, made.out / "report.html", viewport={"width": width, "height": 844}):
+    for page in opened(browser, made.out / "report.html", viewport={"width": 360, "height": 844}):
         ready(page)
         box = page.locator(".headline")
         for moved in (False, True):

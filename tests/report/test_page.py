@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import itertools
-import json
-import re
-from html.parser import HTMLParser
 
 import pytest
 from jinja2 import UndefinedError
+from page_tools import Tags, data_of
 
 from taubench_gl.report.page import Page, asset, bullets, data_uri, macro, picture, tag, text_lines
 from taubench_gl.report.table import Column, Row, Table, to_html
@@ -24,26 +22,9 @@ def evil_page(**more) -> Page:
     return page
 
 
-class Tags(HTMLParser):
-    def __init__(self, page: str):
-        super().__init__()
-        self.tags: list[tuple[str, dict]] = []
-        self.text = ""
-        self.feed(page)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_data(self, data):
-        self.text += data
-
-    def policy(self) -> str:
-        return next(a["content"] for t, a in self.tags if a.get("http-equiv") == "Content-Security-Policy")
-
-
 def test_page_without_scripts_forbids_them_and_escapes_every_value():
     tags = Tags(evil_page().html())
-    assert "script" not in {tag for tag, _ in tags.tags} and "script-src" not in tags.policy()
+    assert "script" not in tags.names and "script-src" not in tags.policy()
     assert "default-src 'none'" in tags.policy()
     assert tags.text.count(EVIL) >= 14 and "49" not in tags.text
 
@@ -52,9 +33,7 @@ def test_page_with_scripts_holds_its_data_and_the_plot_module():
     data = {"text": EVIL, "numbers": [1.5, None]}
     page = evil_page(scripts=("run.js",), data=data).html()
     tags = Tags(page)
-    assert [tag for tag, _ in tags.tags].count("script") == 2 and "script-src" in tags.policy()
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1]
-    assert json.loads(found) == data
+    assert tags.names.count("script") == 2 and "script-src" in tags.policy() and data_of(page) == data
     assert asset("plot.js") in page and asset("page.css") in page
 
 

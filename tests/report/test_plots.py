@@ -48,13 +48,8 @@ def test_plots_are_written_as_png_and_svg_without_pyplot(summary, frames, tmp_pa
     assert "matplotlib.pyplot" not in sys.modules
 
 
-def test_svg_is_reproducible(summary, tmp_path):
-    first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
-    assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
-
-
 def test_curve_is_relative_to_the_number_of_samples(summary, tmp_path):
-    """Twice the counts of twice the samples give the same plot."""
+    """Twice the counts of twice the samples give the same plot, to the byte."""
     first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
     summary["settings"]["samples_per_pixel"] = 2
     for curve in filter(None, summary["curves"].values()):

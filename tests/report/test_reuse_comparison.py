@@ -13,19 +13,10 @@ def summary_of(methods: int, seeds: int = 1, frames: int = 24) -> dict:
     """``m0`` has the smallest FLIP and relMSE, and the largest relMSE of clipped radiance."""
     rng = np.random.default_rng(1)
     rows = [
-        dict.fromkeys(MEASURES)
-        | {
-            "method": f"m{m}",
-            "seed": s,
-            "frame": f,
-            "flip": m + rng.random(),
-            "relmse": m,
-            "clipped_relmse": methods - m,
-        }
-        for m in range(methods)
-        for s in range(seeds)
-        for f in range(1, frames + 1)
-    ]
+        dict.fromkeys(MEASURES) | {"method": f"m{m}", "seed": s, "frame": f}
+        | {"flip": m + rng.random(), "relmse": m, "clipped_relmse": methods - m}
+        for m in range(methods) for s in range(seeds) for f in range(1, frames + 1)
+    ]  # fmt: skip
     measures = {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()}
     return {"measures": measures, "statistics": compare_methods(rows, range(1, frames + 1))}
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from page_tools import image_of
 
 from taubench_gl.report import frame_store
 from taubench_gl.report.reuse_frames import NO_IMAGES, ReuseRecorder, file_name, reuse_images
@@ -40,22 +38,15 @@ def record(out: Path, count: int, seeds=(0,), methods=lambda n: ("a", "b"), wors
     return reuse_images(out)
 
 
-def unpacked(uri: str) -> np.ndarray:
-    return np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.split(",")[1]))))
-
-
 def test_classes_survive_exactly_and_images_nearly(tmp_path):
     found = record(tmp_path / "run", 3)
-    assert found.data["names"] == ["input", "a", "b", "reference"] and [i["n"] for i in found.data["items"]] == [
-        0,
-        1,
-        2,
-    ]
+    assert found.data["names"] == ["input", "a", "b", "reference"]
+    assert [i["n"] for i in found.data["items"]] == [0, 1, 2]
     _, errors, classes = frame(1)
     item = found.data["items"][1]
-    assert (unpacked(item["classes"])[..., 0] == classes).all()
+    assert (image_of(item["classes"])[..., 0] == classes).all()
     assert item["errors"][0] is None and item["errors"][3] is None and item["images"][3] is not None
-    stored = unpacked(item["errors"][1]).astype(float)[..., 0] / 255
+    stored = image_of(item["errors"][1]).astype(float)[..., 0] / 255
     assert np.abs(stored - errors["a"]).mean() < 0.15  # white noise is the worst case of a lossy format
     assert np.corrcoef(stored.ravel(), errors["a"].ravel())[0, 1] > 0.8
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import re
 from typing import Any
 
 import numpy as np
 import pytest
+from page_tools import data_of, opened, shown_frame
 
 from taubench_gl.conventions import Reason
 from taubench_gl.glossary import label_of
@@ -54,24 +53,12 @@ def evaluation() -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 def test_data_holds_measures_with_values_and_methods_that_ran(evaluation):
     page = reuse_html(*evaluation)
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1])
+    data = data_of(page)
     assert [m["name"] for m in data["measures"]] == ["flip", "relmse"] and data["frames"] == list(FRAMES)
     assert {m["label"]: m["rows"]["flip"] for m in data["methods"]} == {
         "slow": pytest.approx([0.3, 0.4, 0.5]), "fast": pytest.approx([1.2, 1.6, 2.0])
     }  # fmt: skip
     assert "<b>bad" not in page and "&lt;b&gt;bad" in page and "<b>hall" not in page
-
-
-def opened(browser, path):
-    """Opens a page and checks that it causes no console output, no exception and no request but its own file."""
-    page, faults = browser.new_page(), []
-    page.on("console", lambda m: faults.append(m.text))
-    page.on("pageerror", lambda e: faults.append(str(e)))
-    page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
-    page.goto(path.as_uri())
-    yield page
-    page.close()
-    assert faults == []
 
 
 @pytest.fixture(scope="module")
@@ -140,10 +127,6 @@ def pixels(page) -> np.ndarray:
     return np.array(values, np.float64).reshape(height, width, 4)[..., :3]
 
 
-def shown(page, frame: int) -> None:
-    page.wait_for_selector(f".stage[data-frame='{frame}']")
-
-
 def test_the_divider_separates_two_images(fresh):
     fresh.select_option("#left", label="slow")
     fresh.select_option("#right", label="fast")
@@ -207,20 +190,20 @@ def test_side_by_side_and_zoom(fresh):
 def test_the_slider_and_the_plot_select_the_same_frame(fresh):
     fresh.locator("#frame").focus()
     fresh.keyboard.press("Home")
-    shown(fresh, FRAMES[0])
+    shown_frame(fresh, FRAMES[0])
     fresh.locator("#frames [role=application]").focus()
     fresh.keyboard.press("End")
-    shown(fresh, FRAMES[-1])
+    shown_frame(fresh, FRAMES[-1])
     assert fresh.locator("#frame").input_value() == str(len(FRAMES) - 1)
 
 
 def test_it_plays(fresh):
     fresh.locator("#frame").focus()
     fresh.keyboard.press("Home")
-    shown(fresh, FRAMES[0])
+    shown_frame(fresh, FRAMES[0])
     fresh.click("button[aria-label=Play]")
     for frame in (FRAMES[1], FRAMES[2], FRAMES[0]):
-        shown(fresh, frame)
+        shown_frame(fresh, frame)
     fresh.click("button[aria-label=Pause]")
     assert fresh.locator("button[aria-label=Play]").count() == 1
 

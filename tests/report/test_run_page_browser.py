@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -61,16 +60,6 @@ def page_file(runs, tmp_path_factory) -> Path:
 @pytest.fixture
 def page(browser, page_file) -> Iterator[Any]:
     yield from opened(browser, page_file)
-
-
-def test_firefox_draws_frame_and_mask(firefox, page_file):
-    page = firefox(page_file, ".stage[data-frame='7']")
-    script = """const c = document.querySelector(".mask");
-        const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
-        return Array.from(data.filter((_, i) => i % 4 === 3))"""
-    drawn = np.reshape(page.execute_script(script), (HEIGHT, WIDTH)) > 0
-    np.testing.assert_array_equal(drawn, _mask(7) != 0)
-    assert page.execute_script("return document.querySelectorAll('#curves .handle').length") > 4
 
 
 def test_keys_move_the_frame_slider(page):
@@ -271,9 +260,6 @@ def test_tab_reaches_every_control_with_visible_focus(page):
     outline = page.evaluate("document.getElementById('theme').focus({focusVisible: true}) || "
                             "getComputedStyle(document.getElementById('theme')).outlineStyle")  # fmt: skip
     assert outline == "solid"
-    unnamed = page.evaluate("""() => [...document.querySelectorAll('input, button, select, [role=slider]')]
-        .filter(e => !e.getAttribute('aria-label') && !e.closest('label') && !e.textContent.trim()).length""")
-    assert unnamed == 0
 
 
 def test_run_without_images_or_pairs(browser, tmp_path, make_run):
@@ -283,31 +269,3 @@ def test_run_without_images_or_pairs(browser, tmp_path, make_run):
     for page in opened(browser, file):
         for part in ("#viewer", "#plots", "#curves"):
             assert page.locator(f"{part} .missing").count() == 1
-
-
-def test_report_of_evaluate(browser, gpu, tmp_path):
-    from taubench_gl.api import evaluate
-    from taubench_gl.selftest.scenes import busy_room
-
-    out = tmp_path / "out"
-    run = evaluate(busy_room(lamps=1), out=out, report=True, width=48, height=27, fps=4, indirect="none")
-    index = json.loads((out / "images" / "index.json").read_text())
-    assert index["frames"] == [1, 2, 3, 4]
-    for page in opened(browser, out / "report.html"):
-        for name in ("color", "position", "normal", "direct"):
-            dot = page.locator(f".handle[data-feature={name}]")
-            used = float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
-            dot.focus()
-            page.keyboard.press("ArrowLeft")
-            below = float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
-            page.keyboard.press("ArrowRight")
-            page.keyboard.press("ArrowRight")
-            # The mean of the run lies between the counts at the bin edges on both sides of its threshold.
-            assert below >= used >= float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
-        worst = max(
-            run.frames, key=lambda r: sum(r[c] or 0 for c in ("frustum", "color", "position", "normal", "direct"))
-        )
-        shown_frame(page, worst["frame"])
-        for name in ("color", "position", "normal", "direct"):
-            page.locator(f"[data-reason={name}]").uncheck()
-        assert (mask_pixels(page)[..., 3] > 0).sum() == worst["frustum"]

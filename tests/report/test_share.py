@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
-import io
-import json
-import re
 from pathlib import Path
 
 import numpy as np
-import PIL.Image
 import pytest
-from page_tools import opened
+from page_tools import data_of, image_of, opened
 
 from taubench_gl.apps.cli import main
 from taubench_gl.conventions import Reason
@@ -46,13 +41,9 @@ def recorded(stored_run, tmp_path) -> Path:
 
 
 def images_of(page: Path) -> dict:
-    data = json.loads(re.search(r'id="data">(.*?)</script>', page.read_text(), re.DOTALL)[1])
+    data = data_of(page.read_text())
     assert data["play"]
     return data["runs"][0]["images"]
-
-
-def pixels(uri: str) -> np.ndarray:
-    return np.asarray(PIL.Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
@@ -69,8 +60,8 @@ def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monke
     assert sum(len(item["frame"]) + len(item["mask"]) for item in images["items"]) <= run_page.SHARED_IMAGE_BYTES
     assert images["step"] == step if step < 3 else images["step"] >= 2
     for item in images["items"]:
-        mask = pixels(item["mask"]).astype(int)
-        assert pixels(item["frame"]).shape[:2] == mask.shape[:2] == (images["height"], images["width"])
+        mask = image_of(item["mask"]).astype(int)
+        assert image_of(item["frame"]).shape[:2] == mask.shape[:2] == (images["height"], images["width"])
         corners = mask[:: mask.shape[0] - 1, :: mask.shape[1] - 1]
         assert ((corners @ [1, 256, 65536]) == WORDS.reshape(2, 2)).all()
     assert page.stat().st_size < 5_000_000

@@ -11,7 +11,7 @@ from references.display import color_scale
 from viewer_tools import DEMO, QUIET, SIZE, pixels
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.errors import MethodError, SettingsError, TaubenchError
+from taubench_gl.errors import MethodError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.blending import blend, nearest_weight
@@ -29,6 +29,7 @@ from taubench_gl.viewer import comparisons
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 LIT = Settings(width=48, height=28, indirect="none", exposure=1.0)
+SMALL = LIT.replace(width=24, height=14)
 
 
 def thirds(picture: np.ndarray) -> list[np.ndarray]:
@@ -82,20 +83,20 @@ def written(path, text: str) -> None:
 
 
 def test_a_reuse_method_is_beside_the_image(drive, monkeypatch):
-    monkeypatch.setattr(comparisons, "WARM_UP", 3)
-    driven = drive(settings=LIT, light=True)
+    monkeypatch.setattr(comparisons, "WARM_UP", 2)
+    driven = drive(settings=SMALL, light=True)
     driven.run("frame 10\nset overlays off\nset channel color\nset against method\nset method accumulate\nkey Z")
     shown = [thirds(driven.engine.picture())[1]]
     driven.run("key RIGHT")  # the next frame continues
     shown.append(thirds(driven.engine.picture())[1])
-    results = expected(driven, "accumulate", "noisy", range(7, 12))
+    results = expected(driven, "accumulate", "noisy", range(8, 12))
     for found, result in zip(shown, results[-2:], strict=True):
         assert np.abs(found - result).max() <= 2
     driven.run("set method none\nset method_input full\nset gain 1")
     image, none, _ = thirds(driven.engine.picture())
     assert np.abs(image - none).max() <= 2, "without noise and reuse the result is the image"
     driven.run("set channel headlight")
-    assert "headlight" in driven.state.message and driven.engine.picture().shape[1] == 48
+    assert "headlight" in driven.state.message and driven.engine.picture().shape[1] == 24
 
 
 def expected(driven, method: str, kind: str, frames: range) -> list[np.ndarray]:
@@ -103,10 +104,8 @@ def expected(driven, method: str, kind: str, frames: range) -> list[np.ndarray]:
     feed, gpu = driven.engine.feed, driven.viewer.gpu
     settings = feed.settings.replace(reprojection="motion")
     request = InputRequest(gpu, feed.scene, feed.camera, settings, parse_input(kind))
-    inputs = RasterInputs(request, load_method(method).reads)
-    with MethodRunner(gpu, method, feed.size) as runner:
+    with RasterInputs(request, load_method(method).reads) as inputs, MethodRunner(gpu, method, feed.size) as runner:
         results = [read_result(runner.step(inputs.advance(frame))) for frame in frames]
-    inputs.release()
     return [255.0 * display(result[..., :3], settings.lighting.tone_map) for result in results]
 
 
@@ -176,7 +175,7 @@ def test_ghosts_and_bound_are_those_of_the_evaluation(drive, evaluated):
 @pytest.mark.long
 def test_where_there_is_no_ghost_or_bound_a_message_says_so(drive, monkeypatch):
     monkeypatch.setattr(comparisons, "WARM_UP", 0)
-    driven = drive(settings=LIT.replace(width=24, height=14), light=True)
+    driven = drive(settings=SMALL, light=True)
     driven.run("frame 5\nset overlays off\nset channel color")
     alone = driven.engine.image()
     driven.run("set comparison ghost\nset against history")
@@ -192,7 +191,7 @@ def test_a_method_that_fails_is_a_message(drive, monkeypatch):
         raise MethodError("does not compile", where="method 'accumulate'")
 
     monkeypatch.setattr(comparisons, "MethodRunner", fail)
-    driven = drive(settings=LIT.replace(width=24, height=14), light=True)
+    driven = drive(settings=SMALL, light=True)
     driven.run("frame 10\nset channel color\nset against method\nset method accumulate\nkey Z\nframe 11")
     assert "does not compile" in driven.state.message
     assert driven.engine.shots[1].frame == 11 and len(driven.engine.textures) == 1
@@ -219,29 +218,16 @@ def reference(driven) -> np.ndarray:
     return np.where(position[..., 3:] > 0, 255 * (0.5 + 0.5 * normal), 255 * 0.06).round().astype(int)
 
 
-def test_a_run_that_is_not_there(drive, tmp_path):
-    with pytest.raises(TaubenchError) as error:
-        drive(run=str(tmp_path / "none"))
-    assert str(tmp_path / "none") in str(error.value)
-
-
 def test_a_clip_ends_where_its_images_change_size(drive, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     driven = drive()
     driven.run("frame 8\nkey F9\nkey RIGHT\nkey Z\nwait 1")
     assert "recording ended" in driven.state.message and driven.viewer.clip is None
     assert not list(tmp_path.glob(".*"))
-    driven.run("key F9\nkey RIGHT\nkey F9")
-    assert [p.suffix for p in tmp_path.glob("*.mp4")] == [".mp4"] * len(list(tmp_path.glob("*.mp4")))
-
-
-def test_unknown_methods_are_errors(drive):
-    with pytest.raises(SettingsError):
-        drive().run("set method nothing")
 
 
 def test_a_method_starts_with_light(drive):
     """Its image is a color; without a method, software rendering starts without light."""
-    with_method, without = (drive(settings=LIT, light=None, **how).viewer.state for how in ({"method": "none"}, {}))
+    with_method, without = (drive(settings=SMALL, light=None, **how).viewer.state for how in ({"method": "none"}, {}))
     assert with_method.channel == "color" and not with_method.switched_off
     assert without.channel == "headlight" and "color" in without.switched_off

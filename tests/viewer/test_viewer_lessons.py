@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -88,29 +85,3 @@ def test_noise_opens_with_noise(gpu):
     pair = open_pair(stage, demo)
     stage.release()
     assert sum(pair.percent(mask) for mask in demo.opening.masks) > 10.0
-
-
-def test_a_scene_without_a_lesson_has_no_such_section(drive):
-    driven = drive()
-    assert "section.lesson" not in driven.viewer.panels.widgets
-
-
-def test_a_lesson_in_a_window(display, tmp_path):
-    _, path = session("occlusion", tmp_path)
-    script = tmp_path / "steps.txt"
-    script.write_text(
-        "resize 1280 720\nexpect section.lesson == 1\nexpect frame == 1\n"
-        f"screenshot {tmp_path / 'w.png'} window\nquit\n"
-    )
-    command = [
-        sys.executable,
-        "-m",
-        "taubench_gl",
-        "view",
-        path,
-        "--script",
-        script,
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=display)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "w.png").stat().st_size > 10_000

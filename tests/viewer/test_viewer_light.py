@@ -40,14 +40,14 @@ def test_coarse_light_is_not_brighter(drive):
     driven.run("frame 8\nset channel color\nset overlays off")
     still = driven.engine.image().mean()
     driven.run("set playing on")
-    assert driven.engine.coarse_light and driven.engine.image().mean() == pytest.approx(still, rel=0.02)
+    assert driven.engine.lights.active is not None and driven.engine.image().mean() == pytest.approx(still, rel=0.02)
 
 
 def test_indirect_light_is_kept_for_some_frames_while_playing(drive):
     """Solved once for every ``hold`` frames that are drawn; a pair of the first frame shown draws two."""
     driven = drive(settings=LIT.replace(width=32, height=18, indirect="auto"), light=True)
     driven.run("frame 8\nset channel color\nset playing on")
-    indirect, solved = driven.engine._lights.coarse.source.light.indirect, []
+    indirect, solved = driven.engine.lights.coarse.source.light.indirect, []
     solve = indirect._solve
     indirect._solve = lambda *a: (solved.append(driven.state.frame), solve(*a))
     hold = COARSE["quarter"].hold
@@ -62,7 +62,7 @@ def test_coarse_light_is_shown_between_its_pixels(drive):
     driven = drive(settings=LIT, light=True)
     driven.run("frame 8\nset channel color\nset overlays off\nset moving_light unshadowed\nset playing on")
     engine = driven.engine
-    small = read_channel(engine._lights.coarse.source.current["color"], "color")[..., :3]
+    small = read_channel(engine.lights.coarse.source.current["color"], "color")[..., :3]
     assert small.shape == (7, 12, 3)
     from scipy.ndimage import map_coordinates
 
@@ -79,7 +79,7 @@ def test_light_masks_are_shown_from_coarse_light(drive):
     for name in driven.state.shown:
         driven.state.shown[name] = name == "direct"
     driven.run("set overlays on\nset opacity 1")
-    light = driven.engine._lights.coarse.mask
+    light = driven.engine.lights.coarse.mask
     bits = read_channel(light, "mask")[..., 0].repeat(4, axis=0).repeat(4, axis=1)
     from taubench_gl.conventions import NOT_COMPARABLE, Reason
 
@@ -94,7 +94,7 @@ def test_the_probe_is_complete_while_playing(drive):
     driven.run("frame 8\nset channel color\nset probe 20,14\nset probe_pinned on")
     still, tiles = driven.viewer.probe(), magnified(driven)
     driven.run("set playing on")
-    moving, coarse = driven.viewer.probe(), driven.engine._lights.coarse
+    moving, coarse = driven.viewer.probe(), driven.engine.lights.coarse
     assert set(moving.features) == set(still.features) == {"color", "position", "normal", "direct"}
     assert moving.features["normal"].distance == still.features["normal"].distance
     expected = coarse.explain(20, 14, driven.state.thresholds).features
@@ -133,7 +133,7 @@ def test_light_is_exact_while_moving_if_asked(drive):
     driven.run("frame 8\nset moving_light full")
     before = driven.engine.counts["direct"]
     driven.run("set playing on")
-    assert driven.engine.counts["direct"] == before and driven.engine._lights.coarse is None
+    assert driven.engine.counts["direct"] == before and driven.engine.lights.coarse is None
 
 
 @pytest.mark.parametrize("channel", ["direct", "color"])
@@ -141,9 +141,9 @@ def test_a_still_image_is_path_traced_sample_by_sample(drive, channel):
     driven = drive(settings=LIT.replace(width=24, height=14), light=True)
     driven.run(f"frame 8\nset overlays off\nset channel {channel}\nset samples 3\nexpect light.traced == 0")
     driven.run("wait 8\nexpect light.traced == 1\nexpect light.samples == 0")
-    refiner = driven.engine._lights._refiner
+    refiner = driven.engine.lights._refiner
     driven.run("wait 9\nexpect light.traced == 3")
-    assert not driven.engine.refining(driven.state)
+    assert not driven.engine.lights.pending(driven.state)
     mean = refiner.source.read("direct")[..., :3].astype(np.float64)
     singles = []
     for k in range(3):
@@ -157,14 +157,14 @@ def test_path_traced_light_is_shown_once_it_is_nearer_to_the_truth(drive):
     driven = drive(settings=LIT.replace(width=24, height=14), light=True)
     driven.run("frame 8\nset overlays off\nset channel color\nset samples 32\nwait 8")
     engine, shown = driven.engine, []
-    while engine.refining(driven.state):
+    while engine.lights.pending(driven.state):
         driven.run("wait 1")
-        shown.append(engine.light_samples(driven.state))
+        shown.append(engine.lights.samples)
         if shown[-1] and not shown[:-1].count(shown[-1]) and sum(map(bool, shown)) == 1:
-            traced = displayed(engine._lights._refiner.source)
+            traced = displayed(engine.lights._refiner.source)
     first = next(i for i, samples in enumerate(shown) if samples)
     assert shown[first] in (2, 4, 8, 16, 32) and all(shown[first:])
-    truth, preview = displayed(engine._lights._refiner.source), displayed(engine.feed.source)
+    truth, preview = displayed(engine.lights._refiner.source), displayed(engine.feed.source)
     assert np.square(traced - truth).mean() < np.square(preview - truth).mean()
 
 
@@ -187,7 +187,7 @@ def test_path_traced_light_with_more_noise_than_the_light_method_has_error_is_no
 def test_the_corner_names_path_traced_light_of_the_light_method(drive):
     driven = drive(settings=LIT.replace(width=24, height=14, light="path-traced", spp=1, indirect="auto"), light=True)
     driven.run("frame 8\nset channel color")
-    assert driven.engine.light_text(driven.state) == "path-traced light, 1 sample per pixel"
+    assert driven.engine.lights.text(driven.state) == "path-traced light, 1 sample per pixel"
 
 
 def test_images_are_compared_in_the_light_of_the_same_method(drive):
@@ -207,10 +207,10 @@ def test_a_moving_camera_has_coarse_light(drive):
     driven.run("frame 8\nset channel color\nkey F")
     driven.viewer.input.key("W", True)
     driven.viewer.tick(1 / 24)
-    assert driven.engine.light_text(driven.state) == COARSE["quarter"].text
+    assert driven.engine.lights.text(driven.state) == COARSE["quarter"].text
     driven.viewer.input.key("W", False)
     driven.run("wait 1")
-    assert driven.engine.light_text(driven.state) != COARSE["quarter"].text
+    assert driven.engine.lights.text(driven.state) != COARSE["quarter"].text
 
 
 def test_path_tracing_that_fails_leaves_rasterized_light(drive, monkeypatch):

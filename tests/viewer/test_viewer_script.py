@@ -6,38 +6,27 @@ import shutil
 
 import numpy as np
 import pytest
-from viewer_tools import DEMO, pixels
+from viewer_tools import DEMO, ROOT, pixels
 
 from taubench_gl.errors import SettingsError
+from taubench_gl.settings import Settings
 from taubench_gl.viewer.layout import BAR, SIDE
 
+FAULTS = (
+    "frame", "frame 1 2", "frobnicate 3", "set opacity 'half", "frame x", "set nothing 1", "key HYPER+X",
+    "hold HYPER+X 2", "action dance", "mouse a b", "click @nowhere", "wait some", "expect frame ~ 3",
+    "expect nothing == 3", "frame 3; expect frame == 4", "expect camera > 4", "screenshot x.png desktop",
+    "set against reference", "set method nothing", "set selection nothing", "session a.json",
+)  # fmt: skip
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("frame 1\nfrobnicate 3", 2),
-        ("# ok\n\nframe", 3),
-        ("frame 1 2", 1),
-        ("set opacity 'half", 1),
-        ("frame x", 1),
-        ("set nothing 1", 1),
-        ("key HYPER+X", 1),
-        ("hold HYPER+X 2", 1),
-        ("action dance", 1),
-        ("mouse a b", 1),
-        ("click @nowhere", 1),
-        ("wait some", 1),
-        ("expect frame ~ 3", 1),
-        ("expect nothing == 3", 1),
-        ("frame 3\nexpect frame == 4", 2),
-        ("expect camera > 4", 1),
-        ("screenshot x.png desktop", 1),
-    ],
-)
-def test_errors_name_their_line(drive, text, line):
-    with pytest.raises(SettingsError) as error:
-        drive().run(text)
-    assert error.value.where.endswith(f"script.txt:{line}")
+
+def test_errors_name_their_line(drive):
+    driven = drive()
+    for fault in FAULTS:
+        lines = fault.split("; ")
+        with pytest.raises(SettingsError) as error:
+            driven.run("\n".join(["# comment", "", *lines]))
+        assert error.value.where.endswith(f"script.txt:{2 + len(lines)}"), fault
 
 
 def test_unreadable_scripts(tmp_path):
@@ -65,8 +54,6 @@ def test_panels_work_by_mouse(drive):
 
 
 def test_toggling_an_effect_by_mouse_and_by_key(drive):
-    from taubench_gl.settings import Settings
-
     driven = drive(settings=Settings(width=48, height=27, indirect="none"), light=False)
     driven.run(
         "expect effect.direct == 0\nset effect direct\nkey ENTER\nexpect effect.direct == 1\nexpect overlay.direct >= 0"
@@ -147,10 +134,7 @@ def test_a_deleted_scene_stays_open(drive, tmp_path):
 
 
 def test_path_traced_files_deleted_while_open(drive, tmp_path):
-    from viewer_tools import ROOT
-
     from taubench_gl.pathtraced.evaluation import PathTracedOptions
-    from taubench_gl.settings import Settings
 
     renders = tmp_path / "renders"
     shutil.copytree(ROOT / "tests" / "pathtraced" / "references" / "rigid", renders)

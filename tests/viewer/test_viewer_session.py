@@ -12,7 +12,6 @@ from viewer_tools import DEMO, QUIET
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
-from taubench_gl.settings import Settings
 
 
 def reopened(drive, path):
@@ -117,8 +116,3 @@ def test_options_that_a_session_has_are_refused(tmp_path):
     with pytest.raises(SystemExit) as exit_:
         cli.main(["view", str(path), "--size", "64x36"])
     assert exit_.value.code == 2
-
-
-def test_the_name_of_a_session_file_is_checked(drive, tmp_path):
-    with pytest.raises(SettingsError):
-        drive(settings=Settings(width=32, height=18, columns=("position",))).run(f"session {tmp_path / 'a.json'}")

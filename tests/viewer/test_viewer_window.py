@@ -28,48 +28,29 @@ def view(environment, *arguments):
 
 def test_script_in_a_window(display, gpu, tmp_path):
     row = evaluate_scene(DEMO, QUIET.replace(frames=(5, 7))).frames[0]
-    (tmp_path / "bad.glb").write_bytes(b"nonsense")
     script = tmp_path / "steps.txt"
     script.write_text(f"""
         frame 5
         key RIGHT
-        expect frame == 6
         expect count.position == {row["position"]}
-        expect count.normal == {row["normal"]}
-        expect count.frustum == {row["frustum"]}
         set opacity 1
         set show.normal off
         set show.frustum off
         screenshot {tmp_path / "a.png"}
         click @threshold.position 0.99
-        expect threshold.position > 1
         expect count.position < {row["position"]}
         screenshot {tmp_path / "window.png"} window
         mouse 200 200
         expect probe.x >= 0
-        key SPACE
-        wait 2
-        key SPACE
-        expect frame == 8
         resize 640 400
         expect window.width == 640
         minimize
         wait 2
         resize 800 500
         expect window.height == 500
-        drop {tmp_path / "bad.glb"}
-        expect scene == demo
         drop {DEMO}
         expect scene == demo
-        key F
-        hold W 2
-        key X
-        key C
-        hold S 2
-        key F9
-        key F9
         bench 3
-        expect bench > 0
         quit
     """)
     done = view(display, DEMO, *ARGUMENTS, "--script", script, "--window", "700x500", "--screenshots", tmp_path)
@@ -111,11 +92,6 @@ def test_a_failed_expectation_is_exit_code_2(display, tmp_path):
     script.write_text("expect window.width > 960\nframe 3\nexpect frame == 4\n")
     done = view(display, DEMO, *ARGUMENTS, "--script", script)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and f"{script}:3" in done.stderr
-
-
-def test_a_missing_scene(display, tmp_path):
-    done = view(display, tmp_path / "none.glb")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "none.glb" in done.stderr
 
 
 def test_benchmark(display):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
-from taubench_gl.evaluation import open_scene
+from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.math3d import normalize
@@ -28,7 +28,7 @@ class Pair:
 
     def __init__(self, gpu, scene, frame=1, *, noise=False, **more):
         own = {"width": SIZE[0], "height": SIZE[1], "fps": 4.0, "columns": ("frustum", "direct"), "shadow_lights": 0}
-        given = open_scene(scene, Settings(**(own | {"reprojection": "motion"} | more)))
+        given = plan_scene(scene, Settings(**(own | {"reprojection": "motion"} | more)))
         with gpu, GpuOwner(gpu) as owner:
             source = owner.open_source(given.animated, given.settings, extra=exact_channels())
             exact = ExactReasons(partial(owner.open_source, given.animated), given.settings, source.radiance)

@@ -334,22 +334,22 @@ class Parser:
 
     def _polygon(self, t: Tokens) -> None:
         count = t.integer("the number of corners", 3, COUNT)
-        self._draw(t, surfaces.fan(t.table(count, 3, "a polygon")))
+        self._draw(t, surfaces.polygon(t.table(count, 3, "a polygon")))
 
     def _patch(self, t: Tokens) -> None:
         count = t.integer("the number of corners", 3, COUNT)
         rows = t.table(count, 6, "a patch")
-        self._draw(t, surfaces.fan(rows[:, :3], rows[:, 3:]))
+        self._draw(t, surfaces.polygon(rows[:, :3], rows[:, 3:]))
 
     def _textured(self, t: Tokens) -> None:
         material = self._with_texture(t.word("a texture"), t)
         rows = t.table(3, 5, "a textured triangle")
-        self._draw(t, surfaces.fan(rows[:, :3], None, rows[:, 3:]), material)
+        self._draw(t, surfaces.polygon(rows[:, :3], None, rows[:, 3:]), material)
 
     def _textured_patch(self, t: Tokens) -> None:
         material = self._with_texture(t.word("a texture"), t)
         rows = t.table(3, 8, "a textured patch")
-        self._draw(t, surfaces.fan(rows[:, :3], rows[:, 3:6], rows[:, 6:]), material)
+        self._draw(t, surfaces.polygon(rows[:, :3], rows[:, 3:6], rows[:, 6:]), material)
 
     def _animated_triangle(self, t: Tokens) -> None:
         count = t.integer("the number of times", 1, COUNT)

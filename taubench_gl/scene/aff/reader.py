@@ -101,6 +101,8 @@ class _Assembly:
         nodes = self.file.nodes
         for node, collector in self.file.drawn.items():
             mesh = collector.mesh(nodes[node].name)
+            if collector.crossing:
+                self.file.notes.remark("polygon-crossing", detail=nodes[node].name, count=collector.crossing)
             if mesh is not None:
                 nodes[node].mesh = len(self.meshes)
                 self.meshes.append(mesh)

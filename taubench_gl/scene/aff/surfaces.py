@@ -6,12 +6,13 @@ Their normals are those of the exact surface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from taubench_gl.math3d import normalize
 from taubench_gl.scene.model import Mesh, MorphTarget, Primitive
+from taubench_gl.scene.polygons import cut_polygons
 
 Array = np.ndarray
 
@@ -29,12 +30,14 @@ class Surface:
     triangles: Array  # (T, 3) int64
     normals: Array | None = None  # (V, 3) float64, unit
     texcoords: Array | None = None  # (V, 2) float64
+    outline: bool = False  # one polygon, its corners in order
 
 
-def fan(positions: Array, normals: Array | None = None, texcoords: Array | None = None) -> Surface:
-    """A convex polygon as a fan around its first corner.  (n, 3), n >= 3."""
+def polygon(positions: Array, normals: Array | None = None, texcoords: Array | None = None) -> Surface:
+    """A polygon (n, 3), n >= 3, as a fan around its first corner; ``Collector.mesh`` replaces fans that do not fit."""
     i = np.arange(1, len(positions) - 1)
-    return Surface(positions, np.stack([np.zeros_like(i), i, i + 1], axis=1), usable_normals(normals), texcoords)
+    triangles = np.stack([np.zeros_like(i), i, i + 1], axis=1)
+    return Surface(positions, triangles, usable_normals(normals), texcoords, outline=len(positions) > 3)
 
 
 def usable_normals(normals: Array | None) -> Array | None:
@@ -96,10 +99,15 @@ def _not_flat(triangles: Array, rows: int) -> Array:
 
 @dataclass
 class Collector:
-    """Surfaces of one node by material; ``moving``: animated triangles by material and key times in seconds."""
+    """Surfaces of one node by material; ``moving``: animated triangles by material and key times in seconds.
+
+    ``crossing``: polygons of ``mesh`` whose outline crosses itself.
+    """
 
     still: dict[tuple[int, bool, bool], list[Surface]] = field(default_factory=dict)
     moving: dict[tuple[int, tuple[float, ...]], list[Array]] = field(default_factory=dict)
+
+    crossing: int = 0
 
     def add(self, surface: Surface, material: int) -> None:
         key = (material, surface.normals is not None, surface.texcoords is not None)
@@ -111,8 +119,24 @@ class Collector:
 
     def mesh(self, name: str) -> Mesh | None:
         """All static surfaces as one mesh with a primitive per material."""
-        primitives = tuple(_joined(surfaces, key[0]) for key, surfaces in self.still.items())
+        primitives = tuple(_joined(self._cut(surfaces), key[0]) for key, surfaces in self.still.items())
         return Mesh(name, primitives) if primitives else None
+
+    def _cut(self, surfaces: list[Surface]) -> list[Surface]:
+        """``surfaces`` with the triangles of ``cut_polygons``: of all polygons at once, because one takes 0.3 ms."""
+        outlines = [i for i, surface in enumerate(surfaces) if surface.outline]
+        if not outlines:
+            return surfaces
+        sizes = np.array([len(surfaces[i].positions) for i in outlines])
+        fans, drawn, crossing = cut_polygons(np.concatenate([surfaces[i].positions for i in outlines]), sizes)
+        self.crossing += len(crossing)
+        if drawn is fans:
+            return surfaces
+        ends, out = np.cumsum(sizes), list(surfaces)
+        owner = np.searchsorted(ends, drawn[:, 0], side="right")
+        for i, start, triangles in zip(outlines, ends - sizes, np.split(drawn, np.flatnonzero(np.diff(owner)) + 1)):
+            out[i] = replace(out[i], triangles=triangles - start)
+        return out
 
     def moving_meshes(self, name: str) -> list[tuple[tuple[float, ...], Mesh]]:
         """(times, mesh) of animated triangles: the base is the shape at time 0, target k that at time k + 1."""

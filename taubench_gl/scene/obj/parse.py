@@ -14,6 +14,7 @@ import numpy as np
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.files import read_any_text
 from taubench_gl.scene.notes import Notes
+from taubench_gl.scene.polygons import cut_polygons
 
 Array = np.ndarray
 
@@ -33,11 +34,12 @@ CURVES = (b"curv", b"curv2", b"surf", b"cstype", b"deg", b"parm", b"end", b"bmat
 
 @dataclass(slots=True)
 class Part:
-    """Triangles of one object and material.  ``corners`` (T, 3, 3) int64: for each corner v, vt, vn, from 0."""
+    """Triangles of one object and material: for each corner v, vt, vn, from 0, int64."""
 
     object: str
     material: str
-    corners: Array
+    corners: Array  # (T, 3, 3) drawn
+    fans: Array  # (F, 3, 3) every polygon as a fan, which names its corners whatever its shape
 
 
 @dataclass(slots=True)
@@ -193,7 +195,7 @@ class _Lines:
                 self.repair("library-name", np.array([row]), "mtllib without a file name")
                 continue
             libraries.append((names, self.where(row)))
-        return ObjFile(self.path, raw, v, vt, vn, self._parts(len(v), len(vt), len(vn)), libraries, undrawn)
+        return ObjFile(self.path, raw, v, vt, vn, self._parts(v, len(vt), len(vn)), libraries, undrawn)
 
     def _check_kinds(self) -> None:
         keywords = {b"v", b"vt", b"vn", b"f", b"l", b"p", b"mtllib", *STATES, *IGNORED}
@@ -212,7 +214,7 @@ class _Lines:
             self.repair("unknown-statement", self.rows(kind), message, hint, name)
 
     # --------------------------------------------------------------------------------------------------------- faces
-    def _parts(self, nv: int, nt: int, nn: int) -> list[Part]:
+    def _parts(self, v: Array, nt: int, nn: int) -> list[Part]:
         rows = self.rows(b"f")
         if not len(rows):
             return []
@@ -221,25 +223,25 @@ class _Lines:
             self.repair("face-corners", rows[sizes < 3], f"a face with {sizes[np.argmax(sizes < 3)]} corners")
             rows, sizes = rows[sizes >= 3], sizes[sizes >= 3]
         corners = self._corners(rows, sizes)
-        drawn = self._resolve(rows, sizes, corners, (nv, nt, nn))
+        drawn = self._resolve(rows, sizes, corners, (len(v), nt, nn))
         if not np.all(drawn):
             corners = corners[np.repeat(drawn, sizes)]
             rows, sizes = rows[drawn], sizes[drawn]
         if not len(rows):
             return []
-        first = np.cumsum(sizes) - sizes
-        # Fan: corner 0 with each two consecutive corners.
-        fans = sizes - 2
-        face = np.repeat(np.arange(len(rows)), fans)
-        step = np.arange(len(face)) - np.repeat(np.cumsum(fans) - fans, fans)
-        triangles = np.stack([corners[first[face]], corners[first[face] + step + 1], corners[first[face] + step + 2]],
-                             axis=1)  # fmt: skip
+        fans, drawn, crossing = cut_polygons(v[corners[:, 0]], sizes)
+        if len(crossing):
+            self.notes.remark("polygon-crossing", self.where(rows[crossing[0]]), count=len(crossing))
         objects, materials = self._states(rows)
         label = objects[0] * len(materials[1]) + materials[0]
+        owner = np.repeat(np.arange(len(rows)), sizes)
+        fan_label, drawn_label = label[owner[fans[:, 0]]], label[owner[drawn[:, 0]]]
         parts = []
         for value in np.unique(label).tolist():
-            faces = triangles[label[face] == value]
-            parts.append(Part(objects[1][value // len(materials[1])], materials[1][value % len(materials[1])], faces))
+            own_fans = corners[fans[fan_label == value]]
+            own = own_fans if drawn is fans else corners[drawn[drawn_label == value]]
+            object_, material = divmod(value, len(materials[1]))
+            parts.append(Part(objects[1][object_], materials[1][material], own, own_fans))
         return parts
 
     def _corners(self, rows: Array, sizes: Array) -> Array:

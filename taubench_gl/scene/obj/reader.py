@@ -1,7 +1,8 @@
 """Reads an OBJ file, or a numbered sequence of OBJ files, into a Scene.
 
 Axes are the model's (Y up; meters unless the user sets a unit scale).  Every ``o`` is an object, or every ``g`` where
-the file has no ``o``.  Polygons become fans, faces without normals are flat, and all faces are double-sided.
+the file has no ``o``.  Polygons are cut into triangles, faces without normals are flat, and all faces are
+double-sided.
 
 In a sequence, frame i is file i and is shown at i / fps.  An object with constant topology is one mesh with a morph
 target for each distinct shape and LINEAR weights: every frame has exactly the vertices of its file, and motion follows
@@ -96,6 +97,7 @@ class Shape:
 
     materials: tuple[str, ...]
     corners: tuple[Array, ...]  # per material (T, 3, 3) int64
+    fans: tuple[Array, ...]  # per material (F, 3, 3) int64: the faces of the file, however they are cut
     v: Array  # (n, 3) the object's range of the positions
     vt: Array
     vn: Array
@@ -106,7 +108,7 @@ class Shape:
             and self.v.shape == other.v.shape
             and self.vn.shape == other.vn.shape
             and self.vt.shape == other.vt.shape
-            and all(np.array_equal(a, b) for a, b in zip(self.corners, other.corners, strict=True))
+            and all(np.array_equal(a, b) for a, b in zip(self.fans, other.fans, strict=True))
         )
 
 
@@ -126,8 +128,11 @@ def _shape(file: ObjFile, parts: list[Part]) -> Shape:
         used = joined[:, column][joined[:, column] != MISSING]
         low[column] = used.min() if len(used) else 0
         arrays.append(values[low[column] : used.max() + 1] if len(used) else values[:0])
-    corners = tuple(np.where(p.corners == MISSING, MISSING, p.corners - low) for p in parts)
-    return Shape(tuple(p.material for p in parts), corners, *arrays)
+    corners, fans = (
+        tuple(np.where(triangles == MISSING, MISSING, triangles - low) for triangles in kind)
+        for kind in ([p.corners for p in parts], [p.fans for p in parts])
+    )
+    return Shape(tuple(p.material for p in parts), corners, fans, *arrays)
 
 
 MORPHED_BYTES, WEIGHT_BYTES = 72, 8

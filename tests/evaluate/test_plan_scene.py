@@ -12,7 +12,7 @@ from taubench_gl.batch.units import head_unit
 from taubench_gl.cost.study import cost
 from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.errors import SceneError
-from taubench_gl.evaluation import evaluate_scene, open_scene, open_session
+from taubench_gl.evaluation import evaluate_scene, open_session, plan_scene
 from taubench_gl.export.run import export_scene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.option_groups import ExportOptions
@@ -21,8 +21,8 @@ from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.scene.builder import SceneBuilder, sphere
 from taubench_gl.settings import Settings
 from taubench_gl.study.unit import Worker
-from taubench_gl.viewer.engine import LiveTimer
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
+from taubench_gl.viewer.model import LiveTimer
 
 
 def _session(path, settings, out):
@@ -36,7 +36,7 @@ def _view(path, settings, out):
 
 
 ACTS = {
-    "open": lambda path, settings, out: open_scene(path, settings),
+    "open": lambda path, settings, out: plan_scene(path, settings),
     "session": _session,
     "evaluate": lambda path, settings, out: evaluate_scene(path, settings, out=out),
     "pairs": lambda path, settings, out: pairs(path, settings),

@@ -1,4 +1,7 @@
-"""Write docs/commands/, docs/api.md, docs/glossary.md and docs/repairs.md: ``python -m taubench_gl.apps.doc``."""
+"""Pages made of the help, docstrings and tables of the package: docs/commands/, api.md, glossary.md and repairs.md.
+
+``tools/record commands`` writes them.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,10 @@ from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
 from taubench_gl.apps.options import Command
 from taubench_gl.fields import declared
-from taubench_gl.outputs import write_atomically
-from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import notes
 from taubench_gl.settings import GROUPS
 
-DOCS = PACKAGE.parent / "docs"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 PROGRAM = "taubench-gl"
 WIDTH = 100
 
@@ -53,7 +54,7 @@ API_HEAD = """# Python interface
 `TaubenchError`, with one line of text.  Importing never opens OpenGL; scenes, metrics, tables and stored runs work on
 machines without it.
 
-This page is written by `python -m taubench_gl.apps.doc` from the docstrings.
+This page is written by `tools/record commands` from the docstrings.
 
 
 ## Examples
@@ -151,7 +152,7 @@ def commands(command: click.Command = cli, path: tuple[str, ...] = (PROGRAM,)) -
 def command_pages() -> dict[str, str]:
     """File name -> Markdown: one page per top-level command, its subcommands on it, and an index."""
     pages: dict[str, str] = {}
-    index = [f"# Commands of {PROGRAM}\n\nWritten by `python -m taubench_gl.apps.doc` from the `--help` texts.\n"]
+    index = [f"# Commands of {PROGRAM}\n\nWritten by `tools/record commands` from the `--help` texts.\n"]
     for path, text in commands():
         if len(path) == 1:
             continue
@@ -246,22 +247,7 @@ def _parameters(signature: inspect.Signature) -> Iterator[str]:
 
 
 def pages() -> dict[Path, str]:
-    """Path -> text of every page that this module writes."""
+    """Path -> text of every page that this module makes."""
     out = {DOCS / "commands" / name: text for name, text in command_pages().items()}
     out |= {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary.page()}
     return out | {DOCS / "repairs.md": notes.page()}
-
-
-def write() -> None:
-    """Write the pages and delete those of removed commands."""
-    every = pages()
-    folder = DOCS / "commands"
-    folder.mkdir(parents=True, exist_ok=True)
-    for stale in set(folder.glob("*.md")) - every.keys():
-        stale.unlink()
-    for path, text in every.items():
-        write_atomically(path, text)
-
-
-if __name__ == "__main__":
-    write()
