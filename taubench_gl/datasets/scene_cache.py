@@ -31,7 +31,7 @@ from taubench_gl.outputs import copy_atomically, make_folders, remove_folders, w
 from taubench_gl.paths import cache_folder
 from taubench_gl.scene.files import MAX_TEXT_BYTES
 from taubench_gl.scene.gltf.document import GLB_MAGIC
-from taubench_gl.settings import ENVIRONMENT_FILES
+from taubench_gl.setting_values import ENVIRONMENT_FILES
 
 PREFIX = "scene:"
 """Marks a name of the registry where a path is expected."""

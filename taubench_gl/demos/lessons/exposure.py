@@ -10,7 +10,7 @@ from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Questi
 from taubench_gl.demos.sheet import Sheet, as_bytes, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
-from taubench_gl.evaluation.exposure import METERED_FRAMES, RASTER_SIZE
+from taubench_gl.evaluation.exposure import METERED_FRAMES, METERED_SIZE
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.exposure import MIDDLE_GRAY
 from taubench_gl.scene.model import Scene
@@ -46,7 +46,7 @@ def wall_radiance(size: Size, lamp: float) -> Array:
 
 def expected_exposure() -> float:
     """Middle gray over the log-average between the 10th and the 90th percentile, lowered until 5 % clip."""
-    luminance = np.stack([wall_radiance(RASTER_SIZE, x) for x in np.linspace(*PLACES, METERED_FRAMES)])
+    luminance = np.stack([wall_radiance(METERED_SIZE, x) for x in np.linspace(*PLACES, METERED_FRAMES)])
     low, high = np.percentile(luminance, (10, 90))
     used = luminance[(luminance >= low) & (luminance <= high)]
     return min(MIDDLE_GRAY / float(np.exp(np.mean(np.log(used)))), 1.0 / float(np.percentile(luminance, 95)))

@@ -26,7 +26,7 @@ from taubench_gl.scene.gltf.nodes import (
     read_skins,
 )
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import ENVIRONMENT_FILES, MAX_EXPOSURE, parse_environment
+from taubench_gl.setting_values import ENVIRONMENT_FILES, MAX_EXPOSURE, parse_environment
 
 IMAGE_BASED_LIGHTS = frozenset({"EXT_lights_image_based", "KHR_lights_image_based"})
 """Extensions of image-based light; it is not simulated."""
