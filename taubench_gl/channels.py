@@ -6,15 +6,18 @@ exports.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from taubench_gl.lobes import SCENE_LOBES, TABLE
+
 RADIANCE_UNIT = "W/(sr m2) or cd/m2"
-"""By the setting ``light_unit``, watt or candela; without exposure."""
+"""Unit of radiance channels: watt or candela by the setting ``light_unit``; exposure is not applied."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
-    """One channel."""
+    """One per-pixel value: its texture, its unit and its names in files."""
 
     name: str
     components: int  # of the GPU texture
@@ -26,8 +29,18 @@ class ChannelInfo:
 
     @property
     def bytes(self) -> int:
-        """Per pixel on the GPU."""
+        """Bytes of a pixel on the GPU."""
         return self.components * int(self.dtype[1])
+
+
+def _light(bounce: str, doc: str) -> Iterator[ChannelInfo]:
+    """Radiance of all lobes, and of each lobe that rendered scenes can have."""
+    lobes = {f"{bounce}_{lobe.name}": lobe.doc.format(bounce) for lobe in TABLE if lobe.name in SCENE_LOBES}
+    for name, text in ({bounce: doc} | lobes).items():
+        exr = name.title().replace("_", "")
+        yield ChannelInfo(
+            name, 4, "f4", RADIANCE_UNIT, text, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
+        )
 
 
 CHANNELS: dict[str, ChannelInfo] = {
@@ -70,24 +83,8 @@ CHANNELS: dict[str, ChannelInfo] = {
             "ids", 2, "u4", "1",
             "x: draw record + 1 (0 = no surface), y: material + 1 (highest bit: cut)", ("InstanceId", "MaterialId"),
         ),
-        *(
-            ChannelInfo(
-                name, 4, "f4", RADIANCE_UNIT, doc, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
-            )
-            for name, doc, exr in (
-                ("direct", "radiance of lights, emitters and sky after one bounce, all lobes, linear", "Direct"),
-                ("direct_diffuse", "diffuse lobe of direct", "DirectDiffuse"),
-                ("direct_glossy", "glossy lobe of direct", "DirectGlossy"),
-                ("direct_transmission", "light of direct that comes through the visible surface", "DirectTransmission"),
-                ("indirect", "radiance after two or more bounces, linear", "Indirect"),
-                ("indirect_diffuse", "diffuse lobe of indirect, at the visible surface", "IndirectDiffuse"),
-                ("indirect_glossy", "glossy lobe of indirect, at the visible surface", "IndirectGlossy"),
-                (
-                    "indirect_transmission", "light of indirect that comes through the visible surface",
-                    "IndirectTransmission",
-                ),
-            )
-        ),
+        *_light("direct", "radiance of lights, emitters and sky after one bounce, all lobes, linear"),
+        *_light("indirect", "radiance after two or more bounces, linear"),
         ChannelInfo(
             "path_info", 4, "f4", "m, 1, radiance2",
             "x: hit distance of the first bounce, mean over the samples that hit, 0 if none; y: sample count; z: "

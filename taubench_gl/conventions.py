@@ -50,12 +50,6 @@ off screen."""
 DEFAULT_THRESHOLD = 32.0 / 255.0
 """The paper's threshold (section 3.2), in the unit of each feature; position: meters."""
 
-LOBES = ("diffuse", "glossy", "transmission", "volume")
-"""Lobes of direct and indirect that can be measured apart."""
-
-SCENE_LOBES = LOBES[:3]
-"""Those that rendered scenes can have; transmission where a surface lets light through."""
-
 
 class Reason(enum.IntFlag):
     """Reason bits of the mask word, one unsigned 32-bit integer per pixel (docs/conventions.md).
@@ -103,7 +97,7 @@ class Visibility(enum.IntFlag):
 
 
 CHANGED_LIGHT = Visibility.BRIGHTENED | Visibility.DARKENED | Visibility.VIEW_DEPENDENT
-"""Of these, a pixel has at most one."""
+"""Bits of changed light; a pixel has at most one of them."""
 
 
 NO_HISTORY = 1 << 31

@@ -41,6 +41,7 @@ _INTEGER = re.compile(r"[+-]?[0-9]+")
 _KEY_PART = r"(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
 _LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
 _EXPECTED = re.compile(r"Expected (.*), got (.*)")
+_FIELD = re.compile(r"Object (missing required|contains unknown) field (.*)")
 _WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
           "bool": "true or false"}  # fmt: skip
 _MAX_DIGITS = 20  # of an integer: 64 bits with a sign
@@ -267,7 +268,11 @@ def checked(value: Any, kind: Any) -> Any:
 def schema_fault(error: msgspec.ValidationError) -> str:
     """msgspec's message with the key first: ``settings.width is text, expected a number``."""
     message, _, place = str(error).replace("`", "").partition(" - at ")
-    key = place.removeprefix("$").removeprefix(".") or "the file"
+    key = place.removeprefix("$").removeprefix(".")
+    if field := _FIELD.fullmatch(message):
+        fault = "is missing" if field[1] == "missing required" else "is unknown"
+        return f"{f'{key}.{field[2]}'.removeprefix('.')} {fault}"
+    key = key or "the file"
     if types := _EXPECTED.fullmatch(message):
         return f"{key} is {_in_words(types[2])}, expected {_in_words(types[1])}"
     return f"{key}: {message[:1].lower()}{message[1:]}"

@@ -25,15 +25,15 @@ class Feature:
     """One feature mask f_B of section 3.2, and the column of Table 4 that counts it."""
 
     name: str
-    channel: str  # that is compared
+    channel: str  # the compared channel
     bit: Reason
     distance: Distance
-    unit: str  # of the threshold
+    unit: str  # unit of the threshold
     sentence: str  # when a pixel is discarded
     misregistered: str  # which pixels ``misregistered_<name>`` of exact visibility counts
     color: tuple[int, int, int]  # 8-bit sRGB, in images, plots and pages
-    dash: str  # of lines in plots
-    symbol: str = ""  # of the unit, beside numbers
+    dash: str  # Matplotlib style of its lines in plots
+    symbol: str = ""  # symbol of the unit beside numbers
     part: str = "xyz"  # components of the channel
     light: bool = False  # whether light decides it
     rates: tuple[str, ...] = ()  # reuse rates that do not count its pixels
@@ -81,7 +81,7 @@ TABLE: tuple[Feature, ...] = (
         cause=("changed in indirect light", "Indirect radiance changed although direct radiance did not"),
     ),
 )  # fmt: skip
-"""In the order of Table 4.  Frustum is a class of its own, without distance and threshold."""
+"""All features in the order of Table 4.  Frustum is a class of its own, without distance and threshold."""
 
 BY_BIT = tuple(sorted(TABLE, key=lambda feature: feature.bit))  # the order of files and legends
 FEATURE = {f.name: f for f in TABLE}
@@ -105,4 +105,4 @@ RADIANCE_FEATURES = tuple(f.name for f in BY_BIT if f.distance is Distance.RADIA
 COUNTED_BITS = max(Reason).bit_length()
 MASK_WORDS = 1 << COUNTED_BITS
 WORD_DTYPE = "<u2" if COUNTED_BITS <= 16 else "<u4"
-"""Of mask words in files."""
+"""NumPy type of mask words in files."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from taubench_gl.conventions import LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import Check, Checked, above_zero, at_least, declared, one_of, setting, some_of, value_text
+from taubench_gl.lobes import LOBES
 from taubench_gl.settings import (
     DEFAULT_SPP,
     FILES,
@@ -66,8 +66,8 @@ class PathTracedOptions(Checked):
     )
     lobes: tuple[str, ...] = setting(
         (),
-        "Also measure this lobe of direct and indirect apart; may be repeated.  Rendered scenes have diffuse, "
-        "glossy and transmission lobes",
+        "Also measure this lobe of direct and indirect apart; may be repeated.  Null with its reason where scene or "
+        "files have none",
         some_of(LOBES),
         group=MASKS,
         flag="--lobe",

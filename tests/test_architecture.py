@@ -18,7 +18,7 @@ PACKAGE = ROOT / "taubench_gl"
 
 LEAF = {
     "checksums", "conventions", "channels", "data_files", "errors", "features", "fields", "folder_lock", "glossary",
-    "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "setting_values",
+    "lobes", "math3d", "memory_budget", "outputs", "paths", "option_groups", "preset", "run_schema", "setting_values",
     "settings", "srgb", "stage_log",
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -17,7 +18,6 @@ from taubench_gl.folder_lock import LOCK_FILE, FolderLock, lock_holder
 from taubench_gl.paths import PACKAGE
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
-SMALL = {"size": "32x18", "frames": range(3), "columns": "frustum,position"}
 
 HOLDER = """
 import sys
@@ -38,26 +38,19 @@ def held(tmp_path):
         process.kill()
 
 
-def refused(work, folder, process) -> None:
-    with pytest.raises(OutputError) as caught:
-        work()
-    assert caught.value.where == str(folder) and f"process {process.pid} " in caught.value.what
-    assert [p.name for p in folder.iterdir()] == [LOCK_FILE]
-
-
-def test_a_second_writer_is_refused_and_changes_nothing(held):
+def test_a_second_writer_is_refused_and_a_killed_one_is_no_writer(held):
     folder, process = held
-    refused(lambda: evaluate(DEMO, out=folder, **SMALL), folder, process)
-    refused(lambda: export_scene(DEMO, folder, Settings(width=32, height=18, frames=(0, 2))), folder, process)
+    settings = Settings(width=32, height=18, frames=(0, 3), columns=("frustum", "position"))
+    for write in (lambda: evaluate(DEMO, settings, out=folder), lambda: export_scene(DEMO, folder, settings)):
+        with pytest.raises(OutputError) as caught:
+            write()
+        assert caught.value.where == str(folder) and f"process {process.pid} " in caught.value.what
+        assert [p.name for p in folder.iterdir()] == [LOCK_FILE]
     assert lock_holder(folder).startswith(f"process {process.pid} ")
-
-
-def test_a_killed_writer_does_not_keep_the_folder(held):
-    folder, process = held
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     assert (folder / LOCK_FILE).exists() and lock_holder(folder) is None
-    run = evaluate(DEMO, out=folder, **SMALL)
+    run = evaluate(DEMO, settings, out=folder)
     assert run.summary["pairs"] == 2 and not (folder / LOCK_FILE).exists()
 
 
@@ -68,6 +61,21 @@ def test_a_lock_removes_what_it_created(tmp_path):
     with FolderLock(tmp_path / "a"):
         (tmp_path / "a" / "result").touch()
     assert [p.name for p in tmp_path.rglob("*")] == ["a", "result"]
+
+
+def test_a_reader_of_the_lock_does_not_stop_a_writer(tmp_path, monkeypatch):
+    real, seen = fcntl.flock, []
+
+    def busy_once(file, operation):
+        if operation & fcntl.LOCK_EX and not seen:
+            seen.append(operation)
+            raise BlockingIOError
+        return real(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", busy_once)
+    with FolderLock(tmp_path):
+        assert seen and lock_holder(tmp_path) is not None
+    assert lock_holder(tmp_path) is None
 
 
 def test_many_writers_of_one_folder_never_overlap(tmp_path):

@@ -98,7 +98,7 @@ def test_a_marked_part_is_replaced(tmp_path):
 
 
 def test_the_readme_shows_parts_of_the_output():
-    """Of an output whose other tables have the same titles of rows."""
+    """The sample leaves out other tables of the output whose rows have the same titles."""
     head = "camera reprojection: 1 %\n  more\n\nTable 1: Details\n\n  a\n    Eternal Valley VR   9\n\n"
     table = "Table 4: Discarded\n\n  demo  1\n\n  the paper:\n    Eternal Valley FPS  2\n    Eternal Valley VR   3\n"
     rest = "    Toasters  4\n\nat half and twice the exposure: direct 1 and\n2.5 %.\nThe paper.\n"

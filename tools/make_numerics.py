@@ -30,7 +30,7 @@ NUMERIC = (
 
 
 def row(guard: Guard, gpu: Any) -> dict[str, Any]:
-    """The first of its cases that fails without ``guard``: they are in the order of their difficulty."""
+    """Errors of the first case that fails without ``guard``, with and without it; cases are in order of difficulty."""
     cases = list(guard.detected_by)
     sound = {r.name: r for r in run_selftest(gpu, only=cases)}
     with guard.disabled():

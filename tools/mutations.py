@@ -178,7 +178,7 @@ def _end_of_operand(bare: str, start: int) -> int:
 
 
 def _inside_functions(bare: str) -> list[bool]:
-    """Of each character: whether it is inside the braces of a function, not of a struct or block."""
+    """Whether each character is inside the braces of a function, not of a struct or block."""
     inside, stack = [], []
     for i, c in enumerate(bare):
         if c == "{":

@@ -3,6 +3,7 @@
 // Every function returns brdf * cos(theta_l) for unit vectors n, v, l.  ``specular`` scales the dielectric lobe
 // (KHR_materials_specular): F0 = 0.04 specular, F90 = specular; 0 is a pure Lambert surface.
 #include "common/affine.glsl"
+#include "common/lobes.glsl"
 
 #ifndef GLOSSY
 #define GLOSSY 1
@@ -42,26 +43,6 @@ struct Surface {
     float beyond; // on the other side
 #endif
 };
-
-struct Lobes {
-    vec3 diffuse;
-    vec3 glossy;
-#if TRANSMISSION
-    vec3 transmission;
-#endif
-};
-
-#if TRANSMISSION
-Lobes no_light() { return Lobes(vec3(0.0), vec3(0.0), vec3(0.0)); }
-vec3 all_lobes(Lobes x) { return x.diffuse + x.glossy + x.transmission; }
-Lobes times(Lobes x, vec3 light) { return Lobes(x.diffuse * light, x.glossy * light, x.transmission * light); }
-Lobes plus(Lobes a, Lobes b) { return Lobes(a.diffuse + b.diffuse, a.glossy + b.glossy, a.transmission + b.transmission); }
-#else
-Lobes no_light() { return Lobes(vec3(0.0), vec3(0.0)); }
-vec3 all_lobes(Lobes x) { return x.diffuse + x.glossy; }
-Lobes times(Lobes x, vec3 light) { return Lobes(x.diffuse * light, x.glossy * light); }
-Lobes plus(Lobes a, Lobes b) { return Lobes(a.diffuse + b.diffuse, a.glossy + b.glossy); }
-#endif
 
 // GGX distribution of normals at the unit half vector h, 1/sr.
 float ggx_d(vec3 n, vec3 h, float n_h, float a2) {

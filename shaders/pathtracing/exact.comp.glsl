@@ -2,7 +2,7 @@
 //
 // Paper      section 3.2, f_dir.
 // Reads      position normal geometric_normal base_color material, light table, acceleration structure.
-// Writes     layers EXACT_DIFFUSE, EXACT_GLOSSY and EXACT_TRANSMISSION of the path state; lights first_light to
+// Writes     layers EXACT of the path state; lights first_light to
 //            first_light + LIGHT_CHUNK - 1.
 // Reference  metrics.lighting, ray casts
 #include "pathtracing/state.glsl"
@@ -32,15 +32,9 @@ void main() {
         }
     }
     if (first_light > 0) {
-        sum.diffuse += load_state(local, EXACT_DIFFUSE).rgb;
-        sum.glossy += load_state(local, EXACT_GLOSSY).rgb;
-#if TRANSMISSION
-        sum.transmission += load_state(local, EXACT_TRANSMISSION).rgb;
-#endif
+#define ADD_LIGHTS_BEFORE(lobe) sum.lobe += load_state(local, EXACT(lobe)).rgb;
+        EACH_LOBE(ADD_LIGHTS_BEFORE)
     }
-#if TRANSMISSION
-    store_state(local, EXACT_TRANSMISSION, vec4(sum.transmission, 0.0));
-#endif
-    store_state(local, EXACT_DIFFUSE, vec4(sum.diffuse, 0.0));
-    store_state(local, EXACT_GLOSSY, vec4(sum.glossy, 0.0));
+#define STORE_EXACT(lobe) store_state(local, EXACT(lobe), vec4(sum.lobe, 0.0));
+    EACH_LOBE(STORE_EXACT)
 }

@@ -24,10 +24,10 @@ void contribute(ivec2 local, vec3 light) {
     Lobes x = first_lobes(local, light);
     if (vertex == 1) {
         add_direct(local, x);
-        add_state(local, FIRST_DIFFUSE, vec4(vec3(0.0), luminance(all_lobes(x))));
+        add_state(local, FIRST(diffuse), vec4(vec3(0.0), luminance(all_lobes(x))));
     } else {
         add_indirect(local, x);
-        add_state(local, FIRST_GLOSSY, vec4(vec3(0.0), luminance(all_lobes(x))));
+        add_state(local, FIRST(glossy), vec4(vec3(0.0), luminance(all_lobes(x))));
     }
 }
 
@@ -37,7 +37,7 @@ void contribute_indirect(ivec2 local, vec3 light) {
     if (!(luminance(light) > 0.0)) return;
     Lobes x = first_lobes(local, light);
     add_indirect(local, x);
-    add_state(local, FIRST_GLOSSY, vec4(vec3(0.0), luminance(all_lobes(x))));
+    add_state(local, FIRST(glossy), vec4(vec3(0.0), luminance(all_lobes(x))));
 }
 
 void main() {
@@ -64,8 +64,8 @@ void main() {
         return;
     }
     if (vertex == 1) {
-        add_state(local, DIRECT_GLOSSY, vec4(vec3(0.0), hit.t));
-        add_state(local, INDIRECT_GLOSSY, vec4(vec3(0.0), 1.0));
+        add_state(local, DIRECT(glossy), vec4(vec3(0.0), hit.t));
+        add_state(local, INDIRECT(glossy), vec4(vec3(0.0), 1.0));
     }
     vec4 of_emitter = sample_numbers_of(numbers, vertex, EMITTER);
     HitSurface x = surface_at(ray, hit, of_emitter.w);

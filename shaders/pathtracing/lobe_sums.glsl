@@ -1,47 +1,33 @@
 // Light of lobes: checked, and added to the sums of a pixel.
+#include "common/lobes.glsl"
 #include "pathtracing/state.glsl"
 
 Lobes finite_or_counted(Lobes x) {
-    x.diffuse = finite_or_counted(x.diffuse);
-    x.glossy = finite_or_counted(x.glossy);
-#if TRANSMISSION
-    x.transmission = finite_or_counted(x.transmission);
-#endif
+#define CHECK_LOBE(lobe) x.lobe = finite_or_counted(x.lobe);
+    EACH_LOBE(CHECK_LOBE)
     return x;
 }
 
 Lobes over(Lobes x, float pdf) {
-    x.diffuse /= pdf;
-    x.glossy /= pdf;
-#if TRANSMISSION
-    x.transmission /= pdf;
-#endif
+#define OVER_PDF(lobe) x.lobe /= pdf;
+    EACH_LOBE(OVER_PDF)
     return x;
 }
 
 void add_direct(ivec2 local, Lobes x) {
-    add_state(local, DIRECT_DIFFUSE, vec4(x.diffuse, 0.0));
-    add_state(local, DIRECT_GLOSSY, vec4(x.glossy, 0.0));
-#if TRANSMISSION
-    add_state(local, DIRECT_TRANSMISSION, vec4(x.transmission, 0.0));
-#endif
+#define ADD_DIRECT(lobe) add_state(local, DIRECT(lobe), vec4(x.lobe, 0.0));
+    EACH_LOBE(ADD_DIRECT)
 }
 
 void add_indirect(ivec2 local, Lobes x) {
-    add_state(local, INDIRECT_DIFFUSE, vec4(x.diffuse, 0.0));
-    add_state(local, INDIRECT_GLOSSY, vec4(x.glossy, 0.0));
-#if TRANSMISSION
-    add_state(local, INDIRECT_TRANSMISSION, vec4(x.transmission, 0.0));
-#endif
+#define ADD_INDIRECT(lobe) add_state(local, INDIRECT(lobe), vec4(x.lobe, 0.0));
+    EACH_LOBE(ADD_INDIRECT)
 }
 
 // What the visible surface sends to the camera of light that the path carries, by lobe.
 Lobes first_lobes(ivec2 local, vec3 light) {
-    Lobes x = no_light();
-    x.diffuse = light * load_state(local, FIRST_DIFFUSE).rgb;
-    x.glossy = light * load_state(local, FIRST_GLOSSY).rgb;
-#if TRANSMISSION
-    x.transmission = light * load_state(local, FIRST_TRANSMISSION).rgb;
-#endif
+    Lobes x;
+#define CARRIED_LIGHT(lobe) x.lobe = light * load_state(local, FIRST(lobe)).rgb;
+    EACH_LOBE(CARRIED_LIGHT)
     return x;
 }

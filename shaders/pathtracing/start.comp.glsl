@@ -19,11 +19,7 @@ void main() {
     if (outside_tile(local)) return;
     NumbersOf numbers = numbers_of(local);
     if (samples_before == 0) {
-        for (int layer = DIRECT_DIFFUSE; layer <= INDIRECT_GLOSSY; ++layer) store_state(local, layer, vec4(0.0));
-#if TRANSMISSION
-        store_state(local, DIRECT_TRANSMISSION, vec4(0.0));
-        store_state(local, INDIRECT_TRANSMISSION, vec4(0.0));
-#endif
+        for (int layer = DIRECT(diffuse); layer < EXACT(diffuse); ++layer) store_state(local, layer, vec4(0.0));
     } else {
         close_sample(local, float(samples_before));
     }
@@ -53,9 +49,8 @@ void main() {
         add_direct(local, direct);
     }
     store_state(local, THROUGHPUT, vec4(1.0));
-    store_state(local, FIRST_DIFFUSE, vec4(first.diffuse, luminance(all_lobes(direct))));
-    store_state(local, FIRST_GLOSSY, vec4(first.glossy, luminance(all_lobes(connected))));
-#if TRANSMISSION
-    store_state(local, FIRST_TRANSMISSION, vec4(first.transmission, 0.0));
-#endif
+    store_state(local, FIRST(diffuse), vec4(first.diffuse, luminance(all_lobes(direct))));
+    store_state(local, FIRST(glossy), vec4(first.glossy, luminance(all_lobes(connected))));
+#define STORE_FIRST(lobe) store_state(local, FIRST(lobe), vec4(first.lobe, 0.0));
+    EACH_FURTHER_LOBE(STORE_FIRST)
 }

@@ -7,27 +7,27 @@
 const int ORIGIN_PDF = 0;      // xyz: origin of the next ray, relative to the camera; w: pdf of its direction, 1/sr
 const int DIRECTION = 1;       // xyz: its direction, unit; w, with VOLUME: the medium that it is in
 const int THROUGHPUT = 2;      // xyz: after the first bounce
-const int FIRST_DIFFUSE = 3;   // xyz: diffuse lobe / pdf at the first bounce; w: direct luminance of this sample
-const int FIRST_GLOSSY = 4;    // xyz: glossy lobe / pdf; w: indirect luminance of this sample
-const int DIRECT_DIFFUSE = 5;  // xyz: sum over samples; w: sum of squared deviations of direct luminance (Welford)
-const int DIRECT_GLOSSY = 6;   // xyz: sum; w: sum of the distances of the first bounce's hits, meters
-const int INDIRECT_DIFFUSE = 7; // xyz: sum; w: sum of squared deviations of indirect luminance
-const int INDIRECT_GLOSSY = 8; // xyz: sum; w: samples whose first bounce hit a surface
-const int EXACT_DIFFUSE = 9;   // xyz: direct light of all punctual lights, diffuse lobe
-const int EXACT_GLOSSY = 10;   // xyz: glossy lobe
-const int FIRST_POINT = 11;    // xyz: where the paths start
-#if DIELECTRICS
-const int FIRST_F0 = 12;       // of the visible surface, xyz: reflectance of the dielectric lobe at normal incidence; w: specular
-#if TRANSMISSION
-const int FIRST_GLASS = 13;    // of it, x: transmission; y: relative index; z: 1 where thick; w: medium, < 0 on the viewer's side
-const int FIRST_TRANSMISSION = 14; // xyz: transmitted lobe / pdf at the first bounce
-const int DIRECT_TRANSMISSION = 15; // xyz: sum
-const int INDIRECT_TRANSMISSION = 16; // xyz: sum
-const int EXACT_TRANSMISSION = 17; // xyz: as EXACT_DIFFUSE
-#endif
-#endif
+const int FIRST_POINT = 3;     // xyz: where the paths start
+const int FIRST_F0 = 4;        // with DIELECTRICS, of the visible surface, xyz: reflectance of the dielectric lobe at normal
+                               // incidence; w: specular
+const int FIRST_GLASS = 5;     // with TRANSMISSION, of it, x: transmission; y: relative index; z: 1 where thick; w: medium, < 0 on
+                               // the viewer's side
+
+// Four layers of each lobe.
+const int LOBE_LAYERS = 4 + DIELECTRICS + TRANSMISSION;
+// xyz: lobe / pdf at the first bounce; w, of this sample: of diffuse, direct luminance; of glossy, indirect luminance
+#define FIRST(lobe) (LOBE_LAYERS + LOBE_##lobe)
+// xyz: sum over samples; w: of diffuse, sum of squared deviations of direct luminance (Welford); of glossy, sum of the distances
+// of the first bounce's hits, meters
+#define DIRECT(lobe) (LOBE_LAYERS + LOBE_COUNT + LOBE_##lobe)
+// xyz: sum over samples; w: of diffuse, sum of squared deviations of indirect luminance; of glossy, samples whose first bounce
+// hit a surface
+#define INDIRECT(lobe) (LOBE_LAYERS + 2 * LOBE_COUNT + LOBE_##lobe)
+// xyz: direct light of all punctual lights
+#define EXACT(lobe) (LOBE_LAYERS + 3 * LOBE_COUNT + LOBE_##lobe)
+
 // With BIDIRECTIONAL, the end of the light subpath:
-const int LIT_POINT = 12 + DIELECTRICS + 5 * TRANSMISSION; // xyz: relative to the camera; w: row of the light, < 0: none
+const int LIT_POINT = LOBE_LAYERS + 4 * LOBE_COUNT; // xyz: relative to the camera; w: row of the light, < 0: none
 const int LIT_GEOMETRIC = LIT_POINT + 1; // xyz: unit normal of the triangle; w: metallic
 const int LIT_NORMAL = LIT_POINT + 2; // xyz: shading normal; w: roughness squared
 const int LIT_COLOR = LIT_POINT + 3; // xyz: base color; w: specular

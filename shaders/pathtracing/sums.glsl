@@ -1,4 +1,5 @@
 // Sums over the samples of a pixel.
+#include "common/lobes.glsl"
 #include "pathtracing/state.glsl"
 
 // Add the squared deviation of one sample's luminance: Welford's update.  ``sum``: luminance of all samples, this one too.
@@ -9,29 +10,23 @@ float added_deviation(float squares, float sum, float last, float count) {
 }
 
 vec3 direct_sum(ivec2 local) {
-    vec3 sum = load_state(local, DIRECT_DIFFUSE).rgb + load_state(local, DIRECT_GLOSSY).rgb;
-#if TRANSMISSION
-    sum += load_state(local, DIRECT_TRANSMISSION).rgb;
-#endif
-    return sum;
+#define PLUS_DIRECT(lobe) + load_state(local, DIRECT(lobe)).rgb
+    return EACH_LOBE(PLUS_DIRECT);
 }
 
 vec3 indirect_sum(ivec2 local) {
-    vec3 sum = load_state(local, INDIRECT_DIFFUSE).rgb + load_state(local, INDIRECT_GLOSSY).rgb;
-#if TRANSMISSION
-    sum += load_state(local, INDIRECT_TRANSMISSION).rgb;
-#endif
-    return sum;
+#define PLUS_INDIRECT(lobe) + load_state(local, INDIRECT(lobe)).rgb
+    return EACH_LOBE(PLUS_INDIRECT);
 }
 
-// Close the sample that FIRST_DIFFUSE.w and FIRST_GLOSSY.w hold; ``count``: samples with it.
+// Close the sample that FIRST(diffuse).w and FIRST(glossy).w hold; ``count``: samples with it.
 void close_sample(ivec2 local, float count) {
-    vec4 diffuse = load_state(local, DIRECT_DIFFUSE);
+    vec4 diffuse = load_state(local, DIRECT(diffuse));
     diffuse.w = added_deviation(diffuse.w, luminance(direct_sum(local)),
-                                load_state(local, FIRST_DIFFUSE).w, count);
-    store_state(local, DIRECT_DIFFUSE, diffuse);
-    diffuse = load_state(local, INDIRECT_DIFFUSE);
+                                load_state(local, FIRST(diffuse)).w, count);
+    store_state(local, DIRECT(diffuse), diffuse);
+    diffuse = load_state(local, INDIRECT(diffuse));
     diffuse.w = added_deviation(diffuse.w, luminance(indirect_sum(local)),
-                                load_state(local, FIRST_GLOSSY).w, count);
-    store_state(local, INDIRECT_DIFFUSE, diffuse);
+                                load_state(local, FIRST(glossy)).w, count);
+    store_state(local, INDIRECT(diffuse), diffuse);
 }

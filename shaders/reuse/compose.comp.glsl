@@ -61,28 +61,14 @@ void main() {
 #endif
 #if WRITE_DIFFUSE
     vec3 diffuse = vec3(0.0);
-#if HAS_DIRECT_DIFFUSE
-    diffuse += READ(direct_diffuse, from).rgb;
-#endif
-#if HAS_INDIRECT_DIFFUSE
-    diffuse += READ(indirect_diffuse, from).rgb;
-#endif
+#define ADD_DIFFUSE(channel) diffuse += READ(channel, from).rgb;
+    EACH_DIFFUSE(ADD_DIFFUSE)
     imageStore(diffuse_out, pixel, vec4(surface ? diffuse * exposure : vec3(0.0), shaded));
 #endif
 #if WRITE_SPECULAR
     vec3 specular = vec3(0.0);
-#if HAS_DIRECT_GLOSSY
-    specular += READ(direct_glossy, from).rgb;
-#endif
-#if HAS_INDIRECT_GLOSSY
-    specular += READ(indirect_glossy, from).rgb;
-#endif
-#if HAS_DIRECT_TRANSMISSION
-    specular += READ(direct_transmission, from).rgb;
-#endif
-#if HAS_INDIRECT_TRANSMISSION
-    specular += READ(indirect_transmission, from).rgb;
-#endif
+#define ADD_SPECULAR(channel) specular += READ(channel, from).rgb;
+    EACH_SPECULAR(ADD_SPECULAR)
     imageStore(specular_out, pixel, vec4(surface ? specular * exposure : vec3(0.0), shaded));
 #endif
 #if WRITE_EMITTED

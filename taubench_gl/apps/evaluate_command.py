@@ -89,7 +89,7 @@ def evaluate(
 
     def run(scene: str, folder: Path | None) -> None:
         with interruptible(lambda: _kept(folder, runs)):
-            runs.append(_evaluate_one(scene, settings, path_traced, out=folder, save=save, report=kind))
+            runs.append(_evaluate_one(scene, settings, path_traced, folder, save, kind))
 
     failed = for_each_scene(scenes, out, run)
     if runs:
@@ -141,8 +141,15 @@ def _require_used(scenes: Sequence[str], path_traced: PathTracedOptions) -> None
         raise SettingsError("--camera has no effect", where=scenes[0], hint=hint)
 
 
-def _evaluate_one(scene: str, settings: Settings, path_traced: PathTracedOptions, **more: Any) -> Run:
-    """``more``: of ``api.evaluate``.  Raises SettingsError for a scene without a pair."""
+def _evaluate_one(
+    scene: str,
+    settings: Settings,
+    path_traced: PathTracedOptions,
+    out: Path | None,
+    save: tuple[str, ...],
+    report: bool | str,
+) -> Run:
+    """Evaluate one scene or sequence as ``api.evaluate`` does.  Raises SettingsError where it has no pair."""
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.progress import ProgressBar
@@ -150,18 +157,17 @@ def _evaluate_one(scene: str, settings: Settings, path_traced: PathTracedOptions
 
     scene, row = resolve(scene)
     settings = settings.replace(**row_settings(row))
-    if is_sequence(scene):
-        more["path_traced"] = path_traced
-    else:
-        more["lobes"] = path_traced.lobes
+    options: dict[str, Any] = {"path_traced": path_traced}
+    if not is_sequence(scene):
+        options = {"lobes": path_traced.lobes}
     with ProgressBar(scene) as progress:
-        run = evaluate_scene(scene, settings, progress=progress, **more)
+        run = evaluate_scene(scene, settings, out=out, save=save, report=report, progress=progress, **options)
     if not run.summary["pairs"]:
-        raise SettingsError("there is one frame and no pair", where=scene, hint=_way_to_a_pair(run, settings))
+        raise SettingsError("there is one frame and no pair", where=scene, hint=_hint_without_pair(run, settings))
     return run
 
 
-def _way_to_a_pair(run: Run, settings: Settings) -> str:
+def _hint_without_pair(run: Run, settings: Settings) -> str:
     """What to change so that a run without a pair has one."""
     from taubench_gl.animation.views import ORBIT
 

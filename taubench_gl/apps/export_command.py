@@ -25,9 +25,8 @@ Examples:
   taubench-gl evaluate exr:frames
 \b
 Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
-indirect, color), lobes (direct_diffuse, direct_glossy, direct_transmission, indirect_diffuse, indirect_glossy,
-indirect_transmission), flow (motion, motion_forward), masks (mask, mask_forward), prev_position, prev_visibility,
-path_info, all; exact_reasons.""",
+indirect, color), lobes (direct_LOBE and indirect_LOBE, for LOBE as in 'evaluate --lobe'), flow (motion,
+motion_forward), masks (mask, mask_forward), prev_position, prev_visibility, path_info, all; exact_reasons.""",
 )
 @click.argument("scene_path", metavar="SCENE")
 def export(

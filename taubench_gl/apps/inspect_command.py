@@ -37,15 +37,15 @@ def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
 
     path, row = resolve(path)
     settings = settings.replace(**row_settings(row))
-    facts = describe(load_scene(path, **settings.sequence.reading), settings)
+    contents = describe(load_scene(path, **settings.sequence.reading), settings)
     if as_json:
-        show_json(facts)
+        show_json(contents)
     else:
-        _show(facts)
+        _show(contents)
 
 
-def describe(scene: Scene, settings: Any) -> dict[str, Any]:
-    """Facts of a scene as JSON values; lengths in meters, angles in degrees, times in seconds.
+def describe(scene: Scene, settings: Settings) -> dict[str, Any]:
+    """Contents of a scene as JSON values; lengths in meters, angles in degrees, times in seconds.
 
     Statistics compare at most MAX_INSPECTED frames, evenly spaced (``frames_inspected``).
     """
@@ -65,7 +65,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     inspected_frames = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))
     counts = census(scene, (i / settings.sequence.fps for i in inspected_frames), poser)
     center, radius = bounding_sphere(poser, [0.0])
-    nodes, unit = scene.nodes, settings.metrics.unit_scale
+    unit = settings.metrics.unit_scale
     animated, drawn = AnimatedScene(scene, camera, poser), without_auto(scene, settings)
     return {
         "name": scene.name,
@@ -84,26 +84,10 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "camera": camera.describe(unit) if isinstance(camera, OrbitCamera) else camera.describe(),
         "cameras": [_camera(scene, int(node), unit) for node in scene.camera_nodes],
         "animations": [
-            {
-                "name": animation.name,
-                "duration_s": animation.duration,
-                "channels": len(animation.channels),
-                "plays": animation.name in scene.playing,
-            }
-            for animation in scene.animations
+            {"name": a.name, "duration_s": a.duration, "channels": len(a.channels), "plays": a.name in scene.playing}
+            for a in scene.animations
         ],
-        "lights": [
-            {
-                "node": nodes.names[node],
-                "name": (light := scene.lights[nodes.light[node]]).name,
-                "kind": light.kind,
-                "color": list(light.color),
-                "intensity": light.intensity,
-                "unit": "lx" if light.kind == "directional" else "cd",
-                "range_m": light.range / unit if math.isfinite(light.range) else None,
-            }
-            for node in map(int, scene.light_nodes)
-        ],
+        "lights": [_light(scene, int(node), unit) for node in scene.light_nodes],
         "generator": scene.generator,
         "light_unit": dataclasses.asdict(light_unit_of(scene)),
         "environment": dataclasses.asdict(environment_for(scene)),
@@ -118,8 +102,11 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     }
 
 
-def _exposure(scene: Scene, settings: Any) -> dict[str, Any]:
-    """``value``: the exposure of every evaluation of this scene with this camera; None without OpenGL or triangles."""
+def _exposure(scene: Scene, settings: Settings) -> dict[str, Any]:
+    """The exposure of every evaluation of this scene with this camera, ``value``, and the ``reason`` for it.
+
+    The value is None without OpenGL and without triangles.
+    """
     from taubench_gl.errors import TaubenchError
     from taubench_gl.evaluation import plan_scene
 
@@ -131,54 +118,70 @@ def _exposure(scene: Scene, settings: Any) -> dict[str, Any]:
 
 
 def _camera(scene: Scene, node: int, unit: float) -> dict[str, Any]:
+    """The camera of a node; ``unit``: scene units per meter."""
     camera = scene.cameras[scene.nodes.camera[node]]
-    facts: dict[str, Any] = {"node": scene.nodes.names[node], "name": camera.name, "kind": camera.kind}
+    lens = {"xmag_m": camera.xmag / unit, "ymag_m": camera.ymag / unit}
     if camera.kind == "perspective":
-        facts["yfov_deg"] = math.degrees(camera.yfov)
-    else:
-        facts |= {"xmag_m": camera.xmag / unit, "ymag_m": camera.ymag / unit}
+        lens = {"yfov_deg": math.degrees(camera.yfov)}
     far = camera.zfar / unit if math.isfinite(camera.zfar) else None
-    return facts | {"near_m": camera.znear / unit, "far_m": far}
+    named = {"node": scene.nodes.names[node], "name": camera.name, "kind": camera.kind}
+    return named | lens | {"near_m": camera.znear / unit, "far_m": far}
 
 
-def _show(facts: dict[str, Any]) -> None:
+def _light(scene: Scene, node: int, unit: float) -> dict[str, Any]:
+    """The light of a node; ``unit``: scene units per meter."""
+    light = scene.lights[scene.nodes.light[node]]
+    return {
+        "node": scene.nodes.names[node],
+        "name": light.name,
+        "kind": light.kind,
+        "color": list(light.color),
+        "intensity": light.intensity,
+        "unit": "lx" if light.kind == "directional" else "cd",
+        "range_m": light.range / unit if math.isfinite(light.range) else None,
+    }
+
+
+def _show(contents: dict[str, Any]) -> None:
     from taubench_gl.apps.screen import show_pairs
 
-    size = facts["bounds"]
+    size = contents["bounds"]
     where = ", ".join(f"{x:.3g}" for x in size["center"])
-    file = None if facts["bytes"] is None else f"{facts['path']} ({facts['bytes']:,} bytes)"
+    file = None if contents["bytes"] is None else f"{contents['path']} ({contents['bytes']:,} bytes)"
     show_pairs(
-        f"Scene {facts['name']}",
+        f"Scene {contents['name']}",
         {
             "file": file,
-            "sha256": facts["sha256"],
-            "scenes": ", ".join(name or "(no name)" for name in facts["scenes"]) or None,
-            "duration": f"{facts['duration_s']:.3f} s, {facts['frames']} frames at {facts['fps']:g} fps",
+            "sha256": contents["sha256"],
+            "scenes": ", ".join(name or "(no name)" for name in contents["scenes"]) or None,
+            "duration": f"{contents['duration_s']:.3f} s, {contents['frames']} frames at {contents['fps']:g} fps",
             "bounds": f"radius {size['radius_m']:.4g} m around ({where}) at time 0",
-            "memory": _memory_line(facts["memory_bytes"], facts["size"]),
-            "materials, images": f"{facts['materials']}, {len(facts['images'])}",
-            "camera used": facts["camera"],
-            "light unit": "{value} ({reason})".format(**facts["light_unit"]),
-            "environment": "{value} ({reason})".format(**facts["environment"]),
-            "exposure": _exposure_text(**facts["exposure"]),
+            "memory": _memory_line(contents["memory_bytes"], contents["size"]),
+            "materials, images": f"{contents['materials']}, {len(contents['images'])}",
+            "camera used": contents["camera"],
+            "light unit": "{value} ({reason})".format(**contents["light_unit"]),
+            "environment": "{value} ({reason})".format(**contents["environment"]),
+            "exposure": _exposure_text(**contents["exposure"]),
         },
     )
-    counts = {name.replace("_", " "): n for name, n in facts["census"].items() if not isinstance(n, dict | list)}
-    compared = f"frames compared at {facts['fps']:g} fps"
-    if facts["frames_inspected"] < facts["frames"]:
-        compared = f"{facts['frames_inspected']} frames compared, evenly spaced"
+    counts = {name.replace("_", " "): n for name, n in contents["census"].items() if not isinstance(n, dict | list)}
+    compared = f"frames compared at {contents['fps']:g} fps"
+    if contents["frames_inspected"] < contents["frames"]:
+        compared = f"{contents['frames_inspected']} frames compared, evenly spaced"
     show_pairs(f"Contents ({compared})", counts)
     for heading, key in (("Cameras", "cameras"), ("Animations", "animations"), ("Lights", "lights")):
-        entries = facts[key]
+        entries = contents[key]
         lines = {f"{i}": _line(entry) for i, entry in enumerate(entries[:20])}
         if len(entries) > 20:
             lines["..."] = f"{len(entries) - 20} more, see --json"
         if lines:
             show_pairs(heading, lines)
-    width, height = facts["size"]
-    show_pairs(f"Effects of an evaluation at {width}x{height} with default settings", _effect_lines(facts["effects"]))
-    if facts["notes"]:
-        show_pairs("Notes of the reader", {f"{i}": note for i, note in enumerate(facts["notes"], start=1)})
+    width, height = contents["size"]
+    show_pairs(
+        f"Effects of an evaluation at {width}x{height} with default settings", _effect_lines(contents["effects"])
+    )
+    if contents["notes"]:
+        show_pairs("Notes of the reader", {f"{i}": note for i, note in enumerate(contents["notes"], start=1)})
 
 
 def _exposure_text(value: float | None, reason: str) -> str:

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from taubench_gl.data_files import one_line, read_toml
+from taubench_gl.data_files import one_line, read_toml, schema_fault
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.fields import Setting
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
@@ -95,12 +95,12 @@ def read_spec(path: str | Path, resolve: Resolver = lambda text: (text, {})) -> 
         where, specific = f"scenes[{i}]", Alternatives()
         try:
             if isinstance(entry, dict):
-                with one_line(where, SettingsError):
-                    table = msgspec.convert(entry, _SceneTable)
                 specific = _alternatives({k: v for k, v in entry.items() if k != "path"}, f"{where}.", errors)
-                entry = table.path
+                entry = msgspec.convert(entry, _SceneTable).path
             for job in _jobs(entry, path.parent, resolve, common | specific):
                 jobs.setdefault(job.id, job)
+        except msgspec.ValidationError as error:
+            errors.append(f"{where}: {schema_fault(error)}")
         except TaubenchError as error:
             errors.append(f"{where}: {error}")
     if errors:

@@ -44,62 +44,75 @@ def census(scene: Scene, times: Iterable[float], poser: Poser | None = None) -> 
 
     One pass over the times; memory does not grow with their number.
     """
-    poser = poser or Poser(scene)
-    nodes = scene.nodes
-    meshes = np.array([n for n in scene.mesh_nodes.tolist() if _triangles(scene, n)], dtype=np.int64)
-    skinned = _flags(_is_deformed(scene, n) for n in meshes.tolist())
-    rigid = meshes[~skinned]
-    morphing = [n for n in meshes.tolist() if target_count(scene, int(nodes.mesh[n]))]
-    cameras = scene.camera_nodes
-
-    first: FrameState | None = None
-    lights: _Lights | None = None
-    previous: _Lights | None = None
-    rigid_changed = np.zeros(len(rigid), dtype=bool)
-    morph_changed = np.zeros(len(morphing), dtype=bool)
-    camera_changed = np.zeros(len(cameras), dtype=bool)
-    light_changed = np.zeros(len(scene.light_nodes), dtype=bool)
-    per_frame: dict[str, list[int]] = {"born": [], "moved": [], "killed": []}
-    for t in times:
-        state = poser.sample(t)
-        now = _Lights(scene, state)
-        if first is None or lights is None or previous is None:
-            first, lights, previous = state, now, now
-            continue
-        rigid_changed |= _moved(first.world[rigid], state.world[rigid])
-        rigid_changed |= first.visible[rigid] != state.visible[rigid]
-        camera_changed |= _moved(first.world[cameras], state.world[cameras])
-        camera_changed |= _flags(first.cameras[c] != state.cameras[c] for c in nodes.camera[cameras].tolist())
-        morph_changed |= _flags(not np.array_equal(first.weights[n], state.weights[n]) for n in morphing)
-        light_changed |= lights.moved(now) | (lights.on != now.on) | lights.emission_differs(now)
-        per_frame["born"].append(int(np.count_nonzero(now.on & ~previous.on)))
-        per_frame["moved"].append(int(np.count_nonzero(now.on & previous.on & previous.moved(now))))
-        per_frame["killed"].append(int(np.count_nonzero(previous.on & ~now.on)))
-        previous = now
-
-    copies = {n: len(nodes.instances[n]) if n in nodes.instances else 1 for n in meshes.tolist()}
-    objects = np.array([copies[n] for n in rigid.tolist()], dtype=np.int64)
-    skins = sorted({int(s) for s in nodes.skin[meshes[skinned]]})
+    poser, changes = poser or Poser(scene), _Changes(scene)
+    for time in times:
+        changes.add(poser.sample(time))
+    nodes, meshes = scene.nodes, changes.meshes.tolist()
+    copies = {n: len(nodes.instances[n]) if n in nodes.instances else 1 for n in meshes}
+    objects = np.array([copies[n] for n in changes.rigid.tolist()], dtype=np.int64)
+    skins = sorted({int(s) for s in nodes.skin[changes.meshes[changes.skinned]]})
     kinds = np.array([scene.lights[k].kind for k in nodes.light[scene.light_nodes]], dtype=object)
     out: dict[str, Any] = {
-        "dynamic_rigid_objects": int(objects[rigid_changed].sum()),
-        "static_rigid_objects": int(objects[~rigid_changed].sum()),
+        "dynamic_rigid_objects": int(objects[changes.of_rigid].sum()),
+        "static_rigid_objects": int(objects[~changes.of_rigid].sum()),
         "armatures": len(skins),
         "bones": len({int(j) for s in skins for j in scene.skins[s].joints}),
     }
     for kind in LIGHT_KINDS:
-        out[f"static_{kind}_lights"] = int(np.count_nonzero((kinds == kind) & ~light_changed))
-        out[f"dynamic_{kind}_lights"] = int(np.count_nonzero((kinds == kind) & light_changed))
+        out[f"static_{kind}_lights"] = int(np.count_nonzero((kinds == kind) & ~changes.of_lights))
+        out[f"dynamic_{kind}_lights"] = int(np.count_nonzero((kinds == kind) & changes.of_lights))
     return out | {
-        "morphs": len(morphing),
-        "morphs_dynamic": int(np.count_nonzero(morph_changed)),
-        "cameras": len(cameras),
-        "cameras_dynamic": int(np.count_nonzero(camera_changed)),
+        "morphs": len(changes.morphing),
+        "morphs_dynamic": int(np.count_nonzero(changes.of_morphs)),
+        "cameras": len(scene.camera_nodes),
+        "cameras_dynamic": int(np.count_nonzero(changes.of_cameras)),
         "drawn_meshes": len(meshes),
-        "triangles": sum(_triangles(scene, n) * copies[n] for n in meshes.tolist()),
-        "vertices": sum(_vertices(scene, n) * copies[n] for n in meshes.tolist()),
-        "lights_per_frame": per_frame,
+        "triangles": sum(_triangles(scene, n) * copies[n] for n in meshes),
+        "vertices": sum(_vertices(scene, n) * copies[n] for n in meshes),
+        "lights_per_frame": changes.lights_per_frame,
     }
+
+
+class _Changes:
+    """What of a scene differs from the first of the states that are added, flags (n,) bool for each kind of node."""
+
+    def __init__(self, scene: Scene):
+        self._scene = scene
+        self._first: tuple[FrameState, _Lights] | None = None
+        self._previous_lights: _Lights | None = None
+        self.meshes = np.array([n for n in scene.mesh_nodes.tolist() if _triangles(scene, n)], dtype=np.int64)
+        self.skinned = _flags(_is_deformed(scene, n) for n in self.meshes.tolist())  # of ``meshes``
+        self.rigid = self.meshes[~self.skinned]
+        self.morphing = [n for n in self.meshes.tolist() if target_count(scene, int(scene.nodes.mesh[n]))]
+        self.of_rigid = np.zeros(len(self.rigid), dtype=bool)
+        self.of_morphs = np.zeros(len(self.morphing), dtype=bool)
+        self.of_cameras = np.zeros(len(scene.camera_nodes), dtype=bool)
+        self.of_lights = np.zeros(len(scene.light_nodes), dtype=bool)
+        self.lights_per_frame: dict[str, list[int]] = {"born": [], "moved": [], "killed": []}
+
+    def add(self, state: FrameState) -> None:
+        """Compare ``state`` with the first one, and its lights with those before."""
+        lights, cameras = _Lights(self._scene, state), self._scene.camera_nodes
+        if self._first is None or self._previous_lights is None:
+            self._first, self._previous_lights = (state, lights), lights
+            return
+        first, first_lights = self._first
+        self.of_rigid |= _moved(first.world[self.rigid], state.world[self.rigid])
+        self.of_rigid |= first.visible[self.rigid] != state.visible[self.rigid]
+        self.of_cameras |= _moved(first.world[cameras], state.world[cameras])
+        parameters = self._scene.nodes.camera[cameras].tolist()
+        self.of_cameras |= _flags(first.cameras[c] != state.cameras[c] for c in parameters)
+        self.of_morphs |= _flags(not np.array_equal(first.weights[n], state.weights[n]) for n in self.morphing)
+        self.of_lights |= first_lights.moved(lights) | (first_lights.on != lights.on)
+        self.of_lights |= first_lights.emission_differs(lights)
+        previous, self._previous_lights = self._previous_lights, lights
+        changed = {
+            "born": lights.on & ~previous.on,
+            "moved": lights.on & previous.on & previous.moved(lights),
+            "killed": previous.on & ~lights.on,
+        }
+        for change, flags in changed.items():
+            self.lights_per_frame[change].append(int(np.count_nonzero(flags)))
 
 
 class _Lights:
@@ -120,12 +133,12 @@ class _Lights:
         self.on = state.visible[at] & np.any(world[:, :3, :3] != 0.0, axis=(1, 2)) & ~black
 
     def moved(self, later: _Lights) -> Array:
-        """Where the light shines from, or its direction (along local -Z), differs.  -> (L,) bool."""
+        """Which lights shine from another place, or in another direction (along local -Z), later.  -> (L,) bool."""
         position = self.has_position & _translated(self.world, later.world)
         return position | (self.has_direction & _differs(self.world[:, :3, 2], later.world[:, :3, 2]))
 
     def emission_differs(self, later: _Lights) -> Array:
-        """Color, intensity, range or cone differs.  -> (L,) bool."""
+        """Which lights have another color, intensity, range or cone later.  -> (L,) bool."""
         return np.any(self.parameters != later.parameters, axis=1)
 
 
@@ -143,7 +156,7 @@ def _translated(a: Array, b: Array) -> Array:
 
 
 def _differs(a: Array, b: Array) -> Array:
-    """By more than the tolerance times the larger magnitude.  (n, k), (n, k) -> (n,) bool."""
+    """Which rows differ by more than TOLERANCE times their larger magnitude.  (n, k), (n, k) -> (n,) bool."""
     return np.abs(a - b).max(axis=1) > TOLERANCE * _magnitude(a, b)
 
 

@@ -16,7 +16,6 @@ from taubench_gl.animation.pose import is_skinned
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import (
     GLASS,
-    NO_TRANSMISSION,
     REPLACED,
     cost_text,
     emissive_surfaces,
@@ -111,7 +110,7 @@ def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]
 
 
 def as_summary(effects: dict[str, Effect]) -> dict[str, Any]:
-    """The ``effects`` block of summary.json."""
+    """The ``effects`` block of summary.json: effect -> whether it is on, and the reason."""
     return {name: {"on": e.enabled, "reason": e.reason} for name, e in effects.items()}
 
 
@@ -155,69 +154,67 @@ def _previous_pose(scene: Scene, settings: Settings) -> Effect:
 
 
 def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
+    """The effects of light.  ``direct`` comes first of those that light up surfaces: the others start from it."""
     kinds = [scene.lights[i].kind for i in scene.nodes.light[scene.light_nodes]]
     columns = set(settings.metrics.columns)
-    environment = environment_of(settings)
-    sky = environment.shines
-    emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
-    traced = traced_sources(scene, settings)
-    lit, emissive = bool(kinds) or sky or bool(traced), bool(emitters)
+    environment, traced = environment_of(settings), traced_sources(scene, settings)
     lights = len(kinds) + (environment.sun is not None)
+    lit = bool(kinds) or environment.shines or bool(traced)
     # Indirect light starts from what the lights give directly.
-    wants_direct = bool(columns & {"direct", "color"}) or (
+    needs_direct = bool(columns & {"direct", "color"}) or (
         "indirect" in columns and settings.lighting.indirect != "none"
     )
     effects = {
         f"{kind}_lights": Effect(
-            kinds.count(kind) > 0 and wants_direct, _count(kinds.count(kind), f"{kind} light", f"{kind} lights")
+            kinds.count(kind) > 0 and needs_direct, _count(kinds.count(kind), f"{kind} light", f"{kind} lights")
         )
         for kind in ("point", "spot", "directional")
     }
-    effects |= _path_traced(scene, settings, traced, wants_direct)
-    replaced = {name for by, some in REPLACED.items() if effects[by].enabled for name in some}
+    effects |= _path_traced(scene, settings, traced, needs_direct)
+    # Raster light of what paths carry would be counted twice.
+    replaced = {name for by, names in REPLACED.items() if effects[by].enabled for name in names}
     in_place = f"path tracing replaces it ({environment.reason})"
-    has_sky = Effect(sky and wants_direct, environment.reason)
-    effects["sky"] = Effect(False, in_place) if "sky" in replaced and sky else has_sky
+    has_sky = Effect(environment.shines and needs_direct, environment.reason)
+    effects["sky"] = Effect(False, in_place) if "sky" in replaced and environment.shines else has_sky
     has_sun = "the default environment has a sun" if environment.sun is not None else "the environment has no sun"
-    effects["sun"] = Effect(environment.sun is not None and wants_direct, has_sun)
+    effects["sun"] = Effect(environment.sun is not None and needs_direct, has_sun)
     source = "lights, emitters or sky to scatter" if lit else "no light and no sky in the scene"
-    effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column needs it")
+    effects["direct"] = direct = Effect(lit and needs_direct, source if needs_direct else "no column needs it")
     shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
     effects["glossy"] = Effect(
-        effects["direct"].enabled and shiny > 0,
+        direct.enabled and shiny > 0,
         _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
     )
-    if "shadows" in replaced:
-        shadows = Effect(False, "path-traced light needs no shadow maps")
-    elif not effects["direct"].enabled or not lights:
-        shadows = Effect(False, "no punctual light to cast them")
-    elif settings.lighting.shadow_lights == 0:
-        shadows = Effect(False, "no light has shadows (--shadow-lights 0)")
-    else:
-        given = min(settings.lighting.shadow_lights, lights)
-        which = f"{given} of {lights} lights get" if kinds else "the sun gets"
-        shadows = Effect(True, f"{which} shadow maps of {settings.lighting.shadow_size} texels")
-    effects["shadows"] = shadows
-    many = lights > MANY_LIGHTS
+    effects["shadows"] = _shadows(settings, lights, direct.enabled, "shadows" in replaced, of_sun=not kinds)
     effects["light_culling"] = Effect(
-        many and effects["direct"].enabled and "light_culling" not in replaced,
+        lights > MANY_LIGHTS and direct.enabled and "light_culling" not in replaced,
         "path-traced light needs no tile lists"
         if "light_culling" in replaced
         else f"{lights} lights, tile lists save time above {MANY_LIGHTS}",
     )
-    effects["indirect"] = _indirect(effects, traced, effects["direct"].enabled and lights > 0, settings)
+    effects["indirect"] = _indirect(effects, traced, direct.enabled and lights > 0, settings)
+    emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
     effects["emission"] = Effect(
-        emissive and "color" in columns,
+        emitters > 0 and "color" in columns,
         _count(emitters, "primitive is emissive or unlit", "primitives are emissive or unlit"),
     )
-    if "color" not in columns:
-        effects["color"] = Effect(False, "no column needs it")
-    else:
-        color = (
-            "light reaches the camera" if lit or emissive else "no light, no sky and no emissive surface in the scene"
-        )
-        effects["color"] = Effect(lit or emissive, color)
+    shows = lit or emitters > 0
+    reaches = "light reaches the camera" if shows else "no light, no sky and no emissive surface in the scene"
+    effects["color"] = Effect(shows, reaches) if "color" in columns else Effect(False, "no column needs it")
     return effects
+
+
+def _shadows(settings: Settings, lights: int, direct: bool, replaced: bool, *, of_sun: bool) -> Effect:
+    """Shadow maps of punctual ``lights``, the sun among them; ``of_sun``: there is no other."""
+    most = settings.lighting.shadow_lights
+    if replaced:
+        return Effect(False, "path-traced light needs no shadow maps")
+    if not direct or not lights:
+        return Effect(False, "no punctual light to cast them")
+    if most == 0:
+        return Effect(False, "no light has shadows (--shadow-lights 0)")
+    which = "the sun gets" if of_sun else f"{min(most, lights)} of {lights} lights get"
+    return Effect(True, f"{which} shadow maps of {settings.lighting.shadow_size} texels")
 
 
 def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wanted: bool) -> dict[str, Effect]:
@@ -242,16 +239,9 @@ def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wante
 
 def _glass(scene: Scene, path_traced: Effect) -> dict[str, Effect]:
     """The effects of surfaces that path-traced light alone has."""
-    counts = glass_counts(drawn_materials(scene))
-    words = {
-        "dielectrics": ("primitive has a dielectric lobe of its own", "primitives have a dielectric lobe of their own"),
-        "transmission": ("primitive lets light through", "primitives let light through"),
-        "volume": ("primitive absorbs light inside", "primitives absorb light inside"),
-    }
-    none = {"transmission": NO_TRANSMISSION}
-    out = {}
-    for name in GLASS:
-        counted = none.get(name) if not counts[name] and name in none else _count(counts[name], *words[name])
+    counts, out = glass_counts(drawn_materials(scene)), {}
+    for name, effect in GLASS.items():
+        counted = _count(counts[name], effect.one, effect.many) if counts[name] else effect.absent
         on = path_traced.enabled and counts[name] > 0
         left_out = "" if on or not counts[name] else ", path-traced light alone has it"
         out[name] = Effect(on, f"{counted}{left_out}")
@@ -268,7 +258,7 @@ def _not_traced(source: str, light: str, settings: Settings) -> str:
 
 
 def _indirect(effects: Mapping[str, Effect], traced: frozenset[str], lit: bool, settings: Settings) -> Effect:
-    """``lit``: punctual lights shine."""
+    """The effect of indirect light.  ``lit``: whether punctual lights shine."""
     if not {"indirect", "color"} & set(settings.metrics.columns):
         return Effect(False, "no column needs it")
     if settings.lighting.indirect == "none":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ REPLACED = {
 
 
 def method_of(settings: Settings) -> str:
-    """raster, path-traced or auto."""
+    """The light method: raster, path-traced, preview or auto."""
     return settings.lighting.light
 
 
@@ -44,7 +45,7 @@ def emissive_surfaces(scene: Scene, settings: Settings) -> int:
 
 
 def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
-    """Those of ``SOURCES`` that are in the scene and path-traced by the method of ``settings``, which are resolved.
+    """Which ``SOURCES`` of light the scene has and the method of resolved ``settings`` traces paths for.
 
     The preview has raster light of an environment beside punctual lights: unoccluded, without noise, a better control
     of sampled light and faster than few samples.  Alone it would have no indirect light, so then it is path-traced.
@@ -61,16 +62,11 @@ def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
     return frozenset(name for name, there in present.items() if there)
 
 
-GLASS = ("dielectrics", "transmission", "volume")
-"""Effects of surfaces that path-traced light alone has."""
-
-NO_TRANSMISSION = "no surface lets light through"
-
-
 def has_dielectric(material: Material) -> bool:
     """Whether its dielectric lobe has a color, a texture or an index of refraction, or light goes through."""
-    own = material.ior != 1.5 or material.specular_color != (1.0, 1.0, 1.0) or material.specular_texture is not None
-    lobe = material.specular > 0.0 and (own or material.specular_color_texture is not None)
+    textured = material.specular_texture is not None or material.specular_color_texture is not None
+    changed = textured or material.ior != 1.5 or material.specular_color != (1.0, 1.0, 1.0)
+    lobe = material.specular > 0.0 and changed
     return not material.unlit and (lobe or transmits(material))
 
 
@@ -85,15 +81,41 @@ def absorbs(material: Material) -> bool:
     return transmits(material) and material.thick and dark
 
 
+@dataclass(frozen=True, slots=True)
+class GlassEffect:
+    """An effect of surfaces that path-traced light alone has."""
+
+    needed_by: Callable[[Material], bool]
+    one: str  # what one primitive with such a material does
+    many: str  # what more primitives do
+    absent: str  # reason against the effect, in a scene without such a material
+
+
+GLASS: dict[str, GlassEffect] = {
+    "dielectrics": GlassEffect(
+        has_dielectric,
+        "primitive has a dielectric lobe of its own",
+        "primitives have a dielectric lobe of their own",
+        "no primitives have a dielectric lobe of their own",
+    ),
+    "transmission": GlassEffect(
+        transmits, "primitive lets light through", "primitives let light through", "no surface lets light through"
+    ),
+    "volume": GlassEffect(
+        absorbs, "primitive absorbs light inside", "primitives absorb light inside", "no primitives absorb light inside"
+    ),
+}
+"""Effects of surfaces that path-traced light alone has, by name: those of a lobe (``lobes.TABLE``) and others."""
+
+
 def glass_counts(materials: Iterable[Material]) -> dict[str, int]:
     """Effect of ``GLASS`` -> number of ``materials`` that need it."""
-    needs = dict(zip(GLASS, (has_dielectric, transmits, absorbs), strict=True))
     every = list(materials)
-    return {name: sum(map(need, every)) for name, need in needs.items()}
+    return {name: sum(map(effect.needed_by, every)) for name, effect in GLASS.items()}
 
 
 def traced_effects(enabled: Mapping[str, Any] | frozenset[str]) -> frozenset[str]:
-    """Those of ``enabled`` that trace paths."""
+    """Effects among ``enabled`` that trace paths."""
     return frozenset({"path_traced", "emitter_light", "environment_light"} & set(enabled))
 
 

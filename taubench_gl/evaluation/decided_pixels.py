@@ -122,7 +122,7 @@ class DecidedPixels:
         lobes: Collection[str] = (),
     ):
         """``variant``: opens a source of the scene (``Session.variant``); ``columns``: of light, to decide; ``lobes``
-        (of ``scene_lobes``): whose distances are wanted too."""
+        (of ``measured_lobes``): whose distances are wanted too."""
         self._settings, self.columns = settings, tuple(columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
         traced = decided_light(settings)

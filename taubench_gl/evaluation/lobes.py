@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import LOBES, SCENE_LOBES
-from taubench_gl.effects.path_tracing import NO_TRANSMISSION
+from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
+from taubench_gl.lobes import BOUNCES, LOBE_EFFECT, LOBES, SCENE_LOBES, lobe_channels
 from taubench_gl.settings import Settings
-
-BOUNCES = ("direct", "indirect")
 
 
 def require_lobes(lobes: Collection[str]) -> None:
@@ -27,7 +25,7 @@ def require_lobes(lobes: Collection[str]) -> None:
 
 def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
     """Channels of the ``lobes`` of a rendered scene."""
-    return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in SCENE_LOBES)
+    return lobe_channels([lobe for lobe in lobes if lobe in SCENE_LOBES])
 
 
 def missing_of_scene(
@@ -37,12 +35,14 @@ def missing_of_scene(
 
     ``unmeasured``: of its source; ``effects``: the block of its summary.
     """
-    why = {lobe: "rendered scenes have no volumetric lobe" for lobe in lobes if lobe not in SCENE_LOBES}
-    transmission = effects["transmission"]
-    # Where light is sampled or decided, the source is the preview, and its columns are those of path-traced light.
-    drawn = transmission["on"] or settings.lighting.light in ("auto", "path-traced")
-    if transmission["reason"] == NO_TRANSMISSION or not drawn:
-        why["transmission"] = transmission["reason"]
+    why = {lobe: f"rendered scenes have no lobe {lobe}" for lobe in lobes if lobe not in SCENE_LOBES}
+    for lobe in LOBE_EFFECT.keys() & set(lobes):
+        name = LOBE_EFFECT[lobe]
+        effect = effects[name]
+        # Where light is sampled or decided, the source is the preview, and its columns are those of path-traced light.
+        drawn = effect["on"] or settings.lighting.light in ("auto", "path-traced")
+        if effect["reason"] == GLASS[name].absent or not drawn:
+            why[lobe] = effect["reason"]
     return {
         lobe: {b: why.get(lobe) or unmeasured[b] for b in BOUNCES if lobe in why or b in unmeasured} for lobe in lobes
     }

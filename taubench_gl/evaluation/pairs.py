@@ -100,11 +100,9 @@ class PairEvaluator:
             settings,
             reprojection=reprojection,
             radiance=radiance,
-            cuts=absent or None,
+            images=images,
+            distances=distances,
             absent=absent,
-            write_mask=images,
-            write_motion=images,
-            write_distances=distances,
         )
         self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
         self._pending: deque[EvaluatedPair] = deque()

@@ -142,7 +142,7 @@ class SampledLight:
     """The sampled light of one run: the preview's counts of every pair first, then rounds of visits."""
 
     def __init__(self, settings: Settings, frames: range, unmeasured: Mapping[str, str], lobes: Sequence[str] = ()):
-        """``unmeasured``: column -> why the preview has none; ``lobes`` (of ``scene_lobes``): measured apart."""
+        """``unmeasured``: column -> why the preview has none; ``lobes`` (of ``measured_lobes``): measured apart."""
         columns = sampled_columns(unmeasured, settings.metrics.columns)
         shading = "shading" not in unmeasured_rates(unmeasured)
         self.sample: PairSample = sampled_pairs(frames, settings)

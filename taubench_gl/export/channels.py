@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.channels import CHANNELS, RADIANCE_UNIT
-from taubench_gl.conventions import SCENE_LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.features import LIGHT_FEATURES
+from taubench_gl.lobes import SCENE_LOBES, lobe_channels
 
 _DTYPES = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
 
@@ -124,7 +124,7 @@ def channel_named(name: str) -> ExportChannel:
 GROUPS = {
     "gbuffer": ("position", "depth", "normal", "geometric_normal", "base_color", "material", "emission", "ids"),
     "radiance": LIGHT_FEATURES,
-    "lobes": tuple(f"{bounce}_{lobe}" for bounce in ("direct", "indirect") for lobe in SCENE_LOBES),
+    "lobes": lobe_channels(SCENE_LOBES),
     "flow": ("motion", "motion_forward"),
     "masks": ("mask", "mask_forward"),
 }

@@ -18,7 +18,7 @@ from taubench_gl import math3d
 from taubench_gl.animation import View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import ABSENT, NO_HISTORY, SCENE_LOBES, Reason
+from taubench_gl.conventions import ABSENT, NO_HISTORY, Reason
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
@@ -29,6 +29,7 @@ from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.lobes import CHANNEL_EFFECT, SCENE_LOBES, lobe_channels
 from taubench_gl.option_groups import NO_TRAINING, TrainingOptions
 from taubench_gl.settings import Settings
 
@@ -99,7 +100,7 @@ class FrameSource(GpuOwner):
         wanted = {*names, *(("direct", "indirect") if exact else ())}
         columns += tuple(c for c in LIGHT_FEATURES if c in wanted and c not in columns)
         for column in ("direct", "indirect"):
-            lobes = {*(f"{column}_{lobe}" for lobe in SCENE_LOBES), *(("path_info",) * (column == "direct"))}
+            lobes = {*lobe_channels(SCENE_LOBES, (column,)), *(("path_info",) * (column == "direct"))}
             if lobes & set(names) and column not in columns:
                 columns += (column,)
         self._settings = settings = settings.replace(columns=columns)
@@ -139,9 +140,8 @@ class FrameSource(GpuOwner):
         column = "direct" if name == "path_info" else name.partition("_")[0]
         if column in self.source.unmeasured or name == column:
             return self.source.unmeasured.get(column, "the scene does not have it")
-        transmission = self.source.effects["transmission"]
-        if name.endswith("_transmission") and not transmission.enabled:
-            return transmission.reason
+        if name in CHANNEL_EFFECT and not self.source.effects[CHANNEL_EFFECT[name]].enabled:
+            return self.source.effects[CHANNEL_EFFECT[name]].reason
         return "no light is path-traced"
 
     def view(self, frame: int) -> View:

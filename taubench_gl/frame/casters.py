@@ -32,7 +32,7 @@ class Casters:
         self.visible = visible
 
     def key(self) -> bytes:
-        """Equal exactly while nothing moves, bends, appears or vanishes."""
+        """Bytes that stay equal exactly while no draw moves, bends, appears or vanishes."""
         return self.visible.tobytes() + self.versions[self.visible].tobytes()
 
     def seen_by(self, faces: FaceTable) -> list[Array]:
@@ -62,7 +62,7 @@ class ShadowMapCache:
         self._cached: list[_Cached | None] = [None] * count
 
     def update(self, rows: Array, faces: FaceTable, casters: Casters) -> list[tuple[int, Rect, Array]]:
-        """Of faces number ``rows`` (F,), those out of date: number, dirty rectangle and draws to draw there.
+        """Faces among numbers ``rows`` (F,) that are out of date: number, dirty rectangle and draws to draw there.
 
         Their maps count as drawn after this call.
         """

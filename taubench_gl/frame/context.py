@@ -38,7 +38,7 @@ class FrameContext:
 
     @property
     def targets(self) -> Targets:
-        """Render targets of this frame."""
+        """Render targets that this frame is drawn into."""
         return self.history.current
 
     @property

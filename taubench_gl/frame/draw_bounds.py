@@ -36,7 +36,7 @@ class DrawBounds:
         self._scene, self._draws = scene, draws
         self._posed = [i for i, d in enumerate(draws) if d.posed]
         primitives = [scene.meshes[d.mesh].primitives[d.primitive] for d in draws]
-        spheres: dict[int, tuple[Array, float]] = {}  # by the vertices, which primitives can share
+        spheres: dict[int, tuple[Array, float]] = {}  # key: identity of the vertices, which primitives can share
         for primitive in primitives:
             if id(primitive.positions) not in spheres:
                 spheres[id(primitive.positions)] = bounding_sphere_of(primitive.positions)
@@ -65,7 +65,7 @@ class DrawBounds:
         return centers, radii
 
     def of_fixed(self, world: Array) -> tuple[Array, Array]:
-        """As ``at``, for fixed draws; posed draws get infinite radii."""
+        """Centers (D, 3) and radii (D,), world, of fixed draws; posed draws get infinite radii."""
         centers, radii = _moved(world, self._centers, self._radii)
         centers[self._posed], radii[self._posed] = 0.0, np.inf
         return centers, radii
@@ -88,8 +88,8 @@ class DrawBounds:
             if skin >= 0 and skin not in skins:
                 skins[skin] = state.world[self._scene.skins[skin].joints].tobytes()
             weights = state.weights.get(draw.node)
-            own = matrix.tobytes() if skin < 0 else skins[skin]
-            out.append(own + (b"" if weights is None else np.asarray(weights).tobytes()))
+            rigid = matrix.tobytes() if skin < 0 else skins[skin]
+            out.append(rigid + (b"" if weights is None else np.asarray(weights).tobytes()))
         return out
 
 
@@ -121,7 +121,7 @@ def bounding_sphere_of(points: Array) -> tuple[Array, float]:
 def _skinned(
     scene: Scene, draws: tuple[Draw, ...], primitives: list[Primitive], rows: list[int]
 ) -> dict[int, _Skinned]:
-    """By skin: the skinned draws ``rows``."""
+    """Skin -> the skinned draws among ``rows``, with the spheres of their joints."""
     spheres: dict[tuple[int, ...], tuple[Array, Array, Array]] = {}
     by_skin: dict[int, list[int]] = {}
     for row in rows:

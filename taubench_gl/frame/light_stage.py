@@ -39,7 +39,7 @@ class LightStage:
         context, scene = renderer.context, renderer.scene
         self._context, self._renderer, self._spec = context, renderer, spec
         self.seed: int | None = None
-        """Of the random numbers of the frames that follow; None: that of ``spec``."""
+        """Seed of the random numbers of the frames that follow; None: the seed of ``spec``."""
         self.memory: dict[str, int] = {}
         """GPU memory that the passes allocate, by name, bytes."""
         for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
@@ -114,7 +114,7 @@ class LightStage:
         Before ``run``, where the spec has ``given_directions``.
         """
         rows = np.zeros((*directions.shape[:2], 4), dtype=np.float32)
-        rows[..., :3] = directions[::-1]
+        rows[..., :3] = directions[::-1]  # row 0 is the top in arrays and the bottom in GL memory
         self._owned[TO_CAMERA].write(rows)
 
     def run_color(self) -> None:

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     import moderngl
 
 SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
-"""Texture slots in binding order."""
+"""Texture slots of a material in binding order."""
 
 SRGB_SLOTS = ("base_color", "emissive")
-"""Slots whose texels are sRGB-encoded."""
+"""Texture slots whose texels are sRGB-encoded."""
 
 REPEAT = 10497
-"""Wrap mode that repeats."""
+"""Wrap mode of a sampler that repeats the texture (OpenGL's number)."""
 
 MIRRORED_REPEAT = 33648
 """Wrap mode that samplers do not use: the shaders fold the coordinates instead."""

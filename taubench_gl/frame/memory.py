@@ -18,7 +18,7 @@ HIT_BYTES = 64
 
 
 def memory_of_frame(spec: FrameSpec) -> dict[str, int]:
-    """Bytes by kind: those of ``memory_of``, ``channels`` (and tables, shadow maps, probes), ``rays``."""
+    """Bytes of a frame by kind: kinds of ``memory_of``, ``channels`` (and tables, shadow maps, probes), ``rays``."""
     resources = frame_resources(spec)
     channels = sum(count for name, count in resources.memory.items() if name not in resources.images)
     return memory_of(spec.scene) | {"channels": channels, "rays": _ray_bytes(spec)}
@@ -36,7 +36,7 @@ def require_frame_memory(spec: FrameSpec) -> None:
 
 
 def _ray_bytes(spec: FrameSpec) -> int:
-    """Of the structures that path-traced light and exact visibility trace rays through."""
+    """Bytes of the structures that path-traced light and exact visibility trace rays through."""
     traced, exact = bool(spec.path_traced_sources), spec.settings.metrics.exact
     if not traced and not exact:
         return 0

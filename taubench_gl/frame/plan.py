@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import Effect, decide, disable
@@ -23,8 +23,9 @@ from taubench_gl.frame.passes.pathtracing import path_traced_light
 from taubench_gl.frame.passes.shadows import shadow_maps
 from taubench_gl.frame.passes.visibility import visibility
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import EXACT, AnimatedScene, FrameSpec
+from taubench_gl.frame.spec import EXACT, ON_GPU, AnimatedScene, FrameSpec
 from taubench_gl.frame.targets import history_bytes
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import Pass, RasterPass, dependencies, order_faults, stage, without_dependents
 from taubench_gl.settings import Settings
 
@@ -54,6 +55,18 @@ LIGHT_BOUND = frozenset(e for declare in (shadow_maps, light_lists, indirect_lig
 """Effects that need a light."""
 
 
+class FrameOptions(TypedDict, total=False):
+    """Keywords of ``frame_spec`` that the code which opens a source passes on."""
+
+    effects: Mapping[str, Effect] | None
+    force: Iterable[str]
+    without: Iterable[str]
+    shading: Shading
+    extra: tuple[str, ...]
+    pixel_list: bool
+    given_directions: bool
+
+
 def frame_spec(
     animated: AnimatedScene,
     settings: Settings,
@@ -62,12 +75,15 @@ def frame_spec(
     force: Iterable[str] = (),
     without: Iterable[str] = (),
     shading: Shading = EXACT,
-    **options: Any,
+    extra: tuple[str, ...] = (),
+    tuning: Tuning = ON_GPU,
+    pixel_list: bool = False,
+    given_directions: bool = False,
 ) -> FrameSpec:
     """What the passes of a frame are declared from.
 
     ``effects``: None: those that scene and settings need; ``force``, ``without``: effects to simulate although nothing
-    needs them, and not to simulate, with those that depend on them; ``options``: other fields of ``FrameSpec``.  An
+    needs them, and not to simulate, with those that depend on them; the other keywords are fields of ``FrameSpec``.  An
     effect that has nothing to work on is left out.
     """
     if effects is None:
@@ -77,9 +93,12 @@ def frame_spec(
         # Emission stays: it is part of the radiance of such frames (reuse.inputs).
         effects = {**effects, "color": Effect(False, "not every pixel has its exact light")}
     enabled = {name for name, effect in effects.items() if effect.enabled}
+    # Without a punctual light there is nothing to cast shadows, to cull, or to start raster indirect light from; paths
+    # that trace emitters or an environment still write the column indirect.
     if not len(animated.scene.light_nodes) and "sun" not in enabled:
         enabled -= LIGHT_BOUND - {"indirect"} if traced_effects(enabled) else LIGHT_BOUND
-    return FrameSpec(animated, settings, without_dependents(enabled, DEPENDS), effects, shading, **options)
+    enabled = without_dependents(enabled, DEPENDS)
+    return FrameSpec(animated, settings, enabled, effects, shading, extra, tuning, pixel_list, given_directions)
 
 
 def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:

@@ -22,7 +22,7 @@ class PendingImage:
         self._image, self._name, self._buffer, self._free = image, name, buffer, free
 
     def get(self) -> np.ndarray:
-        """As ``read_channel``, with the contents of the texture when the copy was submitted.  Call once."""
+        """The image as ``read_channel`` gives it, as it was when the copy was submitted.  Waits; call once."""
         self._buffer.read_into(self._image)
         self._free.append(self._buffer)
         return from_gl(self._image, self._name)

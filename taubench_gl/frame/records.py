@@ -39,7 +39,7 @@ class RecordTable:
     """Turns FrameStates into rows.  Vectorized over draws: a scene of thousands of objects takes a millisecond."""
 
     def __init__(self, draws: tuple[Draw, ...], replacements: frozenset[int] = frozenset()):
-        """``replacements``: ``Scene.replacements``."""
+        """Records of ``draws``.  ``replacements``: surfaces that replace others, as in ``Scene.replacements``."""
         self._node = np.array([d.node for d in draws], dtype=np.int64)
         self._posed = np.array([d.posed for d in draws], dtype=bool)
         self._local = {i: d.local for i, d in enumerate(draws) if d.local is not None}

@@ -70,7 +70,7 @@ class Renderer(Owner):
         self._gbuffer = self.own(GBufferPass(context, declaration, colored))
         self.history = self.own(self.new_history())
         self.frame: FrameContext | None = None
-        """The frame drawn last."""
+        """The frame that ``draw`` drew last; None before the first."""
         self.marks_absent = False
         """Whether ``ids`` mark surfaces as ABSENT, for a renderer with ``prev_position``."""
         self._poses: dict[float, FrameState] = {}

@@ -8,17 +8,17 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.shading_rate import RATES
 
 MAX_SAMPLES = 4096
-"""Far below ``tuning.LOOP_LIMIT``."""
+"""Most random samples of a pixel: far below ``tuning.LOOP_LIMIT``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shading:
     """How light differs from exact light at every pixel.  Unless ``exact`` there is no tone-mapped ``color``."""
 
-    rate: str = "full"  # of metrics.shading_rate.RATES
+    rate: str = "full"  # one of metrics.shading_rate.RATES
     light_samples: int = 0  # light samples per pixel; 0: all lights, exactly
     indirect_samples: int = 0  # VPL samples per pixel; 0 with ``light_samples`` 0: exact
-    seed: int = 0  # of the random numbers, 16 bits
+    seed: int = 0  # seed of the random numbers, 16 bits
     gather_each: bool = False  # method rsm: every pixel gathers, which is the expectation of the stochastic estimate
     both_frames: bool = False  # path-traced: rays can also be traced in the previous frame, for what shades later
     one_light: bool = False  # path-traced: a sample of the visible surface chooses one punctual light, not every one

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Unpack
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from taubench_gl.frame.light_stage import LightStage
 from taubench_gl.frame.memory import require_frame_memory
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.passes.visibility import VisibilityPass
-from taubench_gl.frame.plan import LIGHT, frame_channels, frame_spec
+from taubench_gl.frame.plan import LIGHT, FrameOptions, frame_channels, frame_spec
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.spec import AnimatedScene, FrameSpec
 from taubench_gl.frame.targets import read_channel
@@ -43,8 +43,8 @@ class Source(Protocol):
 
     size: tuple[int, int]
     reprojection: str  # the mode of this source: camera | motion
-    radiance: tuple[str, ...]  # those of LIGHT_FEATURES that it has
-    others: tuple[str, ...]  # those of OTHERS that it has
+    radiance: tuple[str, ...]  # LIGHT_FEATURES that the source has
+    others: tuple[str, ...]  # OTHERS that the source has
     unmeasured: Mapping[str, str]  # column -> why it is null
     cuts: bool  # ``current`` has ``ids`` that mark surfaces without history
 
@@ -88,11 +88,12 @@ class RasterSource(Owner):
         jitter: Callable[[int], np.ndarray] | None = None,
         timer: PassTimer | None = None,
         shaders: ShaderCache | None = None,
-        **options: Any,
+        **options: Unpack[FrameOptions],
     ):
         """``jitter``: frame -> sub-pixel offset (2,) of its samples, pixels; ``shaders``: compiled programs to share.
 
-        ``options``: as of ``frame_spec``, such as ``extra``, the channels besides those that the columns need.
+        ``options``: of ``frame_spec``, such as ``extra``, the channels besides those that the columns need.  Raises
+        GraphicsError where a frame takes more memory than the limit.
         """
         super().__init__()
         tuning = Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
@@ -142,7 +143,7 @@ class RasterSource(Owner):
         return self._draw(frame, self._offset(frame))
 
     def advance_eye(self, frame: int) -> View:
-        """With history ``eye``: make the other eye the current image, before ``advance_camera``; its view."""
+        """Make the other eye the current image, before ``advance_camera``, with history ``eye``; its view."""
         return self._draw_eye(frame, self._offset(frame))
 
     def advance_camera(self, frame: int) -> View:
@@ -226,6 +227,7 @@ class RasterSource(Owner):
         if drawn:
             self.light.run(number)
         paths, frame = self.light.paths, self.renderer.frame
+        # Callers count rows from the top, GL memory from the bottom.
         rows = [np.stack([p[:, 0], self.size[1] - 1 - p[:, 1]], axis=-1) for p in (pixels, keys)]
         frame.number, paths.scramble = number, paths.scramble if seed is None else seed
         return paths.listed_light(frame, *rows, samples, parts=parts)
@@ -237,7 +239,7 @@ class RasterSource(Owner):
 
     @property
     def previous_time(self) -> float:
-        """Seconds, of the frame before the current one."""
+        """Time of the frame before the current one, seconds."""
         return self._previous_time
 
     def recolor(self) -> None:

@@ -40,7 +40,7 @@ _FORMATS = {("f4", 4): "rgba32f", ("f2", 4): "rgba16f", ("f4", 2): "rg32f", ("u4
 
 
 def bound_times(scene: Scene) -> Array:
-    """(T,) seconds."""
+    """Times at which facts of the whole animation are taken, (T,) seconds."""
     return np.linspace(0.0, scene.duration, BOUND_TIMES) if scene.duration > 0 else np.zeros(1)
 
 
@@ -72,7 +72,7 @@ class AnimatedScene:
 
     @cached_property
     def times(self) -> Array:
-        """(T,) seconds at which facts of the whole animation are taken."""
+        """Times of ``bound_times``, (T,) seconds."""
         return bound_times(self.scene)
 
     @cached_property
@@ -110,7 +110,7 @@ class FrameSpec:
     animated: AnimatedScene
     settings: Settings
     enabled: frozenset[str]  # effects, less those that another disabled one leaves nothing to work on
-    effects: Mapping[str, Effect] = field(default_factory=dict)  # by name, with reasons
+    effects: Mapping[str, Effect] = field(default_factory=dict)  # all effects by name, with reasons
     shading: Shading = EXACT
     extra: tuple[str, ...] = ()  # channels besides those that passes read
     tuning: Tuning = ON_GPU
@@ -119,16 +119,16 @@ class FrameSpec:
 
     @cached_property
     def scene(self) -> Scene:
-        """With its blended materials as they are drawn."""
+        """The scene with its blended materials as they are drawn."""
         return with_blend(self.animated.scene, self.settings.sequence.blend)
 
     @property
     def size(self) -> tuple[int, int]:
-        """Pixels."""
+        """(width, height) in pixels."""
         return self.settings.sequence.width, self.settings.sequence.height
 
     def declare_directions(self, p: ComputePass) -> ComputePass:
-        """Where ``p`` looks up the direction to the camera (``shaders/common/to_camera.glsl``).  Returns ``p``."""
+        """``p`` with the lookup of the direction to the camera (``shaders/common/to_camera.glsl``) declared."""
         p.define(GIVEN_DIRECTIONS=self.given_directions)
         return p.texture(TO_CAMERA, given=True) if self.given_directions else p
 
@@ -139,7 +139,7 @@ class FrameSpec:
     # --- path-traced light
     @cached_property
     def path_traced_sources(self) -> frozenset[str]:
-        """Those of effects.path_tracing.SOURCES whose light the path tracer simulates; empty: it has nothing to do."""
+        """Which effects.path_tracing.SOURCES the path tracer simulates; empty: it has nothing to do."""
         effects = traced_effects(self.enabled)
         if self.shading.stochastic or "direct" not in self.enabled or not effects:
             return frozenset()
@@ -157,7 +157,7 @@ class FrameSpec:
 
     @property
     def raster_indirect(self) -> bool:
-        """Whether a raster pass writes ``indirect``; as ``raster_direct``."""
+        """Whether a raster pass writes ``indirect``; path-traced light is added to it, or written where none does."""
         needed = {"indirect", "direct"} <= self.enabled
         return needed and bool(self.light_kinds) and not self._replaces_raster
 
@@ -188,7 +188,7 @@ class FrameSpec:
 
     @property
     def pattern(self) -> str:
-        """fixed | independent."""
+        """Pattern of path samples: fixed | independent."""
         return self.settings.lighting.pattern
 
     @property
@@ -228,7 +228,7 @@ class FrameSpec:
 
     @property
     def ranked_shadows(self) -> list[int]:
-        """``shadowed``, the most significant first."""
+        """Rows of the lights that get shadow maps, the most significant first."""
         if "shadows" not in self.enabled:
             return []
         return ranked_with_sun(self.animated.ranked_lights, self.sun)[: self.settings.lighting.shadow_lights]

@@ -121,7 +121,7 @@ def write_channel(texture: moderngl.Texture, name: str, values: np.ndarray) -> N
     values = np.asarray(values)
     values = values[..., None] if values.ndim == 2 else values
     full = np.zeros_like(raw_image(texture))
-    full[..., : values.shape[-1]] = values[::-1]
+    full[..., : values.shape[-1]] = values[::-1]  # row 0 is the top in arrays and the bottom in GL memory
     if name == "motion":
         full[..., 1] *= -1
     texture.write(full)

@@ -53,7 +53,7 @@ class Tuning:
 
     @property
     def pixel_group(self) -> tuple[int, int]:
-        """Passes that read few."""
+        """Work group of passes that read few texels of a pixel."""
         return (64, 1) if self.software else (8, 8)
 
     @property
@@ -73,7 +73,7 @@ class Tuning:
 
     @property
     def defines(self) -> dict[str, bool]:
-        """Macros of ``common/tuning.glsl``."""
+        """Macros that ``common/tuning.glsl`` reads."""
         return {"LLVMPIPE": self.software}
 
     def kept_fields(self, struct: Struct) -> dict[str, str]:

@@ -27,19 +27,29 @@ class Resource:
     size: tuple[int, int] | None = None  # texels; None: a buffer
     components: int = 4
     dtype: str = "f4"  # as moderngl, or "depth": 32-bit float depth
-    what: str = ""  # in the error of a device that has no room for it
-    hint: str = ""  # of that error
+    what: str = ""  # what it is, in the error of a device that has no room for it
+    hint: str = ""  # what to do, in that error
 
     @classmethod
     def texture(
-        cls, name: str, size: tuple[int, int], *, components: int = 4, dtype: str = "f4", label: str = "", **error: str
+        cls,
+        name: str,
+        size: tuple[int, int],
+        *,
+        components: int = 4,
+        dtype: str = "f4",
+        label: str = "",
+        what: str = "",
+        hint: str = "",
     ) -> Resource:
+        """A texture of ``size`` texels that the frame allocates; ``label``: ``name`` if empty."""
         texel = 4 if dtype == "depth" else components * _COMPONENT_BYTES[dtype]
-        return cls(name, texel * size[0] * size[1], label or name, size, components, dtype, **error)
+        return cls(name, texel * size[0] * size[1], label or name, size, components, dtype, what, hint)
 
     @classmethod
-    def buffer(cls, name: str, size: int, *, label: str = "", **error: str) -> Resource:
-        return cls(name, size, label or name, **error)
+    def buffer(cls, name: str, size: int, *, label: str = "", what: str = "", hint: str = "") -> Resource:
+        """A buffer of ``size`` bytes that the frame allocates; ``label``: ``name`` if empty."""
+        return cls(name, size, label or name, what=what, hint=hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +57,11 @@ class Use:
     """One resource as one pass has it."""
 
     form: str  # TEXTURE | IMAGE | BUFFER | CONSTANTS
-    name: str  # in the shader
+    name: str  # name in the shader
     type: str  # sampler type, image format, element type of a buffer, or struct of constants
     access: str = READ
-    resource: str = ""  # in the frame; "": as ``name``
-    history: bool = False  # of the frame before
+    resource: str = ""  # name in the frame; "": as ``name``
+    history: bool = False  # a channel of the frame before
     given: bool = False  # a table that the CPU fills, so that no pass has to write it
     count: int = 0  # > 0: constants are an array
 
@@ -135,19 +145,26 @@ class Pass:
             self.uses.append(use)
         return self
 
-    def texture(self, name: str, kind: str = "sampler2D", **how: Any) -> Self:
-        """A texture to read through a sampler."""
-        return self.use(Use(TEXTURE, name, kind, **how))
+    def texture(
+        self, name: str, kind: str = "sampler2D", *, resource: str = "", history: bool = False, given: bool = False
+    ) -> Self:
+        """A texture to read through a sampler; keywords as in ``Use``."""
+        return self.use(Use(TEXTURE, name, kind, READ, resource, history, given))
 
-    def image(self, name: str, form: str = "rgba32f", **how: Any) -> Self:
-        return self.use(Use(IMAGE, name, form, **how))
+    def image(
+        self, name: str, form: str = "rgba32f", *, access: str = READ, resource: str = "", given: bool = False
+    ) -> Self:
+        """An image, whose texels are read or written one by one; keywords as in ``Use``."""
+        return self.use(Use(IMAGE, name, form, access, resource, given=given))
 
-    def buffer(self, name: str, element: str | Struct, **how: Any) -> Self:
-        """A shader storage buffer: an array of ``element``."""
+    def buffer(
+        self, name: str, element: str | Struct, *, access: str = READ, resource: str = "", given: bool = False
+    ) -> Self:
+        """A shader storage buffer, an array of ``element``; keywords as in ``Use``."""
         if isinstance(element, Struct):
             self.glsl(element)
             element = element.name
-        return self.use(Use(BUFFER, name, element, **how))
+        return self.use(Use(BUFFER, name, element, access, resource, given=given))
 
     def allocate(self, *resources: Resource) -> Self:
         """Resources that exist because of this pass."""
@@ -161,7 +178,7 @@ class Pass:
 
     @property
     def history(self) -> tuple[str, ...]:
-        """Channels of the frame before."""
+        """Channels of the frame before that the pass reads."""
         return tuple(u.resource or u.name for u in self.uses if u.history)
 
     @property

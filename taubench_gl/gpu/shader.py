@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     import moderngl
 
 MAX_SOURCE_BYTES = 1 << 20
-"""Of one shader file."""
+"""Most bytes of one shader file."""
 
 MAX_INCLUDES = 100
-"""Depth of includes."""
+"""Most includes within each other."""
 
 VERSION = "#version 450\n"
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')

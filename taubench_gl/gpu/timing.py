@@ -98,7 +98,7 @@ class PassTimer:
         return {k: statistics.median(list(v)[skip:] or v) for k, v in self._samples.items()}
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard the samples of all passes."""
         self._samples.clear()
 
     def summary(self) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.scene import ScenePlan, plan_scene
 from taubench_gl.evaluation.session import ColumnGroup, Readback, Session, run_session
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.lobes import BOUNCES
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
@@ -30,7 +31,6 @@ from taubench_gl.pathtraced.cameras import (
     SceneCamera,
     SidecarCamera,
 )
-from taubench_gl.pathtraced.passes import BOUNCES
 from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report.labels import GIVEN

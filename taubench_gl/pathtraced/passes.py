@@ -13,23 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import LOBES
 from taubench_gl.data_files import read_json, read_toml
 from taubench_gl.errors import PathTracedError
+from taubench_gl.lobes import BOUNCES, FILE_COLORS, LOBES
 from taubench_gl.pathtraced.exr import ExrImage
 
 Array = np.ndarray
-BOUNCES = ("direct", "indirect")
 
 COMPONENTS = {
     "combined": 3, "depth": 1, "position": 3, "normal": 3, "motion": 2, "emission": 3, "environment": 3,
     "direct": 3, "indirect": 3, "prev_position": 3,
-    **{f"{lobe}_{part}": 3 for lobe in LOBES for part in (*BOUNCES, "color") if (lobe, part) != ("volume", "color")},
+    **{f"{lobe}_{part}": 3 for lobe in LOBES for part in (*BOUNCES, *("color",) * (lobe in FILE_COLORS))},
 }  # fmt: skip
 """Canonical passes and their number of components.  ``direct`` and ``indirect``, if not mapped, are sums over lobes."""
-
-_REQUIRED_LOBES = LOBES[:3]
-"""Lobes without which direct and indirect are null.  A file without volume passes has no volumes."""
 
 UNIT_ROUNDING = 5e-7
 """Normals whose length differs from 1 by at most this (float32 rounding) are kept bit for bit."""
@@ -345,7 +341,7 @@ def _light(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """direct and indirect, and the requested lobes: sums over lobes of Direct x Color (volumes have no Color pass)."""
     radiance, separate = {}, {}
-    colors = {lobe: take(f"{lobe}_color") for lobe in _REQUIRED_LOBES}
+    colors = {lobe: take(f"{lobe}_color") for lobe in FILE_COLORS}
     for bounce in BOUNCES:
         whole, total = take(bounce), None
         summed = whole is None and not _lacking(index, bounce)
@@ -374,7 +370,7 @@ def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[st
         if bounce not in index and lacking:
             missing[bounce] = _needs(lacking, index.mapping)
         for lobe in lobes:
-            required = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in _REQUIRED_LOBES else [])
+            required = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in FILE_COLORS else [])
             lacking = [n for n in required if n not in index]
             if lacking:
                 missing[f"{lobe}_{bounce}"] = _needs(lacking, index.mapping)
@@ -382,7 +378,7 @@ def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[st
 
 
 def _lacking(index: ChannelIndex, bounce: str) -> list[str]:
-    required = [n for lobe in _REQUIRED_LOBES for n in (f"{lobe}_{bounce}", f"{lobe}_color")]
+    required = [n for lobe in FILE_COLORS for n in (f"{lobe}_{bounce}", f"{lobe}_color")]
     return [n for n in required if n not in index]
 
 

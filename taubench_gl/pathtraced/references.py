@@ -22,13 +22,14 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.data_files import code_hash, read_json, stored_arrays
 from taubench_gl.effects.decide import drawn_materials
-from taubench_gl.effects.path_tracing import traced_sources, transmits
+from taubench_gl.effects.path_tracing import glass_counts, traced_sources
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import file_hashes
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.lobes import COMMON_LOBES, lobe_channels, lobes_with
 from taubench_gl.outputs import duration_text, replacing, write_atomically
 from taubench_gl.paths import cache_folder
 from taubench_gl.scene.model import Scene
@@ -38,9 +39,8 @@ from taubench_gl.srgb import LUMINANCE
 Array = np.ndarray
 
 SCHEMA = "taubench-gl/path-traced-reference/1"
-LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
-TRANSMITTED = ("direct_transmission", "indirect_transmission")
-"""Lobes that follow where a surface of the scene lets light through."""
+LOBES = lobe_channels(COMMON_LOBES)
+"""Channels of the lobes that every reference has; those of the scene's other lobes follow."""
 
 HALVES = 2
 """Sample sequences of a reference.  Each has half of the samples; their difference measures the noise."""
@@ -81,19 +81,20 @@ FEWEST, MOST = 4, 4096
 class Accumulated:
     """Sums over the samples of one frame, without exposure.
 
-    ``counts`` (2,): samples of each half; ``sums`` (2, k, h, w, 3) float32: radiance by half and lobe, of ``LOBES`` or
-    ``reference_lobes``.
+    ``counts`` (2,): samples of each half; ``sums`` (2, k, h, w, 3) float32: radiance by half and lobe; ``names`` (k,):
+    of ``LOBES`` or ``reference_lobes``.
     """
 
     counts: Array
     sums: Array
+    names: tuple[str, ...] = LOBES
 
     @classmethod
-    def empty(cls, size: tuple[int, int], lobes: int = len(LOBES)) -> Accumulated:
-        """``size``: width, height; ``lobes``: their number."""
+    def empty(cls, size: tuple[int, int], names: tuple[str, ...] = LOBES) -> Accumulated:
+        """Sums of no samples.  ``size``: width, height; ``names``: of the lobes."""
         width, height = size
-        sums = np.zeros((HALVES, lobes, height, width, 3), dtype=np.float32)
-        return cls(np.zeros(HALVES, dtype=np.int64), sums)
+        sums = np.zeros((HALVES, len(names), height, width, 3), dtype=np.float32)
+        return cls(np.zeros(HALVES, dtype=np.int64), sums, names)
 
     @property
     def samples(self) -> int:
@@ -120,11 +121,6 @@ class Accumulated:
         """Mean radiance by lobe, (h, w, 3) float32."""
         total = self.sums.sum(axis=0, dtype=np.float64) / max(self.samples, 1)
         return dict(zip(self.names, total.astype(np.float32), strict=True))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the lobes, in order."""
-        return (*LOBES, *TRANSMITTED)[: self.sums.shape[1]]
 
     def halves(self) -> Array | None:
         """Mean radiance of all lobes by half, (2, h, w, 3) float64, independent of each other; None with fewer than two
@@ -183,8 +179,9 @@ class Noise:
 
 
 def reference_lobes(scene: Scene) -> tuple[str, ...]:
-    """Lobes of the references of ``scene``."""
-    return (*LOBES, *TRANSMITTED) if any(map(transmits, drawn_materials(scene))) else LOBES
+    """Channels of the lobes in references of ``scene``."""
+    further = lobes_with([name for name, count in glass_counts(drawn_materials(scene)).items() if count])
+    return LOBES + lobe_channels([lobe for lobe in further if lobe not in COMMON_LOBES])
 
 
 @cache
@@ -230,10 +227,10 @@ class StoredReference:
         """The sums of ``frame``, empty where none are stored.  Raises OutputError for a damaged file."""
         path = self._path(frame, view, size)
         if path is None or not path.is_file():
-            return Accumulated.empty(size, len(self.lobes))
+            return Accumulated.empty(size, self.lobes)
         with stored_arrays(path, hint="delete it: it is rendered again") as stored:
-            loaded = Accumulated(*(stored[name] for name in ("counts", "sums")))
-        if loaded.sums.shape != Accumulated.empty(size, len(self.lobes)).sums.shape:
+            loaded = Accumulated(stored["counts"], stored["sums"], self.lobes)
+        if loaded.sums.shape != Accumulated.empty(size, self.lobes).sums.shape:
             raise OutputError("is of another size", where=str(path), hint="delete it: it is rendered again")
         return loaded
 

@@ -16,6 +16,7 @@ from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
+from taubench_gl.lobes import REUSE_INPUTS, SCENE_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import albedo_table
 from taubench_gl.metrics.shading_rate import RATES, phase
 from taubench_gl.reuse.frame import INPUTS, MAX_REACTIVE, MIN_ALBEDO, input_texture
@@ -32,8 +33,8 @@ NEEDS: dict[str, tuple[str, ...]] = {
 """Input -> inputs that it is computed from."""
 
 LOBES = {
-    "diffuse": ("direct_diffuse", "indirect_diffuse"),
-    "specular": ("direct_glossy", "indirect_glossy", "direct_transmission", "indirect_transmission"),
+    name: tuple(channel for lobe in lobes if lobe in SCENE_LOBES for channel in lobe_channels((lobe,)))
+    for name, lobes in REUSE_INPUTS.items()
 }
 """Input -> the channels that it is the sum of."""
 
@@ -94,7 +95,8 @@ class ComposePass:
             declaration.texture(name)
         declare_environment(declaration, self._environment, lobes=False, owned=False)
         declaration.image("radiance_out", access=UPDATE if accumulate else WRITE)
-        declaration.define(**{f"HAS_{name.upper()}": name in lobes for pair in LOBES.values() for name in pair})
+        for name, parts in LOBES.items():
+            declaration.define(**{f"EACH_{name.upper()}(DO)": " ".join(f"DO({c})" for c in parts if c in lobes)})
         for name in sorted(lobes):
             declaration.texture(name)
         if {"hit_distance", "variance"} & set(composed):

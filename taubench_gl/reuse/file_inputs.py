@@ -11,6 +11,7 @@ from taubench_gl.animation import CameraTrack, View
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import write_channel
+from taubench_gl.lobes import REUSE_INPUTS
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
@@ -25,9 +26,6 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
-
-LOBES = {"diffuse": ("diffuse",), "specular": ("glossy", "transmission", "volume")}
-"""Input -> lobes of the files that it is the sum of."""
 
 ALBEDOS = {"diffuse_albedo": "diffuse_color", "specular_albedo": "glossy_color"}
 """Input -> field of PathTracedFrame."""
@@ -64,7 +62,7 @@ class FileInputs(Inputs):
         track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
         # Whether a method reads the lobes apart, and the files have them.
         self._splits_light = bool(set(LIGHT_INPUTS) & self.reads - set(self.missing))
-        lobes = tuple(name for names in LOBES.values() for name in names) if self._splits_light else ()
+        lobes = tuple(name for names in REUSE_INPUTS.values() for name in names) if self._splits_light else ()
         follow = self._previous_positions
         files = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, follow=follow)
         self.source = self.own(files)
@@ -155,7 +153,7 @@ class FileInputs(Inputs):
                 out[name] = np.maximum(getattr(passes, field), np.float32(MIN_ALBEDO))
         if self._splits_light:
             surface = ~passes.sky[..., None]
-            for name, lobes in LOBES.items():
+            for name, lobes in REUSE_INPUTS.items():
                 light = sum(values for key, values in passes.lobes.items() if key.rpartition("_")[0] in lobes)
                 out[name] = np.where(surface, light * exposure, np.float32(0))
                 out[f"{name}_demodulated"] = out[name] / out[f"{name}_albedo"]

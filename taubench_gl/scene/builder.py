@@ -1,4 +1,4 @@
-"""Scenes made in code: a builder, and simple primitives.  Space: world, +Y up, meters."""
+"""Scenes made in code: a builder, simple primitives and rotations.  +Y is up, lengths are meters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 class SceneBuilder:
-    """Collects nodes, meshes and channels; every method returns the index of the added element."""
+    """Collects the parts of a scene.  Every method that adds a part returns its index; ``build`` makes the scene."""
 
     def __init__(self) -> None:
         self._nodes = NodeList()
@@ -38,31 +38,34 @@ class SceneBuilder:
         self._channels: list[Channel] = []
 
     def node(self, parent: int = -1, *, name: str | None = None, **fields: object) -> int:
-        """A node with the defaults of glTF; ``fields`` as in ``NodeList.add``."""
+        """Add a node below ``parent``, or a root.  ``fields``: those of ``build.Node``, else the defaults of glTF."""
         return self._nodes.add(name or f"node {len(self._nodes)}", parent, **fields)
 
     def mesh(self, *primitives: Primitive, weights: Sequence[float] = ()) -> int:
+        """Add a mesh of ``primitives``.  ``weights``: one per morph target."""
         self._meshes.append(Mesh(f"mesh {len(self._meshes)}", primitives, np.array(weights, dtype=np.float64)))
         return len(self._meshes) - 1
 
     def material(self, **fields: object) -> int:
+        """Add a material.  ``fields``: those of ``Material``."""
         self._materials.append(Material(**fields))
         return len(self._materials) - 1
 
     def camera(
         self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, scale=(1.0, 1.0, 1.0), **lens
     ) -> int:
-        """A camera on a new node; ``lens`` are fields of ``Camera``.  Returns the node."""
+        """Add a camera that looks along -Z of a new node; returns the node.  ``lens``: fields of ``Camera``."""
         self._cameras.append(Camera(**lens))
         index = len(self._cameras) - 1
         return self.node(parent, translation=translation, rotation=rotation, scale=scale, camera=index)
 
     def light(self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, **fields) -> int:
-        """A light on a new node, shining along -Z; ``fields`` are those of ``Light``.  Returns the node."""
+        """Add a light that shines along -Z of a new node; returns the node.  ``fields``: those of ``Light``."""
         self._lights.append(Light(**fields))
         return self.node(parent, translation=translation, rotation=rotation, light=len(self._lights) - 1)
 
     def skin(self, joints: Sequence[int], inverse_bind: Array | None = None) -> int:
+        """Add a skin with nodes as ``joints``.  ``inverse_bind``: (J, 4, 4), by default identities."""
         inverse_bind = np.tile(np.eye(4), (len(joints), 1, 1)) if inverse_bind is None else inverse_bind
         self._skins.append(Skin("skin", np.array(joints, dtype=np.int32), inverse_bind))
         return len(self._skins) - 1
@@ -70,11 +73,12 @@ class SceneBuilder:
     def animate(
         self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR"
     ) -> None:
-        """A channel of ``node``; ``values`` as ``Channel.values``."""
+        """Add a channel that animates ``path`` of ``node``.  ``times``: seconds; ``values``: (K, ...)."""
         keys, rows = np.array(times, dtype=np.float64), np.array(values, dtype=np.float64)
         self._channels.append(Channel("node", node, path, interpolation, keys, rows))
 
     def build(self) -> Scene:
+        """The scene of all parts that were added."""
         return Scene(
             "made in code", self._nodes.nodes(), tuple(self._meshes), tuple(self._materials), skins=tuple(self._skins),
             cameras=tuple(self._cameras), lights=tuple(self._lights), channels=tuple(self._channels),
@@ -89,7 +93,7 @@ def quad(
     material: int = -1,
     normals: bool = True,
 ) -> Primitive:
-    """A rectangle in the plane z = 0, facing +Z, divided into ``cells`` of two triangles."""
+    """A rectangle around the origin in the plane z = 0, facing +Z, of ``cells`` (columns, rows) of two triangles."""
     columns, rows = cells
     x = np.linspace(-half_width, half_width, columns + 1)
     y = np.linspace(-half_height, half_height, rows + 1)
@@ -127,7 +131,7 @@ def box(
 
 
 def sphere(radius: float = 1.0, rings: int = 24) -> Primitive:
-    """A sphere around the origin with exact vertex normals."""
+    """A sphere around the origin with exact vertex normals, ``rings`` from pole to pole and twice as many around."""
     theta = np.linspace(0.0, np.pi, rings + 1)
     phi = np.linspace(0.0, 2.0 * np.pi, 2 * rings + 1)
     t, p = np.meshgrid(theta, phi, indexing="ij")
@@ -161,8 +165,10 @@ def turn(axis: Sequence[float], degrees: float) -> Array:
 
 
 def turn_y(degrees: float) -> Array:
+    """Quaternion xyzw of a rotation about +Y.  (4,) float64."""
     return turn((0.0, 1.0, 0.0), degrees)
 
 
 def turn_x(degrees: float) -> Array:
+    """Quaternion xyzw of a rotation about +X.  (4,) float64."""
     return turn((1.0, 0.0, 0.0), degrees)

@@ -137,7 +137,7 @@ def frame_rate(bench: Bench) -> Outcome:
         b.camera()
         return b.build()
 
-    own = {"columns": ("frustum", "position", "normal"), "reprojection": "motion", "width": 48, "height": 32}
-    runs = [bench.evaluate(plate(seconds), fps=rate, **own).frames for seconds, rate in ((1.0, 4.0), (4.0, 1.0))]
+    options = {"columns": ("frustum", "position", "normal"), "reprojection": "motion", "width": 48, "height": 32}
+    runs = [bench.evaluate(plate(seconds), fps=rate, **options).frames for seconds, rate in ((1.0, 4.0), (4.0, 1.0))]
     wrong = sum(row[name] != other[name] for row, other in zip(*runs, strict=True) for name in row if name != "time_s")
     return count(0, wrong + (len(runs[0]) != 4) + (not runs[0][1]["position"]))

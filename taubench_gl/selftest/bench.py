@@ -32,7 +32,10 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class PairImages:
-    """One pair as arrays, row 0 at the top.  ``current`` and ``history`` hold channels (h, w, n) by name."""
+    """One pair of frames as arrays, row 0 at the top.
+
+    ``current`` and ``history``: channels (h, w, n) by name.  ``counts``: pixels by name; ``counted``: with histograms.
+    """
 
     mask: Array  # (h, w) uint32 reason words
     motion: Array  # (h, w, 2) float32 previous - current, pixels, +x right, +y down; 0 where behind
@@ -46,11 +49,11 @@ class PairImages:
 
     @property
     def surface(self) -> Array:
-        """(h, w) bool: pixels that show a surface in the current frame."""
+        """Whether pixels show a surface in the current frame.  (h, w) bool."""
         return self.current["position"][..., 3] > 0
 
     def has(self, bits: int) -> Array:
-        """(h, w) bool: pixels with any of ``bits``."""
+        """Whether reason words have any of ``bits``.  (h, w) bool."""
         return (self.mask & np.uint32(bits)) != 0
 
 
@@ -66,17 +69,17 @@ class Shot:
 
     @property
     def points(self) -> Array:
-        """(h, w, 3) world; the camera's position where there is no surface."""
+        """Surface points, world space; the camera's position where there is no surface.  (h, w, 3) meters."""
         return self["position"][..., :3] + self.view.position
 
     @property
     def surface(self) -> Array:
-        """(h, w) bool."""
+        """Whether pixels show a surface.  (h, w) bool."""
         return self["position"][..., 3] > 0.0
 
     @property
     def direct(self) -> Array:
-        """(h, w, 3) radiance."""
+        """Direct radiance.  (h, w, 3)."""
         return self["direct"][..., :3]
 
 
@@ -105,8 +108,8 @@ class Bench(GpuOwner):
     ) -> PairImages:
         """Render the frames at ``times`` (previous, current; seconds), compare them, and read all images back.
 
-        ``extra``: further channels to render; ``size``: (width, height), None: that of the bench; ``metrics``: fields
-        of MetricsSettings.
+        ``extra``: further channels to render; ``size``: (width, height) in pixels, by default that of the bench;
+        ``metrics``: fields of MetricsSettings.
         """
         size, settings = size or self.size, Settings(**metrics, **FIXED_LIGHTING)
         reprojection = settings.metrics.reprojection
@@ -154,7 +157,7 @@ class Bench(GpuOwner):
 
         ``extra``: further channels to render; ``settings``: fields of Settings.
         """
-        values = self._settings({"columns": ("direct",), "fps": 1.0} | settings)
+        values = self.settings_of({"columns": ("direct",), "fps": 1.0} | settings)
         with self._opened(scene, values, extra) as source:
             out = []
             for frame in frames:
@@ -164,8 +167,8 @@ class Bench(GpuOwner):
 
     def traced(self, scene: Scene, *, extra: Sequence[str] = (), **settings: Any) -> dict[str, Array]:
         """Path-traced ``direct``, ``indirect`` and ``extra`` of the first frame.  ``settings``: fields of Settings."""
-        own = {"columns": ("direct", "indirect"), "fps": 1.0, "light": "path-traced", "indirect": "auto"}
-        values = self._settings(own | settings)
+        options = {"columns": ("direct", "indirect"), "fps": 1.0, "light": "path-traced", "indirect": "auto"}
+        values = self.settings_of(options | settings)
         with self._opened(scene, values, extra) as source:
             source.advance(0)
             return {n: source.read(n) for n in ("direct", "indirect", *extra)}
@@ -177,13 +180,14 @@ class Bench(GpuOwner):
 
     def evaluate(self, scene: Scene, **settings: Any) -> Run:
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""
-        return evaluate_scene(scene, self._settings(settings), camera=choose_camera(scene))
+        return evaluate_scene(scene, self.settings_of(settings), camera=choose_camera(scene))
 
-    def _settings(self, fields: Mapping[str, Any]) -> Settings:
+    def settings_of(self, fields: Mapping[str, Any]) -> Settings:
+        """Settings with ``fields``, and else the device and size of the bench, raster light and fixed lighting."""
         # Indirect light takes long on a CPU driver: the cases that test it ask for it.
-        own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none", "light": "raster"}
-        own |= FIXED_LIGHTING
-        return Settings(**({"width": self.size[0], "height": self.size[1]} | own | dict(fields)))
+        options = {"backend": self.gpu.backend, "device": self.device, "indirect": "none", "light": "raster"}
+        options |= {"width": self.size[0], "height": self.size[1]} | FIXED_LIGHTING
+        return Settings(**(options | dict(fields)))
 
     def compare(
         self,
@@ -197,9 +201,8 @@ class Bench(GpuOwner):
     ) -> PairImages:
         """Compare arrays (h, w, n) with the mask pass, stored as ``dtype`` (f4 or f2).
 
-        ``position`` and ``normal`` default to a still wall 1 m away; radiance is compared if it is given.
-        ``declared``: reason bits of every pixel; ``metrics``: fields of MetricsSettings or
-        LightingSettings.
+        ``position`` and ``normal`` default to a still wall 1 m away.  Radiance is compared where ``current`` has it.
+        ``declared``: reason bits of every pixel; ``metrics``: fields of Settings.
         """
         radiance = tuple(n for n in LIGHT_FEATURES if n in current)
         first = next(iter(current.values()), None)
@@ -238,7 +241,7 @@ class Bench(GpuOwner):
     def _compare(
         self, channels: ChannelPair, settings: Settings, pair: Reprojection, declared: int = 0
     ) -> tuple[Array, Array, Mapping[str, int], Counts]:
-        """The first four fields of ``PairImages``."""
+        """Mask, motion, counts by name, and counts with histograms, as in ``PairImages``."""
         with GpuOwner(self.gpu, shaders=self.context.shaders) as owner:
             evaluator = owner.open_evaluator(channels, settings, images=True)
             counts = evaluator.compare(pair, declared=declared)
@@ -255,7 +258,7 @@ class Bench(GpuOwner):
 
 
 def limits(thresholds: Mapping[str, float] | None) -> dict[str, float]:
-    """a_B of every feature: the defaults, overridden by ``thresholds``."""
+    """Threshold of every feature by name: the defaults, overridden by ``thresholds``."""
     return dict(Settings(thresholds=thresholds or {}).metrics.thresholds)
 
 
@@ -288,13 +291,13 @@ def pixel_grid(size: Size) -> Array:
 
 
 def still_pair(size: Size, camera: Camera | None = None) -> Reprojection:
-    """A camera at the origin that looks along -Z and does not move."""
+    """The reprojection of a still camera at the origin that looks along -Z."""
     view = View(np.zeros(3), np.eye(3), camera or Camera())
     return pairing.reprojection(view, view, *size)
 
 
 def shifted_pair(size: Size, pixels: float) -> Reprojection:
-    """A still camera whose previous image is shifted: history is at x + ``pixels``."""
+    """The reprojection of a still camera whose previous image is shifted: history is at x + ``pixels``."""
     pair = still_pair(size)
     moved = pair.prev_clip_from_prev.copy()
     moved[0] += 2.0 * pixels / size[0] * moved[3]

@@ -219,10 +219,10 @@ def exchanged_colors(bench: Bench, method: str) -> Outcome:
     """
 
     def radiance(scene: Scene, sky: Sequence[float]) -> dict[str, Array]:
-        own = {"columns": ("direct", "indirect", "color"), "indirect": method, "shadow_size": 64, "probes": 200,
+        options = {"columns": ("direct", "indirect", "color"), "indirect": method, "shadow_size": 64, "probes": 200,
                "indirect_samples": 400, "width": 64, "height": 36}  # fmt: skip
-        shot = bench.shots(scene, extra=("emission",), environment=tuple(sky), **own)[0]
-        return {name: shot[name][..., :3] for name in (*own["columns"], "emission")}
+        shot = bench.shots(scene, extra=("emission",), environment=tuple(sky), **options)[0]
+        return {name: shot[name][..., :3] for name in (*options["columns"], "emission")}
 
     return _exchanged(radiance)
 
@@ -235,8 +235,8 @@ def exchanged_colors_by_paths(bench: Bench) -> Outcome:
     """
 
     def radiance(scene: Scene, sky: Sequence[float]) -> dict[str, Array]:
-        own = {"width": 32, "height": 18, "spp": 32, "bounces": 4, "pattern": "independent"}
-        images = bench.traced(scene, environment=tuple(sky), **own)
+        options = {"width": 32, "height": 18, "spp": 32, "bounces": 4, "pattern": "independent"}
+        images = bench.traced(scene, environment=tuple(sky), **options)
         return {name: image[..., :3].mean(axis=(0, 1)) for name, image in images.items()}
 
     return _exchanged(radiance)

@@ -39,7 +39,7 @@ def _bounced(bench: Bench, lamps: int = 1, cone: float = 0.0, **settings) -> flo
         b.light(intensity=1.0 / lamps, translation=(0.01 * i, 0.0, 0.0), rotation=turn((1.0, 0.5, 0.2), 40.0), **lens)
     eye = b.camera(yfov=np.radians(90.0), znear=0.01)
     b.animate(eye, "rotation", np.arange(6.0), LOOKS, "STEP")
-    own = {
+    options = {
         "columns": ("direct", "indirect"),
         "indirect_samples": 1500,
         "probes": 400,
@@ -47,7 +47,7 @@ def _bounced(bench: Bench, lamps: int = 1, cone: float = 0.0, **settings) -> flo
         "shadow_size": 32,
     } | settings
     means = []
-    for shot in bench.shots(b.build(), range(6), **own):
+    for shot in bench.shots(b.build(), range(6), **options):
         wall = np.abs(shot["position"][..., 3] - 1.0) < 1e-4
         means.append(shot["indirect"][..., 0][wall].mean() * np.pi / ALBEDO if wall.any() else np.nan)
     return float(np.mean(means))
@@ -89,8 +89,14 @@ def indirect_of_a_still_box(bench: Bench) -> Outcome:
         b.light(intensity=1.0, translation=(0.3 * i, 0.1, 0.0))
     eye = b.camera(yfov=np.radians(90.0), znear=0.01)
     b.animate(eye, "rotation", [0.0, 1.0, 2.0], [turn_y(0.0), turn_y(90.0), turn_y(0.0)], "STEP")
-    own = {"columns": ("indirect",), "indirect": "probes", "indirect_samples": 300, "probes": 100, "shadow_lights": 1}
-    first, _, last = bench.shots(b.build(), range(3), **own)
+    options = {
+        "columns": ("indirect",),
+        "indirect": "probes",
+        "indirect_samples": 300,
+        "probes": 100,
+        "shadow_lights": 1,
+    }
+    first, _, last = bench.shots(b.build(), range(3), **options)
     off = last["indirect"] - first["indirect"]
     return field("0", off if first["indirect"].max() > 0.0 else np.nan)
 
@@ -137,10 +143,10 @@ def lamp_beside_a_wall_case(bench: Bench) -> Outcome:
     """
     x = -3.89
     places = np.array([[x + distance, 1.3, 0.1] for distance in (1.0, 0.1, 0.05)])
-    own = {"columns": ("indirect",), "indirect": "probes", "indirect_samples": 2400, "probes": 1000}
+    options = {"columns": ("indirect",), "indirect": "probes", "indirect_samples": 2400, "probes": 1000}
     ratios = []
     for place, shot in zip(
-        places, bench.shots(lamp_beside_a_wall(x, places, 1.0), range(len(places)), **own), strict=True
+        places, bench.shots(lamp_beside_a_wall(x, places, 1.0), range(len(places)), **options), strict=True
     ):
         points = (shot["position"][..., :3] + shot.view.position).reshape(-1, 3)[::37]
         measured = shot["indirect"][..., 0].mean() * np.pi / SCREEN_ALBEDO
@@ -178,9 +184,9 @@ PERMUTED = (0.5, 0.5, 0.5, 0.5)
 
 
 def _rastered(bench: Bench, method: str, scene: Scene) -> dict[str, Array]:
-    own = {"columns": ("direct", "indirect"), "indirect": method, "shadow_size": 64, "width": 64, "height": 36}
-    shot = bench.shots(scene, **own)[0]
-    return {name: shot[name][..., :3] for name in own["columns"]}
+    options = {"columns": ("direct", "indirect"), "indirect": method, "shadow_size": 64, "width": 64, "height": 36}
+    shot = bench.shots(scene, **options)[0]
+    return {name: shot[name][..., :3] for name in options["columns"]}
 
 
 def _turned(radiance: Callable[[Scene], dict[str, Array]]) -> Outcome:

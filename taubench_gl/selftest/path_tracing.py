@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
@@ -121,7 +123,7 @@ def parallel_planes(bench: Bench) -> Outcome:
 
 
 def form_factor(a: float, b: float, h: float) -> float:
-    """Of a rectangle a x b above the corner of which a small parallel surface lies, at distance ``h``.
+    """Form factor from a small surface to a parallel rectangle a x b, at distance ``h`` above one of its corners.
 
     Howell, A Catalog of Radiation Heat Transfer Configuration Factors, B-3.
     """
@@ -393,7 +395,7 @@ def _shadowed(bench: Bench, b: SceneBuilder) -> int:
     return int((bench.traced(b.build(), spp=1, bounces=1)["direct"][..., 0] == 0).sum())
 
 
-def _below(b: SceneBuilder, bench: Bench, znear: float, **how) -> dict[str, Array]:
-    """Radiance of a point of a wall 10 m away; what is nearer than ``znear`` is not seen."""
+def _below(b: SceneBuilder, bench: Bench, znear: float, **settings: Any) -> dict[str, Array]:
+    """Radiance of a point of a wall 10 m away, by name; what is nearer than ``znear`` meters is not seen."""
     b.camera(kind="orthographic", xmag=0.01, ymag=0.01, znear=znear, zfar=50.0)
-    return bench.traced(b.build(), **how)
+    return bench.traced(b.build(), **settings)

@@ -40,7 +40,7 @@ MOVED_PIXELS = {True: 16, False: 48}
 """Pixels that may have another reason word, by whether rendering is in software."""
 
 LIGHT = ("direct", "indirect")
-OWN = {"width": 64, "height": 36, "fps": 24.0, "camera": 0, "textures": "finest"}  # drivers choose other mipmaps
+COMMON = {"width": 64, "height": 36, "fps": 24.0, "camera": 0, "textures": "finest"}  # drivers choose other mipmaps
 LAMPS = {"shadow_size": 128, "indirect_samples": 256, "probes": 96}
 
 
@@ -50,14 +50,14 @@ def _demo() -> Scene:
 
 
 def _raster(bench: Bench, **settings: Any) -> dict[str, Array]:
-    (shot,) = bench.shots(_demo(), (FRAME,), columns=(*LIGHT, "color"), **OWN | LAMPS | settings)
+    (shot,) = bench.shots(_demo(), (FRAME,), columns=(*LIGHT, "color"), **COMMON | LAMPS | settings)
     return {name: shot[name][..., :3] for name in (*LIGHT, "color")}
 
 
 def _traced(bench: Bench, **settings: Any) -> dict[str, Array]:
-    own = {"columns": LIGHT, "light": "path-traced", "indirect": "auto", "bounces": 4, "spp": 4}
-    own |= {"width": 32, "height": 18}
-    (shot,) = bench.shots(_demo(), (FRAME,), **OWN | own | settings)
+    options = {"columns": LIGHT, "light": "path-traced", "indirect": "auto", "bounces": 4, "spp": 4}
+    options |= {"width": 32, "height": 18}
+    (shot,) = bench.shots(_demo(), (FRAME,), **COMMON | options | settings)
     return {name: shot[name][..., :3] for name in LIGHT}
 
 
@@ -89,8 +89,8 @@ def blocks(image: Array) -> Array:
 
 def masks(bench: Bench, reprojection: str, sampling: str) -> dict[str, int]:
     """Reason word, as text -> pixels of two pairs."""
-    own = {"indirect": "rsm", "frames": (FRAME - 2, FRAME + 1), "reprojection": reprojection, "sampling": sampling}
-    settings, found = bench._settings(OWN | LAMPS | own), {}
+    options = {"indirect": "rsm", "frames": (FRAME - 2, FRAME + 1), "reprojection": reprojection, "sampling": sampling}
+    settings, found = bench.settings_of(COMMON | LAMPS | options), {}
 
     def add(pair: Any) -> None:
         for word, pixels in zip(*occupied(pair.evaluated.counts.mask_histogram), strict=True):
@@ -109,7 +109,7 @@ def measured(bench: Bench) -> dict[str, Any]:
         name: {channel: blocks(image).round(9).tolist() for channel, image in draw(bench).items()}
         for name, draw in PICTURES.items()
     }
-    return {"pictures": pictures, "masks": {name: masks(bench, *how) for name, how in MASKS.items()}}
+    return {"pictures": pictures, "masks": {name: masks(bench, *modes) for name, modes in MASKS.items()}}
 
 
 @cache

@@ -123,11 +123,11 @@ def near_crossing_motion(bench: Bench) -> Outcome:
     images, corners, point, floor = _floor(bench, 4.0)
     camera = Camera(yfov=RIGHT_ANGLE)
     shown = floor & (-point[..., 2] > 2.0) & ~images.has(Reason.BEHIND)
-    own = pixel_grid(bench.size)
-    expected = to_pixels(point, bench.size, camera) - own
+    pixels = pixel_grid(bench.size)
+    expected = to_pixels(point, bench.size, camera) - pixels
     # Interpolation of divided corner positions: an affine map from (x, z) to the previous position.
     weights = np.linalg.solve(np.c_[corners[:, [0, 2]], np.ones(3)], to_pixels(corners, bench.size, camera))
-    naive = np.concatenate([point[..., [0, 2]], np.ones((*floor.shape, 1))], axis=-1)[shown] @ weights - own[shown]
+    naive = np.concatenate([point[..., [0, 2]], np.ones((*floor.shape, 1))], axis=-1)[shown] @ weights - pixels[shown]
     error = worst(naive - expected[shown])
     divided = Naive("divided at the vertices", f"off by {error:.3g} px", error)
     return field("closed form, px", (images.motion - expected)[shown], divided)

@@ -137,10 +137,10 @@ def on_threshold(bench: Bench, feature: str) -> Outcome:
     # Positions near 1 m have steps of 2^-23 m, which is the next larger distance.
     above = 0.125 + 2.0**-23 if feature == "position" else 0.125 + 2.0**-22
     exactly = _threshold_images(bench, feature, 0.125).counts[feature]
-    more = _threshold_images(bench, feature, above).counts[feature]
+    over = _threshold_images(bench, feature, above).counts[feature]
     pixels = bench.size[0] * bench.size[1]
     naive = Naive("distance >= threshold", pixels, pixels)
-    return Outcome(f"0, {pixels}", f"{exactly}, {more}", float(exactly + pixels - more), naive)
+    return Outcome(f"0, {pixels}", f"{exactly}, {over}", float(exactly + pixels - over), naive)
 
 
 @case("lit-and-shadowed", source=COUNT)

@@ -28,8 +28,8 @@ LIMIT_OF_DIRECT = 0.1
 
 def _decided(bench: Bench, scene: Scene, **settings: Any) -> tuple[Run, list[Pair]]:
     """A run with all lobes that decides every pixel of a small image, and its pairs with distances."""
-    own = {"light": "path-traced", "fps": 1.0, "width": SIZE[0], "height": SIZE[1], "camera": 0}
-    values, pairs = bench._settings({"indirect": "auto"} | own | settings), []
+    options = {"light": "path-traced", "fps": 1.0, "width": SIZE[0], "height": SIZE[1], "camera": 0}
+    values, pairs = bench.settings_of({"indirect": "auto"} | options | settings), []
     observers, camera = Observers(on_pair=pairs.append, distances=True), choose_camera(scene)
     return evaluate_scene(scene, values, observers, camera=camera, sampled=True, lobes=("diffuse", "glossy")), pairs
 
@@ -133,9 +133,9 @@ def sampled_direct(bench: Bench) -> Outcome:
 
     An estimate has no interval, or one from pixels that have been chosen by their result.
     """
-    own = {"light": "auto", "fps": 1.0, "width": SIZE[0], "height": SIZE[1], "camera": 0, "shadow_lights": 0}
+    options = {"light": "auto", "fps": 1.0, "width": SIZE[0], "height": SIZE[1], "camera": 0, "shadow_lights": 0}
     columns = ("frustum", "position", "normal", "direct")
-    settings = bench._settings(own | {"columns": columns, "thresholds": {"direct": LIMIT_OF_DIRECT}})
+    settings = bench.settings_of(options | {"columns": columns, "thresholds": {"direct": LIMIT_OF_DIRECT}})
     scene = _lamp_before_a_wall(bench)
     summary = evaluate_scene(scene, settings, camera=choose_camera(scene), sampled=True).summary
     outside = np.zeros((2, SIZE[1], SIZE[0]), bool)

@@ -156,9 +156,9 @@ def masks(bench: Bench, reprojected: str, sampling: str) -> Outcome:
     now = View(then.position + (0.3, -0.1, 0.6), math3d.mat3_from_quat(_euler(37.0, 0.0, 3.0)), lens)
     current, history = _synthetic(now, size, rng), _synthetic(then, size, rng)
     pair = reprojection(now, then, *size)
-    how = {"reprojection": reprojected, "sampling": sampling}
-    images = bench.compare(current, history, pair, exposure=2.0, **how)
-    expected = pair_masks(current, history, pair, limits(None), exposure=2.0, **how)
+    modes = {"reprojection": reprojected, "sampling": sampling}
+    images = bench.compare(current, history, pair, exposure=2.0, **modes)
+    expected = pair_masks(current, history, pair, limits(None), exposure=2.0, **modes)
     off = [float((images.mask != expected.mask).mean())]
     for measured, feature in zip(images.counted.histograms.astype(np.int64), FEATURES, strict=True):
         tails = [np.cumsum(counts[:0:-1]) for counts in (measured, expected.histogram(feature))]

@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.effects.decide import Effect
 from taubench_gl.features import TABLE
@@ -18,6 +19,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.lobes import CHANNEL_EFFECT, SCENE_LOBES, lobe_channels
 from taubench_gl.metrics.display import BACKGROUND, KINDS, scale_glsl
 from taubench_gl.report.mask_images import STRIPE_PX
 from taubench_gl.report.palette import EXACT_COLORS, color_of
@@ -309,15 +311,14 @@ class Visualization:
         return tuple(n for n in (self.channel, *self.needs) if n not in ("position", "normal", "motion"))
 
 
+DIRECT_LOBES = lobe_channels(SCENE_LOBES, ("direct",))
+"""Channels of the lobes of direct light."""
+
 VISUALIZATIONS: dict[str, Visualization] = {
     "color": Visualization("color", "encoded", "tone-mapped sRGB"),
     "direct": Visualization("direct", "radiance", "radiance after one bounce", fixed=None),
     "indirect": Visualization("indirect", "radiance", "radiance after two or more bounces", fixed=None),
-    "direct_diffuse": Visualization("direct_diffuse", "radiance", "diffuse lobe of direct", fixed=None),
-    "direct_glossy": Visualization("direct_glossy", "radiance", "glossy lobe of direct", fixed=None),
-    "direct_transmission": Visualization(
-        "direct_transmission", "radiance", "direct light that comes through the surface", fixed=None
-    ),
+    **{name: Visualization(name, "radiance", CHANNELS[name].doc, fixed=None) for name in DIRECT_LOBES},
     "emission": Visualization("emission", "radiance", "emitted radiance", fixed=None),
     "headlight": Visualization("normal", "headlight", "headlight shading"),
     "base_color": Visualization("base_color", "radiance", "base color"),
@@ -337,8 +338,8 @@ VISUALIZATIONS: dict[str, Visualization] = {
     ),
 }
 
-LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "direct_diffuse": "direct",
-         "direct_glossy": "direct", "direct_transmission": "transmission", "emission": "emission"}  # fmt: skip
+LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "emission": "emission",
+         **{name: CHANNEL_EFFECT.get(name, "direct") for name in DIRECT_LOBES}}  # fmt: skip
 """Visualization that shows light -> the effect that must be enabled for it."""
 
 

@@ -21,6 +21,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.settings import AUTO, PREVIEWED, Settings
 from taubench_gl.srgb import srgb_encode
+from taubench_gl.viewer.display import DIRECT_LOBES
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.state import MAX_THRESHOLD, ViewerState
 
@@ -226,7 +227,7 @@ class Lights(GpuOwner):
         """Take what is shown; set and return ``active``: coarse light while the image moves, if it has ``channel``."""
         self._feed, self._shot, self._channel = feed, shot, channel
         coarse = COARSE[state.moving_light] if state.moving and self.lit else None
-        if channel in ("indirect", "direct_diffuse", "direct_glossy", "direct_transmission"):
+        if channel in ("indirect", *DIRECT_LOBES):
             coarse = None
         self.active = coarse
         compared = state.comparison != "off" or state.beside

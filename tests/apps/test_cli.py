@@ -13,9 +13,11 @@ import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
+from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import RunWriter
 from taubench_gl.run_schema import COUNT_COLUMNS
+from taubench_gl.selftest.scenes import SceneBuilder, quad
 
 REPORT = {
     "backend": "egl",
@@ -48,11 +50,6 @@ finally:
     done = fresh("-c", code)
     assert done.returncode == 0, done.stderr
     assert "Examples:" in done.stdout and "taubench-gl" in done.stdout
-
-
-def test_module_and_script_are_the_same():
-    done = fresh("-m", "taubench_gl", "--version")
-    assert done.returncode == 0 and done.stdout.startswith("taubench-gl, version ")
 
 
 def test_unknown_command_is_a_usage_error(taubench):
@@ -154,66 +151,37 @@ def test_compare_of_nothing(taubench, tmp_path):
     assert err.startswith("taubench-gl: error: ") and "gone" in err and err.count("\n") == 1
 
 
-def box(path):
-    """A glTF file with one triangle, a moving camera and a point light."""
-    import base64
-
-    import numpy as np
-
-    points = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0]], np.float32).tobytes()
-    times, places = np.array([0, 0.5], np.float32).tobytes(), np.array([[0, 0, 5], [0, 0, 6]], np.float32).tobytes()
-    data = points + times + places
-    views = [(0, 36), (36, 8), (44, 24)]
-    gltf = {
-        "asset": {"version": "2.0"},
-        "extensionsUsed": ["KHR_lights_punctual"],
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "name": "lamp", "intensity": 7}]}},
-        "scene": 0,
-        "scenes": [{"name": "hall", "nodes": [0, 1, 2]}],
-        "nodes": [
-            {"mesh": 0}, {"name": "eye", "camera": 0}, {"extensions": {"KHR_lights_punctual": {"light": 0}}},
-        ],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
-        "animations": [{
-            "name": "fly", "samplers": [{"input": 1, "output": 2}],
-            "channels": [{"sampler": 0, "target": {"node": 1, "path": "translation"}}],
-        }],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [2, 2, 0]},
-            {"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [0.5]},
-            {"bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3"},
-        ],
-        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": n} for at, n in views],
-        "buffers": [{
-            "byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode(),
-        }],
-    }  # fmt: skip
-    path.write_text(json.dumps(gltf))
+def hall(path):
+    """A scene file with a square, a moving camera and a point light."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad()), translation=(1.0, 1.0, 0.0))
+    b.light(kind="point", name="lamp", intensity=7.0)
+    b.animate(b.camera(name="eye", yfov=1.0, znear=0.1), "translation", [0.0, 0.5], [(0, 0, 5), (0, 0, 6)])
+    write_scene(b.build(), path)
     return path
 
 
 def test_inspect_json(taubench, tmp_path):
-    code, out, err = taubench("inspect", box(tmp_path / "hall.gltf"), "--json")
+    code, out, err = taubench("inspect", hall(tmp_path / "hall.glb"), "--json")
     assert code == 0, err
     facts = json.loads(out)
     assert facts["duration_s"] == 0.5 and facts["frames"] == 13
-    assert facts["animations"] == [{"name": "fly", "duration_s": 0.5, "channels": 1, "plays": True}]
-    assert facts["cameras"][0]["node"] == "eye"
+    assert [(a["duration_s"], a["channels"], a["plays"]) for a in facts["animations"]] == [(0.5, 1, True)]
+    assert facts["cameras"][0]["name"] == "eye"
     assert facts["lights"][0]["intensity"] == 7 and facts["lights"][0]["unit"] == "cd"
     assert facts["census"]["static_rigid_objects"] == 1 and facts["census"]["static_point_lights"] == 1
     assert facts["bounds"] == {"center": [1, 1, 0], "radius_m": pytest.approx(2**0.5)}
 
 
 def test_inspect_text(taubench, tmp_path):
-    code, out, err = taubench("inspect", box(tmp_path / "hall.gltf"))
+    code, out, err = taubench("inspect", hall(tmp_path / "hall.glb"))
     assert code == 0, err
-    for text in ("0.500 s, 13 frames at 24 fps", "static rigid objects", "name fly", "kind perspective", "name lamp"):
+    for text in ("0.500 s, 13 frames at 24 fps", "static rigid objects", "kind perspective", "name lamp"):
         assert text in out
 
 
 def test_inspect_without_opengl_prints_no_exposure(tmp_path):
-    path = box(tmp_path / "hall.gltf")
+    path = hall(tmp_path / "hall.glb")
     code = f"""
 import sys
 from taubench_gl.errors import GraphicsError
@@ -230,11 +198,6 @@ main(["inspect", {str(path)!r}, "--json"])
     assert facts["frames"] == 13
 
 
-def test_inspect_of_a_missing_file(taubench, tmp_path):
-    code, out, err = taubench("inspect", tmp_path / "gone.glb")
-    assert (code, out) == (2, "") and "gone.glb" in err and err.count("\n") == 1
-
-
 def console_script() -> str:
     """The Python code that the installed ``taubench-gl`` runs."""
     scripts = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
@@ -242,12 +205,18 @@ def console_script() -> str:
     return f"import sys; from {module} import {function}; sys.exit({function}())"
 
 
-def test_the_console_script_runs_the_command_line():
-    done = fresh("-c", console_script(), "--version")
+STARTS = pytest.mark.parametrize(
+    "start", [["-m", "taubench_gl"], ["-c", console_script()]], ids=["module", "console script"]
+)
+
+
+@STARTS
+def test_module_and_console_script_run_the_command_line(start):
+    done = fresh(*start, "--version")
     assert done.returncode == 0 and done.stdout.startswith("taubench-gl, version"), done.stderr
 
 
-@pytest.mark.parametrize("start", [["-m", "taubench_gl"], ["-c", console_script()]], ids=["module", "console script"])
+@STARTS
 def test_an_interrupt_while_importing_is_no_traceback(tmp_path, start):
     """Ctrl-C before the command line is imported."""
     (tmp_path / "click.py").write_text("raise KeyboardInterrupt\n")

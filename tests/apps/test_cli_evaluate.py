@@ -95,29 +95,16 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (["--size", "wide"], "wide"),
-        (["--size", "0x5"], "--size"),
+        (["--size", "wide"], "--size"),
         (["--frames", "7"], "--frames"),
-        (["--frames", "a:b"], "a:b"),
         (["--threshold", "normal"], "--threshold"),
         (["--threshold", "shine=1"], "shine"),
-        (["--threshold", "normal=-1"], "normal"),
-        (["--threshold", "color=1e39"], "color"),
-        (["--unit-scale", "1e40"], "1e+40"),
-        (["--fps", "0"], "fps"),
         (["--fps", "nan"], "nan"),
         (["--save", "masks"], "--out"),
         (["--save", "music", "--out", "x"], "music"),
-        (["--columns", "direct,shine"], "shine"),
         (["--columns", ""], "--columns"),
         (["--out", ""], "--out"),
-        (["--environment", "1,2"], "environment"),
         (["--environment", "0,0,-1"], "environment"),
-        (["--exposure", "0"], "exposure"),
-        (["--shadow-size", "8"], "--shadow-size"),
-        (["--shadow-lights", "-1"], "--shadow-lights"),
-        (["--light-error", "-1"], "--light-error"),
-        (["--tone-map", "film"], "film"),
         (["--reprojection", "both"], "both"),
         (["--nope"], "--nope"),
     ],
@@ -210,3 +197,20 @@ def test_the_size_of_a_preset_applies_to_path_traced_files_without_an_error(taub
     (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nwidth = 64\nheight = 36\n')
     code, _, err = taubench("evaluate", "exr:renders", "--preset", tmp_path / "preset.toml")
     assert code == 0 and evaluate.calls[0]["settings"].sequence.width == 64, err
+
+
+@pytest.mark.parametrize("option", ["--eyes 0.1", "--eye right", "--convergence 2", "--other-eye b"])
+def test_options_of_the_other_eye_need_its_history(taubench, evaluate, option):
+    code, printed, errors = taubench("evaluate", "walk.glb", *option.split())
+    assert code == 2 and not printed and option.split()[0] in errors and len(errors.strip().splitlines()) == 1
+    assert not evaluate.calls
+    assert taubench("evaluate", "walk.glb", "--history", "eye", *option.split())[0] == 0 and evaluate.calls
+
+
+def test_a_preset_says_that_camera_and_frames_are_not_in_it(taubench, evaluate, tmp_path):
+    preset = tmp_path / "preset.toml"
+    preset.write_text('schema = "taubench-gl/preset/1"\n[settings]\nwidth = 16\nheight = 9\n')
+    code, _, errors = taubench("evaluate", "walk.glb", "--preset", preset)
+    assert code == 0 and str(preset) in errors and evaluate.calls[0]["settings"].sequence.width == 16
+    code, _, errors = taubench("evaluate", "walk.glb", "--preset", preset, "--frames", "0:2")
+    assert code == 0 and str(preset) not in errors

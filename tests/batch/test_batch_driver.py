@@ -36,28 +36,19 @@ def counts(position: int) -> Counts:
     return Counts(mask_histogram, histograms)
 
 
+FACTS = {"scene": {"name": "made", "sha256": "x"}, "census": {}, "lighting": {}, "camera_source": "c", "notes": []}
+REPORT = {
+    "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []}, "brightness": {}, "depths": [],
+    "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
+    "provenance": {"host": "h"}, "passes_ms": {}, "added": [],
+}  # fmt: skip
+
+
 def answer(unit: Unit) -> bytes:
     if isinstance(unit, HeadUnit):
-        facts = {
-            "scene": {"name": "made", "sha256": "x"},
-            "census": {},
-            "lighting": {},
-            "camera_source": "c",
-            "notes": [],
-        }
         views = {"positions": [[0.0, 0, i] for i in range(FRAMES)], "rotations": [np.eye(3)] * FRAMES}
-        head = {"stamp": unit.stamp, "frames": [0, FRAMES], "facts": facts, "lighting": {}}
-        return json_bytes(head | views)
-    report = {
-        "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []},
-        "brightness": {},
-        "depths": [],
-        "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
-        "provenance": {"host": "h"},
-        "passes_ms": {},
-        "added": [],
-    }
-    return json_bytes({"report": report, "pairs": [pair_record(p, counts(p), {}, {}) for p in unit.positions]})
+        return json_bytes({"stamp": unit.stamp, "frames": [0, FRAMES], "facts": FACTS, "lighting": {}} | views)
+    return json_bytes({"report": REPORT, "pairs": [pair_record(p, counts(p), {}, {}) for p in unit.positions]})
 
 
 def positions(unit: Unit) -> tuple[int, ...]:

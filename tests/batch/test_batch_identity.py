@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import shutil
 from pathlib import Path
 
 import pytest
-from batch_tools import DEMO, SMALL, final_files, spec_of
+from batch_tools import DEMO, final_files
 from repeated import few
 
+from taubench_gl.batch.merge import frames_table
 from taubench_gl.batch.spec import BatchSpec, Job, read_spec
 from taubench_gl.batch.study import batch_store, run_batch, stored_spec
 from taubench_gl.evaluation import evaluate_scene, sampled_light
 from taubench_gl.evaluation.sampled_light import Plan
 from taubench_gl.run import load_run
+from taubench_gl.run_schema import FRAME_COLUMNS
 from taubench_gl.settings import Settings
 
 VOLATILE = ("timing", "memory", "provenance")
@@ -45,49 +49,36 @@ def test_results_do_not_depend_on_dask(reference, tmp_path):
 LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "shadow_size": 64, "probes": 32}
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"reprojection": "motion", "sampling": "bilinear", "frames": (5, 14), "thresholds": {"normal": 0.01}},
-        {"pairs": "strata:3", "samples_per_pixel": 2},
-        {"frames": (4, 5)},
-        {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
-        LIGHT,
-        {"light": "auto", "light_within": 6.0, **LIGHT},
-        pytest.param(
-            {"light": "path-traced", "width": 10, "height": 6, "frames": (5, 8), **LIGHT}, marks=pytest.mark.long
-        ),
-        {"history": "eye", "convergence": 3.0, "frames": (3, 7)},
-        {"history": "both", "eyes": 0.1, "frames": (3, 7)},
-        pytest.param({"history": "both", "light": "auto", "light_within": 6.0, **LIGHT}, marks=pytest.mark.long),
-    ],
-    ids=[
-        "plain",
-        "motion",
-        "sampled",
-        "no pairs",
-        "exact",
-        "raster light",
-        "sampled light",
-        "decided light",
-        "other eye",
-        "both histories",
-        "both histories, sampled light",
-    ],
-)
-def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
-    """Pairs, sums, curves, census, camera, cuts and rounds of light, with a chunk boundary at every other pair."""
+LOBES = {"columns": ("direct", "indirect"), "shadow_size": 64, "probes": 32, "frames": (0, 5)}
+CHANGES = {
+    "plain": {},
+    "motion": {"reprojection": "motion", "sampling": "bilinear", "frames": (5, 14), "thresholds": {"normal": 0.01}},
+    "sampled": {"pairs": "strata:3", "samples_per_pixel": 2},
+    "no pairs": {"frames": (4, 5)},
+    "exact": {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"),
+              "shadow_lights": 0},
+    "raster light": LIGHT,
+    "sampled light": {"light": "auto", "light_within": 6.0, **LIGHT},
+    "decided light": {"light": "path-traced", "width": 10, "height": 6, "frames": (5, 8), **LIGHT},
+    "other eye": {"history": "eye", "convergence": 3.0, "frames": (3, 7)},
+    "both histories": {"history": "both", "eyes": 0.1, "frames": (3, 7)},
+    "both histories, sampled light": {"history": "both", "light": "auto", "light_within": 6.0, **LIGHT},
+    "lobes": LOBES | {"light": "raster", "indirect": "none"},
+    "lobes, sampled light": LOBES | {"light": "auto", "light_within": 9.0},
+    "lobes, decided light": LOBES | {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
+}  # fmt: skip
+LONG = [kind for kind in CHANGES if "sampled light" in kind or "decided light" in kind]
+
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.long) if k in LONG else k for k in CHANGES])
+def test_results_equal_those_of_evaluate(tmp_path, kind, monkeypatch):
+    """Pairs, sums, curves, census, camera, cuts, lobes and rounds of light; a chunk ends at every other pair."""
     monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=3, pixels=16, limit=128))
-    settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")} | changes
-    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once", sampled=True)
-    plain = {k: v for k, v in settings.items() if k != "frames"}
-    lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
-    first, stop = settings["frames"]
-    spec = spec_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
-    assert spec.jobs[0].settings == Settings(**settings)
-    run_batch(spec, tmp_path / "out", chunk=2)
-    run = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id)
+    settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")}
+    settings, lobes = Settings(**settings | CHANGES[kind]), ("diffuse", "glossy", "volume") if "lobes" in kind else ()
+    once = evaluate_scene(DEMO, settings, out=tmp_path / "once", lobes=lobes, sampled=True)
+    run_batch(BatchSpec("one", (Job("demo", str(DEMO), settings, {}, lobes=lobes),)), tmp_path / "out", chunk=2)
+    run = load_run(tmp_path / "out" / "jobs" / "demo")
     # A run without a pair writes nothing; the job of a batch does, so that the batch is complete.
     stored = load_run(tmp_path / "once") if once.frames else once
     assert stored.out == (tmp_path / "once" if once.frames else None)
@@ -98,37 +89,16 @@ def test_results_equal_those_of_evaluate(tmp_path, changes, monkeypatch):
     }
     if once.frames:
         assert (run.out / "frames.csv").read_bytes() == (tmp_path / "once" / "frames.csv").read_bytes()
-
-
-@pytest.mark.parametrize(
-    "light",
-    few(
-        [
-            {"light": "raster", "indirect": "none"},
-            {"light": "auto", "light_within": 9.0},
-            {"light": "path-traced", "width": 10, "height": 6, "frames": (0, 4)},
-        ]
-    ),
-)
-def test_lobes_equal_those_of_evaluate(tmp_path, monkeypatch, light):
-    """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null, and sampled."""
-    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=12, limit=64))
-    size = {"width": 48, "height": 27, "frames": (0, 5), "shadow_size": 64, "probes": 32}
-    settings = Settings(columns=("direct", "indirect"), **size | light)
-    lobes = ("diffuse", "glossy", "volume")
-    once = evaluate_scene(DEMO, settings, lobes=lobes, sampled=True)
-    job = Job("demo", str(DEMO), settings, {}, lobes=lobes)
-    run_batch(BatchSpec("lobes", (job,)), tmp_path / "out", chunk=2)
-    run = load_run(tmp_path / "out" / "jobs" / "demo")
-    assert run.summary["lobes"] == once.summary["lobes"]
-    assert run.summary["lobes"]["diffuse"]["direct"]["mean_percent"] > 0
+    assert not lobes or run.summary["lobes"]["diffuse"]["direct"]["mean_percent"] > 0
     assert stored_spec(batch_store(tmp_path / "out")).jobs[0].lobes == lobes
 
 
-def _toml(value):
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }"
-    return json.dumps(list(value) if isinstance(value, tuple) else value)
+def test_names_that_are_not_utf8_are_escaped_in_the_table_of_all_pairs():
+    pq = pytest.importorskip("pyarrow.parquet")
+    lost = os.fsdecode(b"caf\xe9")
+    data = frames_table([("job", lost, {"camera": lost, "fps": 24.0}, [dict.fromkeys(FRAME_COLUMNS, 0)])])
+    table = pq.read_table(io.BytesIO(data)).to_pylist()
+    assert [(r["scene"], r["sweep_camera"], r["sweep_fps"]) for r in table] == [(r"caf\udce9", r"caf\udce9", "24.0")]
 
 
 def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
@@ -146,7 +116,6 @@ def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
         assert [r["frame"] for r in rows if r["camera_cut"]] == job["camera"]["cuts"]
         mean = sum(100 * r["frustum"] / r["pixels"] for r in rows) / 30
         assert job["discard"]["frustum"]["mean_percent"] == pytest.approx(mean, rel=1e-12)
-    assert SMALL.startswith("size")
 
 
 @pytest.mark.long
@@ -169,24 +138,23 @@ def truncate(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda job: truncate(job / "frames.csv"),
-        lambda job: (job / "frames.csv").unlink(),
-        lambda job: truncate(job / "summary.json"),
-        lambda job: (job / "summary.json").write_bytes(b""),
-        lambda job: (job / "frames.csv").write_text("frame\n" + "1" * 5000 + "\n"),
-        lambda job: [truncate(job / "summary.json"), truncate(next(records(job).glob("pairs-*")))],
-        lambda job: [truncate(job / "frames.csv"), truncate(records(job) / "head.json")],
-        lambda job: [truncate(job / "frames.csv"), (records(job) / "head.json").write_text("{}")],
-    ],
-    ids=["rows-cut", "rows-gone", "summary-cut", "summary-empty", "long-number", "pairs-cut", "head-cut", "head-empty"],
-)
+DAMAGES = {
+    "rows-cut": lambda job: truncate(job / "frames.csv"),
+    "rows-gone": lambda job: (job / "frames.csv").unlink(),
+    "summary-cut": lambda job: truncate(job / "summary.json"),
+    "summary-empty": lambda job: (job / "summary.json").write_bytes(b""),
+    "long-number": lambda job: (job / "frames.csv").write_text("frame\n" + "1" * 5000 + "\n"),
+    "pairs-cut": lambda job: [truncate(job / "summary.json"), truncate(next(records(job).glob("pairs-*")))],
+    "head-cut": lambda job: [truncate(job / "frames.csv"), truncate(records(job) / "head.json")],
+    "head-empty": lambda job: [truncate(job / "frames.csv"), (records(job) / "head.json").write_text("{}")],
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_a_half_written_job_is_rebuilt_by_resume(reference, tmp_path, damage):
     spec, expected = reference
     out = tmp_path / "out"
     shutil.copytree(spec.parent / "out", out)
-    damage(sorted((out / "jobs").iterdir())[0])
+    DAMAGES[damage](sorted((out / "jobs").iterdir())[0])
     run_batch(None, out)
     assert final_files(out) == expected

@@ -28,42 +28,26 @@ def test_killed_driver(reference, tmp_path):
     driver = batch_process(spec, "--out", out, "--workers", "1", "--chunk", "1")
     wait_until(lambda: partitions(out) >= 2, driver)
     os.kill(driver.pid, signal.SIGSTOP)  # it holds its lock and makes no progress
-    second = batch_process("resume", out)
-    printed = second.communicate(timeout=PATIENCE)[1]
-    assert second.returncode == 2 and f"process {driver.pid} on " in printed and printed.count("\n") == 1
-    status = batch_process("status", out)
-    printed, _ = status.communicate(timeout=PATIENCE)
-    assert status.returncode == 0 and f"process {driver.pid}" in printed and " part " in printed
+    code, _, errors = finished(batch_process("resume", out))
+    assert code == 2 and f"process {driver.pid} on " in errors and errors.count("\n") == 1
+    code, printed, _ = finished(batch_process("status", out))
+    assert code == 0 and f"process {driver.pid}" in printed and " part " in printed
     workers = psutil.Process(driver.pid).children()
     os.kill(driver.pid, signal.SIGKILL)
     driver.communicate(timeout=PATIENCE)
     gone, alive = psutil.wait_procs(workers, timeout=PATIENCE)
     assert gone and not alive
     kept = partitions(out)
-    assert 2 <= kept < 60 and not (out / "summary.json").exists()
-
-    status = batch_process("status", out)
-    status.communicate(timeout=PATIENCE)
-    assert status.returncode == 0 and lock_holder(out) is None
-    resumed = batch_process("resume", out)
-    _, errors = resumed.communicate(timeout=PATIENCE)
-    assert resumed.returncode == 0, errors
+    assert 2 <= kept < 60 and not (out / "summary.json").exists() and lock_holder(out) is None
+    assert finished(batch_process("resume", out))[0] == 0
     assert final_files(out) == expected
     assert partitions(out) > kept
 
 
-@pytest.mark.long
-def test_killed_worker(reference, tmp_path):
-    spec, expected = reference
-    out = tmp_path / "out"
-    driver = batch_process(spec, "--out", out, "--workers", "1", "--chunk", "3")
-    wait_until(lambda: partitions(out) >= 1, driver)
-    (worker,) = psutil.Process(driver.pid).children()
-    worker.kill()
-    _, errors = driver.communicate(timeout=PATIENCE)
-    assert driver.returncode == 0, errors
-    assert "SIGKILL" in errors
-    assert final_files(out) == expected
+def finished(process) -> tuple[int, str, str]:
+    """Exit code, output and errors of a process that ends by itself."""
+    printed, errors = process.communicate(timeout=PATIENCE)
+    return process.returncode, printed, errors
 
 
 def test_scenes_that_fail_or_kill_their_worker_fail_alone(tmp_path):
@@ -81,9 +65,9 @@ def test_scenes_that_fail_or_kill_their_worker_fail_alone(tmp_path):
     )
     spec = write_spec(tmp_path, f'scenes = ["crash.glb", "cut.glb", "good.glb"]\nframes = "0:3"\n{SMALL}')
     out = tmp_path / "out"
-    run = batch_process(spec, "--out", out, "--workers", "1", PYTHONPATH=str(tmp_path))
-    printed, errors = run.communicate(timeout=PATIENCE)
-    assert run.returncode == 2, errors
+    path = os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH"))))
+    code, printed, errors = finished(batch_process(spec, "--out", out, "--workers", "1", PYTHONPATH=path))
+    assert code == 2, errors
     assert "1 of 3 jobs done" in printed and "2 of 3 jobs failed" in errors
     jobs = {Path(job["scene"]).stem: job for job in json.loads((out / "summary.json").read_text())["jobs"]}
     assert {name: job["state"] for name, job in jobs.items()} == {"crash": "failed", "cut": "failed", "good": "done"}
@@ -91,12 +75,10 @@ def test_scenes_that_fail_or_kill_their_worker_fail_alone(tmp_path):
     assert "SIGKILL, 3 times in head" in crash and "about to go" in crash
     assert "cut.glb" in cut.splitlines()[0] and "Traceback" in cut and "SceneError" in cut
 
-    status = batch_process("status", out)
-    printed, _ = status.communicate(timeout=PATIENCE)
-    assert status.returncode == 2 and printed.count("failed") == 2 and "killed by SIGKILL" in printed
-    report = batch_process("report", out)
-    printed, _ = report.communicate(timeout=PATIENCE)
-    assert report.returncode == 0 and "Table 4" in printed and printed.count("note: not finished: ") == 2
+    code, printed, _ = finished(batch_process("status", out))
+    assert code == 2 and printed.count("failed") == 2 and "killed by SIGKILL" in printed
+    code, printed, _ = finished(batch_process("report", out))
+    assert code == 0 and "Table 4" in printed and printed.count("note: not finished: ") == 2
 
 
 @pytest.mark.long
@@ -104,16 +86,12 @@ def test_no_worker_has_opengl(tmp_path):
     """Each worker is reported once, the error is one line, and a resume with OpenGL finishes."""
     spec = write_spec(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:5"\n{SMALL}')
     out = tmp_path / "out"
-    run = batch_process(spec, "--out", out, "--workers", "2", "--chunk", "1", TAUBENCH_BACKEND="nonsense")
-    _, errors = run.communicate(timeout=PATIENCE)
-    assert run.returncode == 2
+    process = batch_process(spec, "--out", out, "--workers", "2", "--chunk", "1", TAUBENCH_BACKEND="nonsense")
+    code, _, errors = finished(process)
     lines = errors.splitlines()
-    assert sum("has no OpenGL" in line for line in lines) == 2
-    assert lines[-1].startswith("taubench-gl: error: ")
-    assert "Traceback" not in errors
-    resumed = batch_process("resume", out)
-    _, errors = resumed.communicate(timeout=PATIENCE)
-    assert resumed.returncode == 0, errors
+    assert code == 2 and sum("has no OpenGL" in line for line in lines) == 2
+    assert lines[-1].startswith("taubench-gl: error: ") and "Traceback" not in errors
+    assert finished(batch_process("resume", out))[0] == 0
 
 
 @pytest.mark.long
@@ -126,8 +104,7 @@ def test_killed_dask_worker(reference, tmp_path):
     workers = [p for p in psutil.Process(driver.pid).children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
     assert len(workers) == 2
     workers[0].kill()
-    _, errors = driver.communicate(timeout=PATIENCE)
-    assert driver.returncode == 0, errors
+    assert finished(driver)[0] == 0
     assert final_files(out) == expected
 
 
@@ -143,9 +120,7 @@ def test_light_has_the_same_bits_for_any_number_of_workers_and_after_kills(tmp_p
     expected = None
     for workers in ("1", "2", "3"):
         out = tmp_path / f"out{workers}"
-        done = batch_process(spec, "--out", out, "--workers", workers, "--chunk", "2")
-        _, errors = done.communicate(timeout=PATIENCE)
-        assert done.returncode == 0, errors
+        assert finished(batch_process(spec, "--out", out, "--workers", workers, "--chunk", "2"))[0] == 0
         expected = expected or final_files(out)
         assert final_files(out) == expected
     out = tmp_path / "killed"
@@ -157,7 +132,5 @@ def test_light_has_the_same_bits_for_any_number_of_workers_and_after_kills(tmp_p
         driver.communicate(timeout=PATIENCE)
         psutil.wait_procs(workers, timeout=PATIENCE)
         assert not (out / "summary.json").exists()
-    resumed = batch_process("resume", out)
-    _, errors = resumed.communicate(timeout=PATIENCE)
-    assert resumed.returncode == 0, errors
+    assert finished(batch_process("resume", out))[0] == 0
     assert final_files(out) == expected

@@ -51,45 +51,36 @@ def test_built_in_suites_are_valid(name):
 
 def test_quick_keeps_its_limits():
     for case in read_suite("quick").cases:
-        assert case.size == (160, 90) and case.frames == 8
-        reference = case.request.reference
-        assert case.request.reference_samples <= 256
-        assert reference == "max" or int(reference.partition("@")[2]) <= 256
+        request = case.request
+        assert case.size == (160, 90) and case.frames == 8 and request.reference_samples <= 256
+        assert request.reference == "max" or int(request.reference.partition("@")[2]) <= 256
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        HEAD,
-        HEAD.replace("suite/1", "suite/2") + CASE,
-        HEAD + CASE + "speed = 1\n",
-        HEAD + CASE + "rotation = [0, 1]\ncut = [2]\n",
-        HEAD + CASE + "rotation = [1, 0]\n",
-        HEAD + CASE + "rotation = [-1]\n",
-        HEAD + CASE + "rotation = []\n",
-        HEAD + CASE + "rotation = [1]\nfirst = 3\n",
-        HEAD + CASE + "still = true\n",
-        HEAD + CASE + "cut = [2]\nstill = true\n",
-        HEAD + CASE + "exposure = 0.0\n",
-        HEAD + CASE + CASE,
-        HEAD + CASE + "bounces = 0\n",
-        HEAD + CASE + 'light = "raster"\n',
-        HEAD + CASE.replace('track = "noisy"\n', ""),
-        HEAD + CASE.replace("demo", "missing.glb"),
-        HEAD + CASE.replace('"noisy"\n', '"fog"\n'),
-        HEAD + CASE + 'reference = "path-traced"\n',
-        HEAD + CASE.replace('input = "noisy"', 'input = "jittered"') + "seeds = 2\n",
-        HEAD.replace("frames = 4", "frames = 2") + CASE.replace('"noisy"\ninput', '"noisy"\nframes = 1\ninput'),
-        "size = [",
-    ],
-    ids=["no cases", "schema", "key", "two series", "order", "negative", "empty", "first", "still alone",
-         "still cut", "exposure", "twice", "range", "light", "no track", "scene", "input",
-         "reference of a time", "seeds without noise",
-         "one frame", "syntax"],
-)  # fmt: skip
-def test_faults_of_a_suite(tmp_path, text):
+FAULTS = {
+    "no cases": HEAD,
+    "schema": HEAD.replace("suite/1", "suite/2") + CASE,
+    "no track": HEAD + CASE.replace('track = "noisy"\n', ""),
+    "scene": HEAD + CASE.replace("demo", "missing.glb"),
+    "input": HEAD + CASE.replace('"noisy"\n', '"fog"\n'),
+    "seeds without noise": HEAD + CASE.replace('input = "noisy"', 'input = "jittered"') + "seeds = 2\n",
+    "one frame": HEAD + CASE + "frames = 1\n",
+    "twice": HEAD + CASE + CASE,
+    "syntax": "size = [",
+}
+FAULTS |= {
+    line.strip(): f"{HEAD}{CASE}{line}\n"
+    for line in (
+        "speed = 1", "rotation = [0, 1]\ncut = [2]", "rotation = [1, 0]", "rotation = [-1]", "rotation = []",
+        "rotation = [1]\nfirst = 3", "still = true", "cut = [2]\nstill = true", "exposure = 0.0", "bounces = 0",
+        'light = "raster"', 'reference = "path-traced"',
+    )
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_of_a_suite(tmp_path, fault):
     with pytest.raises(SettingsError):
-        suite_of(tmp_path, text)
+        suite_of(tmp_path, FAULTS[fault])
 
 
 @pytest.mark.parametrize("still", few([True, False]))
@@ -154,13 +145,11 @@ def test_cuts_of_a_series_lie_within_the_frames(tmp_path):
 
 
 # ---------------------------------------------------------------------------------------------------------- speeds
-@pytest.mark.parametrize(
-    ("gains", "zero"),
-    [((1, 1, 1), None), ((0, 1, 1), 0.0), ((-1, 1, 1), 0.0), ((3, -1, 1), 1.5), ((1, 1, -3), 2.5), ((1, 0, 1), 2.0)],
-)
-def test_first_zero_of_a_line(gains, zero):
-    found = first_zero((0.0, 2.0, 4.0), gains)
-    assert found == zero
+def test_first_zero_of_a_line():
+    for gains, zero in {
+        (1, 1, 1): None, (0, 1, 1): 0.0, (-1, 1, 1): 0.0, (3, -1, 1): 1.5, (1, 1, -3): 2.5, (1, 0, 1): 2.0,
+    }.items():  # fmt: skip
+        assert first_zero((0.0, 2.0, 4.0), gains) == zero
 
 
 def steps(gains, width):
@@ -173,15 +162,12 @@ def test_a_crossing_lies_within_its_interval():
     assert found["low"] == pytest.approx(1.25) and found["high"] == pytest.approx(1.75)
 
 
-def test_a_method_that_never_or_always_is_better():
+def test_methods_that_never_or_always_are_better_and_steps_without_intervals():
     never, always = crossing_of(steps((-1.0, 1.0), 0.1)), crossing_of(steps((3.0, 1.0), 2.0))
     assert (never["verdict"], never["speed"], never["low"], never["high"]) == (NEVER, None, 0.0, 0.0)
     assert (always["verdict"], always["speed"], always["high"]) == (ALWAYS, None, None)
     assert always["low"] == pytest.approx(0.5)  # 1 at 0 to -1 at 1
-
-
-def test_without_intervals_the_crossing_has_none():
-    found = crossing_of([{"value": float(v), "gain": g, "low": None, "high": None} for v, g in enumerate((1.0, -1.0))])
+    found = crossing_of([step | {"low": None, "high": None} for step in steps((1.0, -1.0), 0.0)])
     assert found["speed"] == pytest.approx(0.5) and found["low"] is None and found["high"] is None
 
 

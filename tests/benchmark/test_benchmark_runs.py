@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import re
 import shutil
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from taubench_gl.apps.cli import main
 from taubench_gl.benchmark.estimate import estimate_units
 from taubench_gl.benchmark.output import compared, load_benchmark
 from taubench_gl.benchmark.run import BenchmarkStudy, run_benchmark
@@ -71,12 +66,6 @@ NOT_EQUAL = ("times", "provenance")
 def values_of(summary):
     """All that two runs must have in common, as bits."""
     return json.dumps({name: value for name, value in summary.items() if name not in NOT_EQUAL})
-
-
-def command_of(suite, out, *more):
-    """The command line of the benchmark."""
-    program = [sys.executable, "-m", "taubench_gl", "benchmark", *METHODS]
-    return [*program, "--suite", str(suite), "--out", str(out), *more]
 
 
 def units_of(suite, entries):
@@ -136,19 +125,8 @@ def test_units_of_single_methods_give_equal_bits(suite_file, whole, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("engine", [None, "dask-local"], ids=["processes", "dask"])
-def test_two_workers_give_equal_bits(suite_file, whole, tmp_path, engine):
-    found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", workers=2, engine=engine)
-    assert values_of(found) == values_of(whole[0])
-
-
-@pytest.mark.long
-def test_a_dask_scheduler_gives_equal_bits(suite_file, whole, tmp_path):
-    """A scheduler and workers that were there before, as on a cluster."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
-        address = cluster.scheduler_address.replace("tcp://", "dask://")
-        found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", engine=address)
+def test_two_workers_give_equal_bits(suite_file, whole, tmp_path):
+    found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", workers=2)
     assert values_of(found) == values_of(whole[0])
 
 
@@ -172,27 +150,18 @@ def test_a_worker_with_another_scene_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_parts_of_two_processes_merge_in_any_order(suite_file, whole, tmp_path):
-    """Two commands at once, each with some cases and its own folder; their units are copied into one."""
+def test_parts_of_two_folders_merge_in_any_order(suite_file, whole, tmp_path):
+    """Each part has some cases; their records are copied into one folder."""
+    suite = read_suite(suite_file)
     parts = {"turning": ["demo/rotation=6/*", "*upscale*"], "still": ["demo/rotation=0/*"]}
-    running = [
-        subprocess.Popen(
-            [*command_of(suite_file, tmp_path / name, "--workers", "1"), *(f"--cases={one}" for one in patterns)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        for name, patterns in parts.items()
-    ]
-    assert [process.wait(timeout=300) for process in running] == [0, 0]
+    for name, patterns in parts.items():
+        part = run_benchmark(suite.part(patterns), METHODS, tmp_path / name, engine=InProcess())
+        assert part["suite"] != whole[0]["suite"]
     for order in (tuple(parts), tuple(reversed(parts))):
-        out = tmp_path / "-".join(order)
+        out, lines = tmp_path / "-".join(order), []
         for name in order:
-            assert load_benchmark(tmp_path / name)["suite"] != whole[0]["suite"]
-            for path in sorted((tmp_path / name / RECORDS).iterdir(), reverse=name == order[0]):
-                (out / RECORDS).mkdir(parents=True, exist_ok=True)
-                shutil.copy(path, out / RECORDS)
-        lines: list[str] = []
-        found = run_benchmark(read_suite(suite_file), METHODS, out, engine=InProcess(), listener=Progress(lines.append))
+            shutil.copytree(tmp_path / name / RECORDS, out / RECORDS, dirs_exist_ok=True)
+        found = run_benchmark(suite, METHODS, out, engine=InProcess(), listener=Progress(lines.append))
         assert sum("of an earlier run" in line for line in lines) == 3
         assert values_of(found) == values_of(whole[0])
 
@@ -241,53 +210,45 @@ def test_a_folder_belongs_to_one_suite(suite_file, whole, tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-def test_comparison_refuses_other_suites_and_marks_other_drivers(whole, tmp_path):
+def test_comparison_refuses_other_suites_and_marks_what_differs(whole):
     summary = json.loads(json.dumps(whole[0]))
     same = compared(summary, summary)
     assert not same["other_driver"] and not same["notes"]
     assert all(m["difference"] in (0.0, None) for row in same["rows"] for m in row["measures"].values())
     driver = summary | {"provenance": summary["provenance"] | {"renderer": "another"}}
     assert compared(summary, driver)["other_driver"]
-    for key, value in (("version", "suite/0"), ("sha256", "0" * 64)):
+    cases = summary["cases"]
+    first = next(iter(cases))
+    for other in (
+        {"suite": summary["suite"] | {"version": "suite/0"}},
+        {"suite": summary["suite"] | {"sha256": "0" * 64}},
+        {"cases": cases | {first: cases[first] | {"sha256": "0" * 64}}},
+        {"cases": {name: case for name, case in cases.items() if name != first}},
+    ):
         with pytest.raises(OutputError):
-            compared(summary, summary | {"suite": summary["suite"] | {key: value}})
-    changed = json.loads(json.dumps(summary))
-    next(iter(changed["cases"].values()))["sha256"] = "0" * 64
-    with pytest.raises(OutputError):
-        compared(summary, changed)
-    fewer = summary | {"cases": dict(list(summary["cases"].items())[1:])}
-    with pytest.raises(OutputError):
-        compared(summary, fewer)
-
-
-def test_comparison_of_different_methods_names_them(whole):
-    summary = json.loads(json.dumps(whole[0]))
-    other = summary | {"methods": {"none": summary["methods"]["none"], "mine": summary["methods"]["taa_clamp"]}}
-    found = compared(summary, other)
+            compared(summary, summary | other)
+    methods = {"none": summary["methods"]["none"], "mine": summary["methods"]["taa_clamp"]}
+    found = compared(summary, summary | {"methods": methods})
     assert {row["method"] for row in found["rows"]} == {"none"}
-    assert ["taa_clamp" in note for note in found["notes"]] == ["ideal-masks" in note for note in found["notes"]]
-    assert ["mine" in note for note in found["notes"]] == [False, True]
+    in_a, in_b = found["notes"]
+    assert "taa_clamp" in in_a and "ideal-masks" in in_a and "mine" in in_b
 
 
 def test_a_damaged_result_is_one_error(whole, tmp_path):
-    good, text = json.loads(json.dumps(whole[0])), json.dumps(whole[0])
-    without_tracks = json.loads(text)
-    without_tracks["methods"]["none"]["tracks"].popitem()
-    no_means = json.loads(text)
-    no_means["methods"]["none"]["tracks"]["noisy"]["mean"] = [1.0]
-    damaged = [
-        "", text[: len(text) // 2], "[]", "null", "\0", '{"schema": "taubench-gl/benchmark/1"}',
-        json.dumps(good | {"schema": "taubench-gl/benchmark/0"}), json.dumps(without_tracks), json.dumps(no_means),
-        json.dumps(good | {"methods": {"none": 1}}), json.dumps(good | {"cases": {"a": {}}}),
-    ]  # fmt: skip
-    file = tmp_path / "x.json"
-    for content in damaged:
+    good, text, file = json.loads(json.dumps(whole[0])), json.dumps(whole[0]), tmp_path / "x.json"
+    none = good["methods"]["none"]
+    some_tracks = none | {"tracks": {"noisy": none["tracks"]["noisy"]}}
+    no_means = none | {"tracks": none["tracks"] | {"noisy": none["tracks"]["noisy"] | {"mean": [1.0]}}}
+    damages = [{"schema": "taubench-gl/benchmark/0"}, {"cases": {"a": {}}}]
+    damages += [{"methods": {"none": method}} for method in (1, some_tracks, no_means)]
+    contents = ["", text[: len(text) // 2], "[]", "null", "\0", '{"schema": "taubench-gl/benchmark/1"}']
+    for content in contents + [json.dumps(good | damage) for damage in damages]:
         file.write_text(content)
         with pytest.raises(OutputError) as found:
             load_benchmark(file)
-        assert "x.json" in str(found.value)
+        assert found.value.where == str(file)
     file.write_text(text)
-    assert compared(load_benchmark(file), good)["rows"]
+    assert load_benchmark(file) == good
     with pytest.raises(OutputError):
         load_benchmark(tmp_path)  # a folder without benchmark.json
 
@@ -296,7 +257,7 @@ def test_edits_of_numbers_of_a_result_are_refused(whole, tmp_path):
     text = (whole[1] / "benchmark.json").read_text()
     digits = [m.start() for m in re.finditer(r"(?<=[ \[:.0-9])[0-9](?=[0-9.,\n ])", text)]
     file, rng = tmp_path / "benchmark.json", random.Random(1)
-    for at in rng.sample(digits, 40):
+    for at in rng.sample(digits, 15):
         edited = f"{text[:at]}{int(text[at]) % 9 + 1}{text[at + 1 :]}"  # no leading zero, which is no JSON
         if json.loads(edited) == json.loads(text):
             continue  # the 17th digit of a number: both spellings are the same float64
@@ -306,27 +267,6 @@ def test_edits_of_numbers_of_a_result_are_refused(whole, tmp_path):
         assert refused.value.where == str(file) and refused.value.hint
     file.write_text(text)
     assert load_benchmark(file)["cases"]
-
-
-@pytest.mark.long
-def test_a_benchmark_killed_twice_continues_to_the_same_bits(suite_file, whole, tmp_path):
-    out = tmp_path / "out"
-    command = command_of(suite_file, out)
-    environment = dict(os.environ, PYTHONUNBUFFERED="1")
-    for stored in (1, 2):
-        with subprocess.Popen(
-            [*command, "--workers", "1"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=environment
-        ) as running:
-            for line in running.stderr:
-                if line.startswith(f"{stored}/3"):
-                    running.send_signal(signal.SIGKILL)
-                    break
-        assert not (out / "benchmark.json").exists()
-        assert len(list((out / RECORDS).glob("*.json"))) == stored
-    done = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("of an earlier run") == 2
-    assert values_of(load_benchmark(out)) == values_of(whole[0])
 
 
 @pytest.mark.long
@@ -343,13 +283,3 @@ def test_the_estimated_time_covers_every_unit(suite_file):
     assert {estimate.label.split("/")[-1]: estimate.total > 0 for estimate in masks} == {
         "noisy": True, "jittered+upscale@3": False,
     }  # fmt: skip
-
-
-def test_the_plan_lists_every_unit(suite_file, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["benchmark", "plan", "--suite", str(suite_file)])
-    assert not ended.value.code
-    lines = capsys.readouterr().out.splitlines()
-    suite = read_suite(suite_file)
-    assert len(lines) == 1 + len(suite.cases)
-    assert all(case.id in line and f"{case.request.seeds} seeds" in line for case, line in zip(suite.cases, lines[1:]))

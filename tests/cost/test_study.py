@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import signal
-import subprocess
-import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +13,7 @@ import pytest
 from taubench_gl.apps.cli import main
 from taubench_gl.cost import configurations, cost
 from taubench_gl.cost import study as study_module
-from taubench_gl.cost.unit import EvaluationUnit
+from taubench_gl.cost.study import EvaluationUnit
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.preset import load_preset
@@ -125,42 +122,12 @@ def test_an_interrupted_study_goes_on_and_evaluates_nothing_twice(tmp_path, name
     assert cost(DEMO, out=tmp_path / "part", **TINY, **OFF, **REQUEST) == whole and names == expected
 
 
-KILLED = """
-import os, signal, sys
-sys.path.insert(0, sys.argv[1])
-import test_study as t
-left = int(sys.argv[3])
-def run(self, worker):
-    global left
-    if not left:
-        os.kill(os.getpid(), signal.SIGKILL)
-    left -= 1
-    return t.json_bytes(t.evaluated(self))
-t.EvaluationUnit.run = run
-t.cost(t.DEMO, out=sys.argv[2], **t.TINY, **t.OFF, **t.REQUEST)
-"""
-
-
-@pytest.mark.long
-def test_a_killed_study_goes_on_and_evaluates_nothing_twice(tmp_path, names):
-    whole = cost(DEMO, out=tmp_path / "whole", **TINY, **OFF, **REQUEST)
-    expected = list(names)
-    names.clear()
-    command = [sys.executable, "-c", KILLED, str(Path(__file__).parent), str(tmp_path / "part"), "9"]
-    assert subprocess.run(command, env=os.environ, capture_output=True).returncode == -signal.SIGKILL
-    assert cost(DEMO, out=tmp_path / "part", **TINY, **OFF, **REQUEST) == whole and names == expected[9:]
-
-
 def test_the_truth_has_as_many_evaluations_as_its_interval_needs(tmp_path, names, monkeypatch):
-    original = evaluated
-
     def wide(unit):
-        if unit.job == "truth":
-            unit = unit.__class__(**{n: getattr(unit, n) for n in unit.__dataclass_fields__} | {
-                "settings": unit.settings.replace(light_within=1.0)})  # fmt: skip
-        return original(unit)
+        settings = unit.settings.replace(light_within=1.0) if unit.job == "truth" else unit.settings
+        return evaluated(replace(unit, settings=settings))
 
-    monkeypatch.setitem(globals(), "evaluated", wide)
+    monkeypatch.setattr(EvaluationUnit, "run", lambda self, worker: json_bytes(wide(self)))
     study = cost(DEMO, out=tmp_path, **TINY, **OFF, **REQUEST, truth_within=0.4)
     assert study["truth"]["evaluations"] == 7  # 1 / sqrt(7) = 0.378
     assert study["truth"]["half_width"] == pytest.approx(1.0 / math.sqrt(7.0))
@@ -175,12 +142,14 @@ def test_what_would_take_longer_is_left_out_with_a_reason(tmp_path, names):
     assert len(longer["points"]) == len(study["points"]) + len(left)
 
 
-@pytest.mark.parametrize(
-    ("options", "setting"),
-    [({"light": "raster"}, "light"), ({"spp": 4}, "spp"), ({"columns": "position"}, "columns"),
-     ({"samples_per_pixel": 4}, "columns"), ({"truth_within": 0}, "truth_within"), ({"clock": "sun"}, "clock")],
-)  # fmt: skip
-def test_settings_of_the_configurations_are_refused(tmp_path, options, setting):
+REFUSED = [
+    ("light", {"light": "raster"}), ("spp", {"spp": 4}), ("columns", {"columns": "position"}),
+    ("columns", {"samples_per_pixel": 4}), ("truth_within", {"truth_within": 0}), ("clock", {"clock": "sun"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("setting", "options"), REFUSED)
+def test_settings_of_the_configurations_are_refused(tmp_path, setting, options):
     with pytest.raises(SettingsError) as error:
         cost(DEMO, out=tmp_path / "study", **TINY | options)
     assert error.value.setting == setting and not (tmp_path / "study").exists()

@@ -1,18 +1,6 @@
-"""The demo scene: contents, the tool that writes it, and the benchmarks that use it."""
+"""The demo scene: size, license and contents."""
 
 from __future__ import annotations
-
-import json
-import re
-import subprocess
-import sys
-from pathlib import Path
-
-import numpy as np
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-from make_assets import demo
 
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.paths import PACKAGE
@@ -45,38 +33,3 @@ def test_demo_scene_has_every_feature() -> None:
         assert share is not None and 0.1 < share < 50, column
     assert all(row["invalid"] == 0 for row in run.frames)
     assert max(row["behind"] for row in run.frames) == 0
-
-
-def test_make_assets_writes_the_same_scene(tmp_path: Path) -> None:
-    """Geometry and motion bit for bit; images decoded, because another zlib may compress them differently."""
-    demo().save(tmp_path / "demo.glb")
-    made, stored = load_scene(tmp_path / "demo.glb"), load_scene(DEMO)
-    assert made.nodes.names == stored.nodes.names
-    for mesh, stored_mesh in zip(made.meshes, stored.meshes, strict=True):
-        for a, b in zip(mesh.primitives, stored_mesh.primitives, strict=True):
-            np.testing.assert_array_equal(a.positions, b.positions)
-            np.testing.assert_array_equal(a.triangles, b.triangles)
-    for a, b in zip(made.channels, stored.channels, strict=True):
-        assert (a.index, a.path, a.interpolation) == (b.index, b.path, b.interpolation)
-        np.testing.assert_array_equal(a.values, b.values)
-    for a, b in zip(made.images, stored.images, strict=True):
-        np.testing.assert_array_equal(a.decode(), b.decode())
-
-
-@pytest.mark.parametrize("which", ["geometry", pytest.param("masks", marks=pytest.mark.long)])
-def test_bench_writes_ratios_and_its_clock(which: str, tmp_path: Path) -> None:
-    command = [sys.executable, ROOT / "tools" / "bench", which, "--no-install", "--size", "96x54", "--repeats", "1"]
-    command += ["--out", tmp_path]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"\d+ MiB", done.stdout)
-    results = json.loads((tmp_path / "bench.json").read_text())
-    assert results["provenance"]["renderer"] and results["provenance"]["clock"] in done.stdout
-    assert any(re.search(r"= \d+\.\d x", note) for note in results["benches"][which]["notes"])
-    for row in results["benches"][which]["rows"]:
-        if row["median_ms"] is None:  # a peer that is not installed
-            assert "not installed" in row["note"] and row["ratio"] is None and row["samples"] == 0
-            continue
-        assert 0 < row["low_ms"] <= row["median_ms"] <= row["high_ms"] and row["samples"] >= 3
-        assert row["ratio"] > 0
-    assert (tmp_path / "bench.md").read_text().count("|---|") == 1

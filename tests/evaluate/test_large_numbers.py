@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from taubench_gl import Settings, evaluate
+from taubench_gl import Settings
 from taubench_gl.animation import choose_camera
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.errors import SceneError, SettingsError, TaubenchError
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.lighting import MAX_LIGHT, require_float32, resolve_lighting
 from taubench_gl.paths import PACKAGE
@@ -72,14 +72,6 @@ def test_emission_and_environment_count(demo):
         with pytest.raises(SettingsError) as caught:
             require(demo, bright)
         assert caught.value.setting == "environment"
-
-
-@pytest.mark.parametrize("name", ["exposure", "environment", "light_error"])
-@pytest.mark.parametrize("value", [1e39, 1e400, float("nan"), -1.0])
-def test_settings_that_overflow_are_refused(name, value):
-    with pytest.raises(TaubenchError) as caught:
-        evaluate(DEMO, **LIT | {"exposure": 1.0} | {name: value})
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.long

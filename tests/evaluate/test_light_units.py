@@ -45,14 +45,9 @@ def two_floors(albedos=(0.8, 0.2), illuminance: float = 1000.0):
     return b.build()
 
 
-def scaled(scene, factor: float):
-    """``scene`` with all intensities times ``factor``."""
-    lights = tuple(dataclasses.replace(light, intensity=light.intensity * factor) for light in scene.lights)
-    return dataclasses.replace(scene, lights=lights)
-
-
-def divided(scene, divisor: float):
-    lights = tuple(dataclasses.replace(light, intensity=light.intensity / divisor) for light in scene.lights)
+def scaled(scene, factor: float = 1.0, divisor: float = 1.0):
+    """``scene`` with all intensities times ``factor``, and over ``divisor``: the bits of a quotient are its own."""
+    lights = tuple(dataclasses.replace(one, intensity=one.intensity * factor / divisor) for one in scene.lights)
     return dataclasses.replace(scene, lights=lights)
 
 
@@ -151,7 +146,7 @@ def test_watt_is_the_file_with_intensities_over_683_bit_for_bit():
     scene = busy_room(lamps=3)
     frames = {"frames": (0, 3), **CHEAP}
     watt = evaluate_scene(dataclasses.replace(scene, generator=BLENDER), Settings(**SIZE | AUTO | frames))
-    candela = evaluate_scene(divided(scene, 683.0), Settings(**SIZE | FIXED_LIGHTING | frames))
+    candela = evaluate_scene(scaled(scene, divisor=683.0), Settings(**SIZE | FIXED_LIGHTING | frames))
     assert watt.summary["settings"]["light_unit"] == "watt" and watt.summary["settings"]["exposure"] == 1.0
     assert watt.frames == candela.frames
     assert watt.summary["curves"] == candela.summary["curves"]

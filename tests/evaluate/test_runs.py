@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +13,7 @@ import pytest
 from taubench_gl.animation import OrbitCamera
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
-from taubench_gl.features import COLUMNS
+from taubench_gl.features import COLUMNS, MASK_WORDS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
@@ -179,7 +177,7 @@ def test_masks_of_on_pair_match_the_row() -> None:
     from taubench_gl.metrics.counts import counts_of
 
     def compare(pair) -> None:
-        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=1 << 16))
+        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=MASK_WORDS))
         for name in ("frustum", "position", "normal", "comparable", "sky", "disoccluded"):
             assert counts[name] == pair.row[name]
         assert pair.motion.shape == (54, 96, 2) and np.isfinite(pair.motion).all()
@@ -231,25 +229,14 @@ def test_a_zero_length_animation_is_still(data: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "error", "value"),
     [
-        ({"width": 0}, SettingsError, "0"),
-        ({"height": -4}, SettingsError, "-4"),
-        ({"width": 10**6}, SettingsError, "1000000"),
-        ({"fps": 0.0}, SettingsError, "0"),
-        ({"fps": float("nan")}, SettingsError, "nan"),
         ({"frames": (100, 200)}, SettingsError, "100:200"),
         ({"frames": (5, 5)}, SettingsError, "5:5"),
-        ({"thresholds": {"positon": 1.0}}, SettingsError, "positon"),
-        ({"thresholds": {"normal": -1.0}}, SettingsError, "-1"),
-        ({"unit_scale": 0.0}, SettingsError, "0"),
-        ({"sampling": "cubic"}, SettingsError, "cubic"),
-        ({"reprojection": "magic"}, SettingsError, "magic"),
         ({"camera": "nobody"}, SettingsError, "nobody"),
-        ({"backend": "vulkan"}, SettingsError, "vulkan"),
         ({"scene": 7}, TaubenchError, "7"),
         ({"animation": ("fly",)}, TaubenchError, "fly"),
     ],
 )
-def test_invalid_setting_is_a_one_line_error(changes, error, value: str, tmp_path: Path) -> None:
+def test_a_setting_that_the_scene_cannot_have_is_a_one_line_error(changes, error, value: str, tmp_path: Path) -> None:
     with pytest.raises(error) as caught:
         evaluate_scene(DEMO, settings(**changes), out=tmp_path / "out")
     message = str(caught.value)
@@ -280,35 +267,3 @@ def test_largest_width_is_drawn_or_is_an_error_of_the_device() -> None:
         assert "\n" not in str(error) and "16384" in str(error)
     else:
         assert run.frames[0]["pixels"] == 16384
-
-
-BACKEND_SCRIPT = """
-import json, sys
-from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.settings import Settings
-out = {}
-for path in sys.argv[2:]:
-    for reprojection in ("camera", "motion"):
-        s = Settings(width=192, height=108, frames=(0, 4), columns=("frustum", "position", "normal"),
-                        reprojection=reprojection, backend=sys.argv[1])
-        out[path + reprojection] = evaluate_scene(path, s).frames
-print(json.dumps(out))
-"""
-
-
-@pytest.mark.long
-def test_egl_and_osmesa_count_the_same(data: Path) -> None:
-    """Both back ends run the same Mesa: equal counts.  Each runs in its own process."""
-    names = ("khronos/CesiumMan/CesiumMan.glb", "khronos/AlphaBlendModeTest/AlphaBlendModeTest.glb")
-    paths = [str(DEMO), *(str(data / name) for name in names)]
-    results = {}
-    for backend in ("egl", "osmesa"):
-        done = subprocess.run([sys.executable, "-c", BACKEND_SCRIPT, backend, *paths], capture_output=True, text=True)
-        if done.returncode and "GraphicsError" in done.stderr:
-            pytest.skip(f"{backend} is not available")
-        assert done.returncode == 0, done.stderr
-        results[backend] = json.loads(done.stdout)
-    for key, rows in results["egl"].items():
-        for ours, theirs in zip(rows, results["osmesa"][key], strict=True):
-            different = {k: (ours[k], theirs[k]) for k in ours if ours[k] != theirs[k]}
-            assert not different, f"{key} frame {ours['frame']}: {different}"

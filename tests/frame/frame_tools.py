@@ -12,7 +12,7 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.features import FEATURES
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
@@ -135,7 +135,7 @@ def draw_pair(
     channels = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
     context = GpuContext(gpu)
     renderer = Renderer(context, scene, camera, size, channels, culling=culling)
-    masks = MaskPass(context, size, reprojection=reprojection, sampling=sampling, write_mask=True, write_motion=True)
+    masks = MaskPass(context, size, MaskOptions(reprojection, sampling, write_mask=True, write_motion=True))
     try:
         step = times[1] - times[0]
         renderer.draw(times[0], times[0] - step)

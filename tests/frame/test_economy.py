@@ -15,7 +15,7 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.frame.draw_bounds import in_view
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -165,7 +165,7 @@ def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
     scene, camera = field(), circling((0, 0, 0), 0.2)
     renderer = Renderer(GpuContext(gpu), scene, camera, SIZE, ("position", "normal"))
     context = GpuContext(gpu)
-    at_once, late = MaskPass(context, SIZE), MaskPass(context, SIZE)
+    at_once, late = (MaskPass(context, SIZE, MaskOptions()) for _ in range(2))
     now, then = [], []
     renderer.draw(0.0, 0.0)
     for frame in range(1, 6):
@@ -230,7 +230,7 @@ def test_frames_leave_nothing_behind(gpu: Gpu, data: Path) -> None:
     scene = load_scene(data / SCENES[0])
     renderer = Renderer(GpuContext(gpu), scene, choose_camera(scene), SIZE, CHANNELS)
     context = GpuContext(gpu)
-    masks = MaskPass(context, SIZE, reprojection="motion")
+    masks = MaskPass(context, SIZE, MaskOptions("motion"))
 
     def walk(frames: range) -> None:
         for frame in frames:

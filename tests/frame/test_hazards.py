@@ -35,14 +35,8 @@ def run(gpu, scene: Scene, *, shading: Shading = EXACT, extra: tuple[str, ...] =
     """Three frames and the masks of each pair, read back."""
     settings = Settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
     source = RasterSource(gpu, AnimatedScene(scene), settings, shading=shading, extra=extra)
-    masks = MaskPass(
-        source.context,
-        SIZE,
-        reprojection=source.reprojection,
-        radiance=source.radiance if shading.exact else (),
-        write_mask=True,
-        write_motion=True,
-    )
+    radiance = source.radiance if shading.exact else ()
+    masks = MaskPass.for_source(source.context, source, settings, radiance=radiance, images=True)
     try:
         before = source.advance(0)
         for frame in (1, 2):

@@ -5,6 +5,7 @@ NaN and infinity in any channel, sky anywhere, surfaces behind the previous came
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
 from taubench_gl.features import FEATURE_BIT, FEATURES, LIGHT_FEATURES
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import bin_of, counts_of
@@ -77,8 +78,8 @@ def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest",
             write_channel(texture, name, values)
             textures[-1][name] = texture
     context = GpuContext(gpu)
-    masks = MaskPass(context, SIZE, reprojection=reprojection, sampling=sampling, radiance=radiance,
-                     cuts="ids" in now, write_mask=True, write_motion=True, write_distances=distances)  # fmt: skip
+    options = MaskOptions(reprojection, sampling, radiance, cuts="ids" in now, write_mask=True, write_motion=True)
+    masks = MaskPass(context, SIZE, dataclasses.replace(options, write_distances=distances))
     masks.run(pair, THRESHOLDS, *textures, declared=declared)
     counts = masks.read()
     result = SimpleNamespace(

@@ -373,16 +373,16 @@ def toml(kind: str, name: str, document: Callable[[Path], dict], command: Callab
 
 def method(folder: Path, rng: random.Random, seeds: Path) -> Case:
     """A reuse method or a rejection test in its folder."""
-    own = folder / "in" / "method"
+    method_folder = folder / "in" / "method"
     source = rng.choice([p.parent for p in sorted((PACKAGE / "reuse" / "methods").glob("*/method.toml"))])
-    shutil.copytree(source, own)
-    table = tomllib.loads((own / "method.toml").read_text())
-    (own / "method.toml").write_bytes(encoded(toml_text(changed(table, rng))))
-    shaders = sorted(own.glob("*.glsl"))
+    shutil.copytree(source, method_folder)
+    table = tomllib.loads((method_folder / "method.toml").read_text())
+    (method_folder / "method.toml").write_bytes(encoded(toml_text(changed(table, rng))))
+    shaders = sorted(method_folder.glob("*.glsl"))
     if rng.random() < 0.25:
-        disguise(rng.choice([own / "method.toml", *shaders]), rng)
-    command = ["reuse", "check" if rng.random() < 0.15 else "show", str(own)]
-    return Case(0, "method", command, own)
+        disguise(rng.choice([method_folder / "method.toml", *shaders]), rng)
+    command = ["reuse", "check" if rng.random() < 0.15 else "show", str(method_folder)]
+    return Case(0, "method", command, method_folder)
 
 
 def stored_run(folder: Path, rng: random.Random, seeds: Path) -> Case:

@@ -1,6 +1,6 @@
-"""Hostile files of every kind: each ends with a result or one line, and touches nothing that is not its own.
+"""Hostile files of every kind: each ends with a result or one line, and touches nothing outside its own folder.
 
-Every case runs in a process of its own with limits (``hostile_server``).  TAUBENCH_FUZZ_SEED and TAUBENCH_FUZZ_CASES
+Every case runs in a process of its own, with limits (``hostile_server``).  TAUBENCH_FUZZ_SEED and TAUBENCH_FUZZ_CASES
 choose another series of the long test.
 """
 
@@ -28,7 +28,7 @@ SERVER = Path(__file__).with_name("hostile_server.py")
 MOST_BYTES = 2 << 30
 REASON = re.compile(r"memory|GiB|MiB", re.IGNORECASE)
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
-CASES = 75
+CASES = 60
 LONG_CASES = int(os.environ.get("TAUBENCH_FUZZ_CASES", "1000"))
 SEED = int(os.environ.get("TAUBENCH_FUZZ_SEED", "1"))
 
@@ -99,20 +99,20 @@ def run_series(server: Any, folder: Path, seeds: Path, seed: int, numbers: range
     """Run the cases; fails with all that did what none may.  -> how the cases of each kind ended."""
     found, ends = [], Counter()
     for number in numbers:
-        own = folder / f"case{number}"
-        case = make_case(number, seed, own, seeds)
-        before = state(own)
-        request = {"command": case.command, "folder": str(own), "named": str(case.named)}
+        inputs = folder / f"case{number}"
+        case = make_case(number, seed, inputs, seeds)
+        before = state(inputs)
+        request = {"command": case.command, "folder": str(inputs), "named": str(case.named)}
         server.stdin.write(json.dumps(request) + "\n")
         server.stdin.flush()
         ended = json.loads(server.stdout.readline())
-        wrong = faults(case, before, state(own), ended)
+        wrong = faults(case, before, state(inputs), ended)
         ends[case.kind, {0: "read", 2: "refused"}.get(ended["code"], "fault")] += 1
         if wrong:
             what = f"case {number} ({' '.join(case.command)[:200]!r}): {'; '.join(wrong)}"
             found.append(f"{what}\n{ended['errors'][-1500:]}")
             print(found[-1], flush=True)
-        shutil.rmtree(own)
+        shutil.rmtree(inputs)
     assert not found, f"{len(found)} of {len(numbers)} cases:\n" + "\n".join(found)
     return ends
 

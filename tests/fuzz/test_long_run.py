@@ -60,11 +60,6 @@ def check(report: dict, frames: int, per_pair: int) -> None:
 
 
 @pytest.mark.long
-def test_memory_over_300_frames(tmp_path):
-    check(long_run(300, tmp_path), 300, per_pair=8 * 1024)
-
-
-@pytest.mark.long
 def test_memory_over_10000_frames(tmp_path):
     check(long_run(10_000, tmp_path), 10_000, per_pair=6 * 1024)
 

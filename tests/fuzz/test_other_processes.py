@@ -1,10 +1,7 @@
-"""An evaluation gives equal bits in a spawned process, in a notebook and on the command line; a killed notebook leaves
-nothing half-written.
-"""
+"""A notebook gives the bits of the command line; a killed notebook leaves nothing half-written."""
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 import subprocess
 import sys
@@ -25,13 +22,6 @@ SETTINGS: dict[str, Any] = {
 }  # fmt: skip
 OPTIONS = ("--size", "48x27", "--frames", "0:5", "--light-unit", "candela", "--exposure", "1", "--environment", "none",
            "--indirect", "none", "--shadow-size", "64", "--light", "preview", "--save", "masks")  # fmt: skip
-
-
-def evaluate_into(out: str) -> None:
-    """Runs in other processes: the same evaluation as ``OPTIONS`` of the command line."""
-    from taubench_gl.api import evaluate
-
-    evaluate(DEMO, out=out, **SETTINGS)
 
 
 def evaluate_by_command(out: Path) -> None:
@@ -55,16 +45,6 @@ def expected(tmp_path_factory):
     out = tmp_path_factory.mktemp("command") / "out"
     evaluate_by_command(out)
     return results(out)
-
-
-@pytest.mark.long
-def test_a_spawned_process_gives_the_bits_of_the_command_line(expected, tmp_path):
-    out = tmp_path / "out"
-    process = multiprocessing.get_context("spawn").Process(target=evaluate_into, args=(str(out),))
-    process.start()
-    process.join(300)
-    assert process.exitcode == 0
-    assert results(out) == expected
 
 
 @pytest.fixture

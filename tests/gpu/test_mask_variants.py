@@ -10,7 +10,7 @@ from repeated import few
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.features import FEATURES
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.targets import read_channel
@@ -37,10 +37,8 @@ def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: st
     thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
     found = []
     for software in (True, False):
-        masks = MaskPass(
-            GpuContext(dataclasses.replace(gpu, software=software)), SIZE, reprojection=mode, sampling=sampling,
-            radiance=source.radiance, cuts=source.cuts, write_mask=True, write_motion=True,
-        )  # fmt: skip
+        options = MaskOptions(mode, sampling, source.radiance, cuts=source.cuts, write_mask=True, write_motion=True)
+        masks = MaskPass(GpuContext(dataclasses.replace(gpu, software=software)), SIZE, options)
         run = masks.run(pair, thresholds, source.current, source.previous)
         images = read_channel(masks.mask, "mask"), read_channel(masks.motion, "motion")
         found.append((masks.read(run), *images))

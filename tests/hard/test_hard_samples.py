@@ -36,8 +36,8 @@ def test_samples_of_a_part_are_stratified():
             words[part].append(rows)
         start, end = end, 2 * end
         if start == LEAST:
-            first = np.stack([np.concatenate(own) for own in words])
-    table = np.stack([np.concatenate(own) for own in words]).reshape(PARTS, LIMIT // PARTS, -1)
+            first = np.stack([np.concatenate(of_part) for of_part in words])
+    table = np.stack([np.concatenate(of_part) for of_part in words]).reshape(PARTS, LIMIT // PARTS, -1)
     for numbers in (first.reshape(PARTS, LEAST // PARTS, -1), table):
         cells = np.sort((numbers.astype(np.uint64) * np.uint64(numbers.shape[1])) >> np.uint64(32), axis=1)
         assert (cells == np.arange(numbers.shape[1], dtype=np.uint64)[None, :, None]).all()

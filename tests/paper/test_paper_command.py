@@ -19,7 +19,7 @@ from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.sampled_light import PLAN
-from taubench_gl.paper import estimate, figures, output, scenes
+from taubench_gl.paper import estimate, figures, scenes
 from taubench_gl.paper.figures import panel_size, telling_pair
 from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
 from taubench_gl.paper.study import PaperOptions, plan
@@ -91,8 +91,6 @@ def test_a_named_scene_that_is_not_there_is_an_error(tmp_path):
         find_scenes(("BistroInterior",), resolved)
     with pytest.raises(DatasetError, match="no scene is named"):
         find_scenes(("bart-kitchen",), resolved)
-    with pytest.raises(SettingsError):
-        PaperOptions(lights=("raytraced",))
     assert isinstance(run("bistro-interior", "--out", tmp_path / "out").exception, DatasetError)
 
 
@@ -129,10 +127,14 @@ def test_everything_from_one_command(finished):
     assert page.count("data:image/png") == 4 and "http" not in page.partition("<main")[2].replace("http://www.w3", "")
 
 
-@pytest.mark.parametrize("rates", [(), (0.0,), (24.0, 24.0), (float("inf"),)])
-def test_rates_of_table_4_are_different_numbers(rates):
+WRONG = [{"fps": rates} for rates in ((), (0.0,), (24.0, 24.0), (float("inf"),))] + [{"spp": 8}, {"lights": ("sun",)}]
+
+
+@pytest.mark.parametrize("options", WRONG)
+def test_wrong_options_are_refused(options):
+    """Rates of Table 4 are different numbers; samples per pixel are of path-traced light."""
     with pytest.raises(SettingsError):
-        PaperOptions(fps=rates)
+        PaperOptions(**options)
 
 
 def test_table_4_has_both_rates_and_intervals_within_0_and_100_percent(finished):
@@ -193,20 +195,18 @@ def test_the_latex_file_is_well_formed(finished):
     text = (out / "paper.tex").read_text()
     stack = []
     for kind, name in re.findall(r"\\(begin|end)\{(\w+)\}", text):
-        if kind == "begin":
-            stack.append(name)
-        else:
-            assert stack.pop() == name
+        assert kind == "begin" or stack[-1] == name
+        stack = [*stack, name] if kind == "begin" else stack[:-1]
     assert not stack and text.rstrip().endswith(r"\end{document}") and text.isascii()
-    assert text.count(r"\begin{table}") == 6 and text.count(r"\toprule") == text.count(r"\bottomrule") == 6
     plain = re.sub(r"\\.", "", text.replace("\\\\", ""))
     assert plain.count("{") == plain.count("}")
-    for columns, body in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\end\{tabular\}", text, re.S):
+    tables = re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\end\{tabular\}", text, re.S)
+    assert len(tables) == text.count(r"\begin{table}") == 6
+    for columns, body in tables:
         rows = [line for line in body.splitlines() if line.endswith(r"\\")]
         assert rows and all(len(re.findall(r"(?<!\\)&", line)) == len(columns) - 1 for line in rows)
         assert not re.findall(r"(?<!\\)[#%_^]", body.replace("$^2$", ""))
-    for file in re.findall(r"\\includegraphics\[.*?\]\{(.*?)\}", text):
-        assert (out / file).is_file()
+    assert all((out / file).is_file() for file in re.findall(r"\\includegraphics\[.*?\]\{(.*?)\}", text))
 
 
 def test_a_repeated_command_draws_nothing(finished, monkeypatch):
@@ -221,23 +221,6 @@ def test_a_repeated_command_draws_nothing(finished, monkeypatch):
     again = run("--out", out, *SMALL, "--light", "raster", "--lobe", "diffuse")
     assert again.exit_code == 0, again.output
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
-
-
-@pytest.mark.long
-def test_an_interrupted_run_continues(tmp_path, monkeypatch):
-    out = tmp_path / "out"
-    arguments = ("eternal-valley-fps", "--out", out, *SMALL, "--light", "raster")
-
-    def interrupt(*_args):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(output, "write_study", interrupt)
-        assert run(*arguments).exit_code == 130
-    assert not (out / "paper.html").exists()
-    monkeypatch.setattr("taubench_gl.batch.units.PairsUnit.run", interrupt)
-    assert run(*arguments).exit_code == 0
-    assert (out / "paper.html").exists()
 
 
 @pytest.mark.parametrize("option", [("--engine", "no"), ("--workers", "0")])
@@ -277,11 +260,12 @@ def test_the_estimate_has_all_samples_at_random_pixels(tmp_path, monkeypatch):
     assert estimated.begin == pytest.approx(PLAN.samples * 1e-3 / (width * height))
 
 
-@pytest.mark.parametrize(
-    ("size", "probe"), [("1920x1080", (240, 135)), ("640x360", (160, 90)), ("96x54", (96, 54)), ("320x32", (160, 32))]
-)
-def test_path_traced_light_is_timed_in_enough_pixels(size, probe):
-    assert estimate._probe_size(Settings(size=size)) == probe
+def test_sizes_of_timed_images_and_of_panels():
+    """Path-traced light is timed in enough pixels; panels of figures are no larger than the images."""
+    probes = {"1920x1080": (240, 135), "640x360": (160, 90), "96x54": (96, 54), "320x32": (160, 32)}
+    panels = {"1920x1080": (32, 18), "32x18": (32, 18), "16x9": (16, 9), "72x18": (32, 8)}
+    for sizes, size_of in ((probes, estimate._probe_size), (panels, panel_size)):
+        assert {text: size_of(Settings(size=text)) for text in sizes} == sizes
 
 
 def test_the_pair_of_a_figure_is_calm_and_no_cut():
@@ -295,24 +279,11 @@ def test_the_pair_of_a_figure_is_calm_and_no_cut():
     assert telling_pair(rows, "direct") is None
 
 
-@pytest.mark.parametrize(
-    ("images", "panel"), [("1920x1080", (32, 18)), ("32x18", (32, 18)), ("16x9", (16, 9)), ("72x18", (32, 8))]
-)
-def test_panels_of_figures_are_no_larger_than_the_images(images, panel):
-    assert panel_size(Settings(size=images)) == panel
-
-
 def test_the_registry_has_every_row_of_the_paper_and_others_are_left_out():
     entries = load_registry()
     names = {scene["name"] for scene in paper_numbers()["scenes"]}
     own = {"mine": Entry(title="mine", format="gltf", paper="another paper's row")}
     assert {entry.paper for entry in scenes.paper_entries(entries | own).values()} == names
-
-
-def test_samples_per_pixel_are_of_path_traced_light():
-    assert PaperOptions().lights == ("auto",)
-    with pytest.raises(SettingsError):
-        PaperOptions(spp=8)
 
 
 @pytest.mark.long

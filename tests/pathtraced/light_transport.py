@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from references.significance import Estimate
 
-from taubench_gl.conventions import SCENE_LOBES
+from taubench_gl.lobes import SCENE_LOBES
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings

@@ -13,6 +13,7 @@ from scipy import stats
 from shader_tools import map_rows, rows_glsl, with_main
 
 from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.lobes import SCENE_LOBES, lobe_channels, lobe_macros
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import MIN_ALPHA
 from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x, turn_y
@@ -99,7 +100,7 @@ MAIN = rows_glsl("""void main() {
     results[4u * i + 3u] = vec4(glossy_share(s), dielectric_fresnel(s, clamp(dot(s.v, s.n), 0.0, 1.0)).x, 0.0, 0.0);
 }
 """)
-GLASS = {"DIELECTRICS": True, "TRANSMISSION": True}
+GLASS = {"DIELECTRICS": True, "TRANSMISSION": True, **lobe_macros(SCENE_LOBES)}
 
 
 def glass_rows(count: int, roughness: Array, seed: int = 5, etas: tuple[float, ...] = ETAS) -> tuple[Array, Glass]:
@@ -171,7 +172,7 @@ def test_the_density_of_glass_integrates_to_one(gpu) -> None:
 
 
 SIZE = (8, 8)
-LOBES = tuple(f"{bounce}_{lobe}" for bounce in ("direct", "indirect") for lobe in ("diffuse", "glossy", "transmission"))
+LOBES = lobe_channels(SCENE_LOBES)
 IOR, SAMPLES = 1.5, 1024
 ONE_SAMPLE = 1.0 / SAMPLES
 """A sample is reflected or goes through: shares of 1,024 stratified ones are off by about one."""

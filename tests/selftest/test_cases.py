@@ -55,7 +55,7 @@ def test_number_and_uniqueness_of_cases():
 @pytest.mark.long  # tests/drivers runs the quick cases on this driver
 @pytest.mark.skipif(open_library(OSMESA_LIBRARIES) is None, reason="libOSMesa is not installed")
 def test_all_cases_on_osmesa():
-    """In another process: a process can use only one backend."""
+    """All cases run in another process, since a process can use only one backend."""
     command = [sys.executable, "-m", "taubench_gl", "selftest", "--backend", "osmesa", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode in (0, 1), done.stderr

@@ -29,7 +29,7 @@ def test_every_row_is_of_a_guard_and_a_case():
 
 @pytest.mark.parametrize("name", ["stable-variance", "chord-angle", "frame-tolerance"])
 def test_the_recorded_errors_are_measured(name):
-    """Of guards that do not depend on the driver."""
+    """Errors of guards that do not depend on the driver are those of the record."""
     (there,) = [r for r in read_json(NUMERICS)["rows"] if r["guard"] == name]
     again = row(GUARD[name], open_gpu())
     assert again["case"] == there["case"] and again["error"] == pytest.approx(there["error"], rel=1e-6, abs=1e-15)

@@ -97,7 +97,7 @@ def deform(spec: FrameSpec) -> Sequence[Pass]:
 
 
 def _vertex_count(p: Primitive) -> int:
-    """As drawn: flat primitives have three vertices to each triangle."""
+    """Vertices of a primitive as it is drawn: flat primitives have three to each triangle."""
     return 3 * len(p.triangles) if p.normals is None else len(p.positions)
 
 

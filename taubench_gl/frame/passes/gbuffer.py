@@ -33,7 +33,7 @@ FRAME = Struct(
 )
 _GLSL_TYPE = {("f4", 4): "vec4", ("f2", 4): "vec4", ("u4", 2): "uvec2"}
 PIXELS_PER_TRIANGLE = 4
-"""With fewer pixels per triangle, drawing triangles twice may cost more than the channels of hidden surfaces."""
+"""Pixels per triangle below which the depth pre-pass may cost more than the channels of hidden surfaces."""
 
 PREPASS_OFFSET = (-1.0, -4.0)
 """Polygon offset of the depth pre-pass, slopes per pixel and smallest steps of depth: a little too far away.
@@ -43,7 +43,7 @@ It only has to exceed the rounding of a depth: the geometry pass itself finds ea
 
 
 def attachments(channels: Collection[str]) -> tuple[str, ...]:
-    """Of ``channels``, those the geometry pass writes, in the table's order."""
+    """Channels among ``channels`` that the geometry pass writes, in the order of the channel table."""
     return tuple(name for name, info in CHANNELS.items() if info.attachment and name in channels)
 
 
@@ -105,6 +105,7 @@ def channel_pass(
 
 
 def set_facing(ctx: moderngl.Context, group: Group) -> None:
+    """Cull back faces where ``group`` says so; a mirrored group has its front faces wound clockwise."""
     if group.cull:
         ctx.enable(ctx.CULL_FACE)
     else:

@@ -29,6 +29,7 @@ from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass,
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
+from taubench_gl.lobes import COMMON_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
@@ -56,13 +57,13 @@ VPL = Struct(
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
 """Channels of the reflective shadow maps, and those that indirect light reads."""
 
-LOBES = ("indirect_diffuse", "indirect_glossy")
+LOBES = lobe_channels(COMMON_LOBES, ("indirect",))
 
 VPL_ROW = 64
 """VPLs in a row of their texture, a texel for each of the four fields."""
 
 GRID = 96
-"""Voxels along the longest side."""
+"""Voxels of the occupancy grid along its longest side."""
 
 VPL_LIFT = 1.75
 """Voxels between a VPL and the point above it that visibility rays aim at."""
@@ -141,8 +142,8 @@ def rsm_faces(spec: FrameSpec) -> list[Face]:
 
 def patch_count(spec: FrameSpec) -> int:
     """Surface patches: as many sides as ``indirect_samples``; 0 where all lights have maps."""
-    every = len(mapped_lights(spec)) == len(spec.light_kinds)
-    return 0 if every else -(-spec.settings.lighting.indirect_samples // 2)
+    all_mapped = len(mapped_lights(spec)) == len(spec.light_kinds)
+    return 0 if all_mapped else -(-spec.settings.lighting.indirect_samples // 2)
 
 
 def vpl_count(spec: FrameSpec) -> int:
@@ -178,7 +179,7 @@ class Declarations:
         self.probes, self._faces = spec.indirect_method == "probes", len(rsm_faces(spec))
 
     def all(self) -> list[Pass]:
-        """In the order in which they run."""
+        """All passes of indirect light in the order in which they run."""
         out: list[Pass] = [self.rsm()] if self.mapped else []
         if self.probes:
             out += [self.voxels("voxels_fixed"), self.voxels("voxels_moving"), *self.bricks()]
@@ -210,7 +211,7 @@ class Declarations:
         return p.constants("P", INDIRECT, self.record)
 
     def rsm(self) -> RasterPass:
-        """What each light sees."""
+        """Reflective shadow maps: what each mapped light sees."""
         faces = rsm_faces(self._spec)
         size, room = pack(faces, self._spec.tuning.texture_limit)[1], self._room()
         targets = {channel: f"rsm_{channel}" for channel in CHANNEL_NAMES}
@@ -221,7 +222,7 @@ class Declarations:
         return p.allocate(Resource.texture("rsm_depth", size, dtype="depth", label=_LABEL, **room))
 
     def _room(self) -> dict[str, str]:
-        """Error of a device that has no room."""
+        """Text and hint of the error of a device that has no room for the virtual point lights."""
         places = [f"{self._faces} reflective shadow map{'s' * (self._faces != 1)}"] * self.mapped
         places += [f"{self.patch_count} surface patches"] * bool(self.patch_count)
         what = f"{self.count} virtual point lights in {' and '.join(places)}"

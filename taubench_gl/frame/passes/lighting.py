@@ -14,6 +14,7 @@ from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, first_faces
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.lobes import COMMON_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA, MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.metrics.stochastic import light_choice
@@ -48,7 +49,7 @@ COLOR = Struct(
 SURFACE = ("position", "normal", "geometric_normal", "base_color", "material")
 """Channels that direct light reads."""
 
-LOBES = ("direct_diffuse", "direct_glossy")
+LOBES = lobe_channels(COMMON_LOBES, ("direct",))
 SUMMED = ("direct", "indirect", "emission")
 """Channels that color is the sum of."""
 
@@ -57,10 +58,10 @@ TILE = 16
 """Pixels along a side of the tiles that have light lists."""
 
 SHADOW_BIAS = 0.5
-"""In texels of the map, along the light: for curved and creased surfaces; planes need none."""
+"""Bias of shadow tests in texels of the map, along the light: for curved and creased surfaces; planes need none."""
 
 SHADOW_REACH = 256.0
-"""In texels, along the light: how far a receiver's plane may run from a pixel to the texel beside it.  1/256 rad."""
+"""Texels of the map, along the light, by which a receiver's plane may differ from a pixel to the texel beside it."""
 
 
 def _tiles(spec: FrameSpec) -> tuple[int, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class MaskOptions:
         return tuple(FEATURE[name] for name in VALUES if name in self.radiance or name in self.others)
 
     def geometry(self) -> list[Use]:
-        """Geometry channels, read through samplers."""
+        """Geometry channels that the pass reads, declared as samplers."""
         names = [Use(TEXTURE, name, "sampler2D") for name in ("position", "normal")]
         names += [Use(TEXTURE, f"history_{n.name}", "sampler2D", READ, n.name, history=True) for n in names]
         motion = self.reprojection == "motion"
@@ -150,11 +150,10 @@ class MaskPass(Owner):
     Owns textures ``mask``, ``motion``, ``distances`` and ``changes`` where the options say so.
     """
 
-    def __init__(self, context: GpuContext, size: tuple[int, int], **options: Any):
-        """``options``: fields of MaskOptions."""
+    def __init__(self, context: GpuContext, size: tuple[int, int], options: MaskOptions):
+        """Allocates counters, and the textures that ``options`` write.  ``size``: (width, height) in pixels."""
         super().__init__()
-        self._context, self._size = context, size
-        self.options = options = MaskOptions(**options)
+        self._context, self._size, self.options = context, size, options
         self._tuning = Tuning(context.gpu.software)
         self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
         ctx = context.gpu.ctx
@@ -171,14 +170,35 @@ class MaskPass(Owner):
         )
 
     @classmethod
-    def for_source(cls, context: GpuContext, source: ComparedSource, settings: Settings, **changed: Any) -> MaskPass:
+    def for_source(
+        cls,
+        context: GpuContext,
+        source: ComparedSource,
+        settings: Settings,
+        *,
+        reprojection: str | None = None,
+        radiance: tuple[str, ...] | None = None,
+        images: bool = False,
+        distances: bool = False,
+        absent: bool = False,
+    ) -> MaskPass:
         """The mask pass of ``source`` with the metric of ``settings``.
 
-        ``changed``: fields of MaskOptions that differ from those of source and settings; None: no change.
+        ``reprojection``, ``radiance``: None: those of the source; ``images``: mask and motion are written, with
+        ``distances`` also the distances of every pixel; ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.
         """
-        options = {name: getattr(source, name) for name in ("reprojection", "radiance", "others", "cuts")}
-        options["sampling"] = settings.metrics.sampling
-        return cls(context, source.size, **(options | {k: v for k, v in changed.items() if v is not None}))
+        options = MaskOptions(
+            reprojection=source.reprojection if reprojection is None else reprojection,
+            sampling=settings.metrics.sampling,
+            radiance=source.radiance if radiance is None else radiance,
+            others=source.others,
+            cuts=source.cuts or absent,
+            absent=absent,
+            write_mask=images,
+            write_motion=images,
+            write_distances=distances,
+        )
+        return cls(context, source.size, options)
 
     def run(
         self,

@@ -7,13 +7,13 @@ dispatches the paths of a tile lie in one image, whose layers ``shaders/pathtrac
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import ABSENT, NO_HISTORY, SCENE_LOBES
+from taubench_gl.conventions import ABSENT, NO_HISTORY
 from taubench_gl.effects.path_tracing import GLASS
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment, seen_of
@@ -29,6 +29,7 @@ from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, ComputePass, P
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute
+from taubench_gl.lobes import BOUNCES, lobe_channels, lobe_macros, lobes_with
 from taubench_gl.metrics.environment import CELLS, direction_choice
 from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.path_samples import (
@@ -51,8 +52,8 @@ PATH = Struct(
     Field("numbers", "uvec4", "x: frame, y: seed"),
     Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
 )
-LAYERS, SUBPATH_LAYERS, TRANSMISSION_LAYERS = 12, 4, 5
-"""Layers of the path state, and those that light subpaths and transmission add; dielectric lobes add one to each."""
+LAYERS, LOBE_LAYERS, SUBPATH_LAYERS = 4, 4, 4
+"""Layers of the path state of every path, of each lobe and of light subpaths (shaders/pathtracing/state.glsl)."""
 
 CANDIDATES = 8
 """Most lights that compete for one light sample.  As many lights are all evaluated at the camera's vertex."""
@@ -80,7 +81,7 @@ COUNTS = ("non_finite",)
 """Counters of ``path_counts``: contributions that were not finite."""
 
 TRACED = ("anchor", "exact", "subpath", "start", "extend")
-"""Passes that trace rays."""
+"""Names of the passes that trace rays."""
 
 
 def vertices(spec: FrameSpec) -> int:
@@ -96,20 +97,20 @@ def path_lists(spec: FrameSpec) -> int:
 
 
 def path_lobes(spec: FrameSpec) -> tuple[str, ...]:
-    """Lobes of path-traced light."""
-    return SCENE_LOBES if spec.glass["TRANSMISSION"] else SCENE_LOBES[:2]
+    """Lobes of path-traced light in the scene of ``spec``."""
+    return lobes_with([name for name in GLASS if spec.glass[name.upper()]])
 
 
 def listed_lobes(spec: FrameSpec) -> tuple[str, ...]:
     """Radiance of a sample of a listed pixel, in the order of ``listed_light``: lobes of direct, then of indirect."""
-    return tuple(f"{bounce}_{lobe}" for bounce in ("direct", "indirect") for lobe in path_lobes(spec))
+    return lobe_channels(path_lobes(spec))
 
 
 def state_layers(spec: FrameSpec) -> int:
-    """Layers of the path state."""
-    glass = spec.glass
-    own = glass["DIELECTRICS"] + TRANSMISSION_LAYERS * glass["TRANSMISSION"]
-    return LAYERS + own + (SUBPATH_LAYERS + glass["DIELECTRICS"]) * spec.bidirectional
+    """Number of layers of the path state."""
+    dielectrics, transmission = spec.glass["DIELECTRICS"], spec.glass["TRANSMISSION"]
+    path = LAYERS + dielectrics + transmission + LOBE_LAYERS * len(path_lobes(spec))
+    return path + (SUBPATH_LAYERS + dielectrics) * spec.bidirectional
 
 
 def exact_punctual(spec: FrameSpec) -> bool:
@@ -129,7 +130,7 @@ def subpath_choice(power: Array, kinds: Array, spots: Array) -> Array:
 
 
 def tile_size(spec: FrameSpec) -> tuple[int, int]:
-    """Pixels that are traced together."""
+    """(columns, rows) of pixels that are traced together."""
     if spec.pixel_list:
         return LIST_TILE
     columns, rows = spec.tuning.path_tile
@@ -137,17 +138,31 @@ def tile_size(spec: FrameSpec) -> tuple[int, int]:
 
 
 def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
-    """Passes by name: anchor, exact, subpath, start, extend, resolve."""
-    sources = spec.path_traced_sources
-    if not sources:
-        return {}
-    image = "environment" in sources and spec.environment.kind == "image"
-    kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
-    tile, layers = tile_size(spec), state_layers(spec)
-    state = Resource.texture("path_state", (tile[0], layers * tile[1]), label="paths")
-    counts = Resource.buffer("path_counts", 4 * len(COUNTS), label="paths")
+    """Passes by name: anchor, exact, subpath, start, extend, resolve; none where no light is path-traced.
 
-    def values(frame: FrameContext) -> dict:
+    ``start``, which every frame has, owns what the passes share.
+    """
+    if not spec.path_traced_sources:
+        return {}
+    out = {"anchor": _traced_pass(spec, "anchor").use(*spec.channels("position"))}
+    if spec.glass["DIELECTRICS"]:
+        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint MARKS = {NO_HISTORY | ABSENT}u;")
+    if exact_punctual(spec):
+        out["exact"] = _traced_pass(spec, "exact").use(*spec.channels(*SURFACE))
+    if spec.bidirectional:
+        out["subpath"] = _traced_pass(spec, "subpath")
+    out["start"] = _traced_pass(spec, "start").use(*spec.channels(*SURFACE))
+    if vertices(spec):
+        out["extend"] = _traced_pass(spec, "extend")
+    out["resolve"] = _resolve(spec)
+    _share_state(spec, out)
+    return out
+
+
+def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
+    """Values of ``PATH`` for a frame."""
+
+    def values(frame: FrameContext) -> dict[str, Any]:
         candidates = min(len(spec.light_kinds), CANDIDATES)
         seed = spec.seed if frame.seed is None else frame.seed
         return {
@@ -159,82 +174,93 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
             "lights": (len(spec.light_kinds), candidates, 0, 0),
         }
 
-    def make(name: str, traced: bool = True) -> ComputePass:
-        p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
-        p.define(EXACT_PUNCTUAL=exact_punctual(spec), **spec.glass).constants("P", PATH, values)
-        spec.declare_directions(p)
-        p.image("path_state", access=UPDATE, given=True)
-        p.buffer("path_counts", "uint", access=UPDATE, given=True)
-        p.define(PIXEL_LIST=spec.pixel_list)
-        if spec.pixel_list:
-            p.buffer("pixel_list", "uvec4", given=True)
-        p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
-        if not traced:
-            return p.dispatch(tile, spec.tuning.shading_group)
-        p.define(
-            GLOSSY="glossy" in spec.enabled or spec.glass["TRANSMISSION"],
-            INDEPENDENT=spec.pattern == "independent",
-            PUNCTUAL="punctual" in sources,
-            BIDIRECTIONAL=spec.bidirectional,
-            EMITTERS="emitters" in sources,
-            ENVIRONMENT="environment" in sources,
-            SOURCES=len(kinds),
-            ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
-            **{name.upper(): name in spec.enabled for name in KINDS},
-        )
-        if spec.sun is not None:
-            p.define(DIRECTIONAL_LIGHTS=True)
-        p.glsl(
-            f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
-            f"const float LIGHT_GAP = {LIGHT_GAP};",
-            f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
-        )
-        if spec.bidirectional:
-            p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
-        if kinds:
-            p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
-        p.use(lookup(spec, "sample_table", "rgba32ui"))
-        if "punctual" in sources:
-            p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
-        if image:
-            declare_environment(p, spec.environment, lobes=False, owned=False)
-            p.use(lookup(spec, "environment_choice", "rg32f"))
-            p.glsl(f"const int ENVIRONMENT_CELLS = {cell_rows(spec)};")
-        return p.dispatch(tile, spec.tuning.shading_group)
+    return values
 
-    out = {"anchor": make("anchor").use(*spec.channels("position"))}
-    if spec.glass["DIELECTRICS"]:
-        out["anchor"].use(*spec.channels("ids")).glsl(f"const uint MARKS = {NO_HISTORY | ABSENT}u;")
-    if exact_punctual(spec):
-        out["exact"] = make("exact").use(*spec.channels(*SURFACE))
+
+def _tile_pass(spec: FrameSpec, name: str) -> ComputePass:
+    """A pass over the pixels of a tile, or the entries of a list, with their path state."""
+    tile = tile_size(spec)
+    p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
+    p.define(EXACT_PUNCTUAL=exact_punctual(spec), **spec.glass).constants("P", PATH, _constants(spec))
+    spec.declare_directions(p)
+    p.image("path_state", access=UPDATE, given=True)
+    p.buffer("path_counts", "uint", access=UPDATE, given=True)
+    p.define(PIXEL_LIST=spec.pixel_list, **lobe_macros(path_lobes(spec)))
+    if spec.pixel_list:
+        p.buffer("pixel_list", "uvec4", given=True)
+    p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
+    return p.dispatch(tile, spec.tuning.shading_group)
+
+
+def _environment_image(spec: FrameSpec) -> bool:
+    """Whether paths sample an environment image."""
+    return "environment" in spec.path_traced_sources and spec.environment.kind == "image"
+
+
+def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
+    """A pass that traces rays and samples lights."""
+    sources, image, p = spec.path_traced_sources, _environment_image(spec), _tile_pass(spec, name)
+    kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
+    p.define(
+        GLOSSY="glossy" in spec.enabled or spec.glass["TRANSMISSION"],
+        INDEPENDENT=spec.pattern == "independent",
+        PUNCTUAL="punctual" in sources,
+        BIDIRECTIONAL=spec.bidirectional,
+        EMITTERS="emitters" in sources,
+        ENVIRONMENT="environment" in sources,
+        SOURCES=len(kinds),
+        ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
+        **{name.upper(): name in spec.enabled for name in KINDS},
+    )
+    if spec.sun is not None:
+        p.define(DIRECTIONAL_LIGHTS=True)
+    p.glsl(
+        f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
+        f"const float LIGHT_GAP = {LIGHT_GAP};",
+        f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
+    )
     if spec.bidirectional:
-        out["subpath"] = make("subpath")
-    out["start"] = make("start").use(*spec.channels(*SURFACE)).allocate(state, counts)
-    paths, group = tile[0] * tile[1], math.prod(spec.tuning.shading_group)
-    if vertices(spec):
-        out["extend"] = make("extend").dispatch(paths, group)
+        p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
+    if kinds:
+        p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
+    p.use(lookup(spec, "sample_table", "rgba32ui"))
+    if "punctual" in sources:
+        p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
+    if image:
+        declare_environment(p, spec.environment, lobes=False, owned=False)
+        p.use(lookup(spec, "environment_choice", "rg32f"))
+        p.glsl(f"const int ENVIRONMENT_CELLS = {cell_rows(spec)};")
+    return p
+
+
+def _share_state(spec: FrameSpec, passes: dict[str, ComputePass]) -> None:
+    """Allocate what several passes use, and declare the lists of paths that go on and of entries."""
+    start, (columns, rows), group = passes["start"], tile_size(spec), math.prod(spec.tuning.shading_group)
+    paths = columns * rows
+    start.allocate(
+        Resource.texture("path_state", (columns, state_layers(spec) * rows), label="paths"),
+        Resource.buffer("path_counts", 4 * len(COUNTS), label="paths"),
+    )
+    if "extend" in passes:
+        passes["extend"].dispatch(paths, group)
     sizes = f"const int PATH_GROUP = {group}, PATH_LISTS = {path_lists(spec)};"
     for name, words in {"going_on": 2 * paths, "going_on_counts": 8 * path_lists(spec)}.items():
-        out["start"].allocate(Resource.buffer(name, 4 * words, label="paths"))
-        for p in filter(None, (out["start"], out.get("extend"))):
+        start.allocate(Resource.buffer(name, 4 * words, label="paths"))
+        for p in filter(None, (start, passes.get("extend"))):
             p.buffer(name, "uint", access=UPDATE, given=True).glsl(sizes)
-    out["resolve"] = _resolve(spec, make("resolve", traced=False))
-    if image:
-        own = ComputePass("", ())
-        declare_environment(own, spec.environment, lobes=False, owned="color" not in spec.enabled)
-        choice = Resource.texture(
-            "environment_choice", (2 * cell_rows(spec) + 1, cell_rows(spec)), components=2, label="environment"
+    if _environment_image(spec):
+        maps = ComputePass("", ())
+        declare_environment(maps, spec.environment, lobes=False, owned="color" not in spec.enabled)
+        choice = (2 * cell_rows(spec) + 1, cell_rows(spec))
+        start.allocate(
+            *maps.resources, Resource.texture("environment_choice", choice, components=2, label="environment")
         )
-        out["start"].allocate(*own.resources, choice)
-    size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
     if spec.pixel_list:
-        lobes = 3 * len(path_lobes(spec))
-        for name, entry in (("pixel_list", 16), ("listed_light", 16 * lobes)):
-            out["start"].allocate(Resource.buffer(name, entry * tile[0] * tile[1], label="paths"))
-        out["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
-        out["resolve"].glsl(f"const int LISTED_LOBES = {lobes};")
-    out["start"].allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
-    return out
+        for name, entry in (("pixel_list", 16), ("listed_light", 3 * 16 * len(path_lobes(spec)))):
+            start.allocate(Resource.buffer(name, entry * paths, label="paths"))
+        passes["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
+    size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
+    start.allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
 
 
 def pixel_footprint(view: View, size: tuple[int, int]) -> tuple[float, float]:
@@ -245,11 +271,12 @@ def pixel_footprint(view: View, size: tuple[int, int]) -> tuple[float, float]:
     return (side, 0.0) if view.camera.parallel else (0.0, side)
 
 
-def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
-    """Writes the channels, or adds to what the raster method wrote."""
+def _resolve(spec: FrameSpec) -> ComputePass:
+    """The pass that writes the channels, or adds to what the raster method wrote."""
+    p = _tile_pass(spec, "resolve")
     added = {"direct": spec.raster_direct, "indirect": spec.raster_indirect}
     p.define(**{f"ADD_TO_{name.upper()}": add for name, add in added.items()})
-    split = {bounce: [f"{bounce}_{lobe}" for lobe in path_lobes(spec)] for bounce in ("direct", "indirect")}
+    split = {bounce: lobe_channels(path_lobes(spec), (bounce,)) for bounce in BOUNCES}
     for name, lobes in split.items():
         wanted = bool(set(lobes) & set(spec.extra))
         p.define(**{f"SPLIT_{name.upper()}": wanted})
@@ -351,7 +378,7 @@ class PathTracing(Owner):
             self._trace(frame, resources, where)
 
     def _tiles(self) -> Iterator[dict[str, Any]]:
-        """Uniforms that place each tile."""
+        """Uniforms that place each tile of the image."""
         width, height = self._spec.size
         for y in range(0, height, self._tile[1]):
             for x in range(0, width, self._tile[0]):

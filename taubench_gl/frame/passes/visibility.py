@@ -72,7 +72,7 @@ def declaration(spec: FrameSpec) -> ComputePass:
 
 @stage(options=("previous_pose", "cuts", "alpha_mask"))
 def visibility(spec: FrameSpec) -> Sequence[Pass]:
-    """Only where the channel is asked for: it needs an acceleration structure of two frames."""
+    """The pass, where ``spec`` asks for its channel: it needs an acceleration structure of two frames."""
     return (declaration(spec),) if CHANNEL in spec.extra else ()
 
 

@@ -152,12 +152,12 @@ class HitAttributes:
 
     @property
     def resources(self) -> dict[str, Any]:
-        """Textures and buffers by name."""
+        """Textures and buffers that shaders of hits read, by name."""
         return {**self._textures, **self._posed_buffers}
 
     @property
     def memory(self) -> dict[str, int]:
-        """GPU memory, bytes by name."""
+        """GPU memory of tables and atlas, bytes by name."""
         texels = sum(t.width * t.height for name, t in self._textures.items() if name != "hit_atlas")
         return {_TABLES: 16 * texels} | ({"textures of ray hits": self.atlas.bytes} if self.atlas.places else {})
 

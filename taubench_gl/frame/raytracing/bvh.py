@@ -21,10 +21,10 @@ except ImportError as error:  # pragma: no cover - a broken installation
 Array = np.ndarray
 
 LEAF_TRIANGLES = 4
-"""Most triangles of a leaf."""
+"""Default of the most triangles of a leaf."""
 
 BINS = 16
-"""Candidate planes along each axis."""
+"""Bins along each axis: one more than candidate planes."""
 
 NODE_COST, TRIANGLE_COST = 1.0, 1.6
 """Time of a step to a node and of one triangle test, relative to each other (measured on llvmpipe)."""
@@ -79,18 +79,112 @@ def _area(low, high):
 
 
 @_compiled
-def _bounds(low, high, order, begin, end, out_low, out_high):
+def _extend(low, high, other_low, other_high):
+    """Extend the box ``low``, ``high`` (3,) to contain the other."""
     for k in range(3):
-        out_low[k], out_high[k] = np.inf, -np.inf
+        low[k] = min(low[k], other_low[k])
+        high[k] = max(high[k], other_high[k])
+
+
+@_compiled
+def _bounds(low, high, order, begin, end, out_low, out_high):
+    """Fill the bounds (3,) of the boxes ``order[begin:end]``."""
+    out_low[:], out_high[:] = np.inf, -np.inf
+    for i in range(begin, end):
+        _extend(out_low, out_high, low[order[i]], high[order[i]])
+
+
+@_compiled
+def _scale_to_bins(low, high, order, begin, end, center_low, scale):
+    """Fill the lowest center of the boxes ``order[begin:end]`` along each axis, and bins for each meter; 0: no extent.
+
+    Centers are times 2, which saves a product.
+    """
+    center_high = np.empty(3, np.float32)
+    center_low[:], center_high[:] = np.inf, -np.inf
     for i in range(begin, end):
         t = order[i]
         for k in range(3):
-            out_low[k] = min(out_low[k], low[t, k])
-            out_high[k] = max(out_high[k], high[t, k])
+            c = low[t, k] + high[t, k]
+            center_low[k] = min(center_low[k], c)
+            center_high[k] = max(center_high[k], c)
+    for k in range(3):
+        extent = center_high[k] - center_low[k]
+        scale[k] = np.float32(BINS) / extent if extent > 0 else np.float32(0)
+        if not np.isfinite(scale[k]):
+            scale[k] = np.float32(0)
+
+
+@_compiled
+def _bin_of(low, high, t, k, center_low, scale):
+    """The bin along axis ``k`` that the center of box ``t`` is in."""
+    return min(np.int64((low[t, k] + high[t, k] - center_low[k]) * scale[k]), BINS - 1)
+
+
+@_compiled
+def _fill_bins(low, high, order, begin, end, center_low, scale, bin_low, bin_high, bin_count):
+    """Bounds (3, BINS, 3) and number (3, BINS) of the boxes ``order[begin:end]`` in the bins along each axis."""
+    bin_low[:], bin_high[:], bin_count[:] = np.inf, -np.inf, 0
+    for i in range(begin, end):
+        t = order[i]
+        for k in range(3):
+            if scale[k] > 0:
+                b = _bin_of(low, high, t, k, center_low, scale)
+                bin_count[k, b] += 1
+                _extend(bin_low[k, b], bin_high[k, b], low[t], high[t])
+
+
+@_compiled
+def _cheapest_plane(scale, bin_low, bin_high, bin_count):
+    """Axis, last bin before the plane, and area times number of boxes of both sides; axis -1: no plane separates."""
+    axis, last_bin, least_cost = -1, 0, np.inf
+    right_area, right_count = np.empty(BINS), np.empty(BINS, np.int64)
+    run_low, run_high = np.empty(3, np.float32), np.empty(3, np.float32)
+    for k in range(3):
+        if scale[k] == 0:
+            continue
+        run_low[:], run_high[:] = np.inf, -np.inf
+        running = 0
+        for b in range(BINS - 1, 0, -1):
+            running += bin_count[k, b]
+            _extend(run_low, run_high, bin_low[k, b], bin_high[k, b])
+            right_count[b] = running
+            right_area[b] = _area(run_low, run_high)  # read where there are boxes
+        run_low[:], run_high[:] = np.inf, -np.inf
+        running = 0
+        for b in range(BINS - 1):
+            running += bin_count[k, b]
+            _extend(run_low, run_high, bin_low[k, b], bin_high[k, b])
+            if running and right_count[b + 1]:
+                cost = _area(run_low, run_high) * running + right_area[b + 1] * right_count[b + 1]
+                if cost < least_cost:
+                    axis, last_bin, least_cost = k, b, cost
+    return axis, last_bin, least_cost
+
+
+@_compiled
+def _partition(low, high, order, spare, begin, end, axis, last_bin, center_low, scale):
+    """Move the boxes of ``order[begin:end]`` in front of the plane to the front; where the others begin.
+
+    Stable, so that equal boxes keep their order.
+    """
+    middle, rest = begin, 0
+    for i in range(begin, end):
+        t = order[i]
+        if _bin_of(low, high, t, axis, center_low, scale) <= last_bin:
+            order[middle] = t
+            middle += 1
+        else:
+            spare[rest] = t
+            rest += 1
+    for i in range(rest):
+        order[middle + i] = spare[i]
+    return middle
 
 
 @_compiled
 def _build(low, high, leaf):
+    """The arrays of a Tree, in the order of its fields."""
     n = len(low)
     order = np.arange(n).astype(np.int32)
     size = max(2 * n - 1, 1)
@@ -101,11 +195,8 @@ def _build(low, high, leaf):
     stack[0] = (0, n, 0, -1)
     top, nodes = 1, 0
     bin_low, bin_high = np.empty((3, BINS, 3), np.float32), np.empty((3, BINS, 3), np.float32)
-    bin_count = np.empty((3, BINS), np.int64)
-    right_area, right_count = np.empty(BINS), np.empty(BINS, np.int64)
-    spare = np.empty(n, np.int32)
-    run_low, run_high = np.empty(3, np.float32), np.empty(3, np.float32)
-    center_low, center_high, scale = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    bin_count, spare = np.empty((3, BINS), np.int64), np.empty(n, np.int32)
+    center_low, scale = np.empty(3, np.float32), np.empty(3, np.float32)
     while top > 0:
         top -= 1
         begin, end, depth, parent = stack[top]
@@ -115,76 +206,21 @@ def _build(low, high, leaf):
             right[parent] = node
         _bounds(low, high, order, begin, end, node_low[node], node_high[node])
         total = end - begin
-        best_axis, best_bin, best_cost = -1, 0, np.inf
+        axis, last_bin, least_cost = -1, 0, np.inf
         if total > 1 and depth < MAX_DEPTH:
-            # Centers times 2, which saves a product.
-            center_low[:], center_high[:] = np.inf, -np.inf
-            for i in range(begin, end):
-                t = order[i]
-                for k in range(3):
-                    c = low[t, k] + high[t, k]
-                    center_low[k] = min(center_low[k], c)
-                    center_high[k] = max(center_high[k], c)
-            for k in range(3):
-                extent = center_high[k] - center_low[k]
-                scale[k] = np.float32(BINS) / extent if extent > 0 else np.float32(0)
-                if not np.isfinite(scale[k]):
-                    scale[k] = np.float32(0)
-            bin_low[:], bin_high[:], bin_count[:] = np.inf, -np.inf, 0
-            for i in range(begin, end):
-                t = order[i]
-                for k in range(3):
-                    if scale[k] > 0:
-                        b = min(np.int64((low[t, k] + high[t, k] - center_low[k]) * scale[k]), BINS - 1)
-                        bin_count[k, b] += 1
-                        for j in range(3):
-                            bin_low[k, b, j] = min(bin_low[k, b, j], low[t, j])
-                            bin_high[k, b, j] = max(bin_high[k, b, j], high[t, j])
-            for k in range(3):
-                if scale[k] == 0:
-                    continue
-                run_low[:], run_high[:] = np.inf, -np.inf
-                running = 0
-                for b in range(BINS - 1, 0, -1):
-                    running += bin_count[k, b]
-                    for j in range(3):
-                        run_low[j] = min(run_low[j], bin_low[k, b, j])
-                        run_high[j] = max(run_high[j], bin_high[k, b, j])
-                    right_count[b] = running
-                    right_area[b] = _area(run_low, run_high)  # read where there are boxes
-                run_low[:], run_high[:] = np.inf, -np.inf
-                running = 0
-                for b in range(BINS - 1):
-                    running += bin_count[k, b]
-                    for j in range(3):
-                        run_low[j] = min(run_low[j], bin_low[k, b, j])
-                        run_high[j] = max(run_high[j], bin_high[k, b, j])
-                    if running and right_count[b + 1]:
-                        cost = _area(run_low, run_high) * running + right_area[b + 1] * right_count[b + 1]
-                        if cost < best_cost:
-                            best_axis, best_bin, best_cost = k, b, cost
+            _scale_to_bins(low, high, order, begin, end, center_low, scale)
+            _fill_bins(low, high, order, begin, end, center_low, scale, bin_low, bin_high, bin_count)
+            axis, last_bin, least_cost = _cheapest_plane(scale, bin_low, bin_high, bin_count)
         area = _area(node_low[node], node_high[node])
         if total <= leaf:
-            split_cost = NODE_COST * 2.0 * area + TRIANGLE_COST * best_cost
-            if best_axis < 0 or split_cost >= TRIANGLE_COST * area * total:
+            split_cost = NODE_COST * 2.0 * area + TRIANGLE_COST * least_cost
+            if axis < 0 or split_cost >= TRIANGLE_COST * area * total:
                 first[node], count[node] = begin, total
                 order[begin:end].sort()
                 continue
         middle = begin + total // 2
-        if best_axis >= 0:  # stable, so that equal boxes keep their order
-            left, rest = begin, 0
-            for i in range(begin, end):
-                t = order[i]
-                c = low[t, best_axis] + high[t, best_axis]
-                if min(np.int64((c - center_low[best_axis]) * scale[best_axis]), BINS - 1) <= best_bin:
-                    order[left] = t
-                    left += 1
-                else:
-                    spare[rest] = t
-                    rest += 1
-            for i in range(rest):
-                order[left + i] = spare[i]
-            middle = left
+        if axis >= 0:
+            middle = _partition(low, high, order, spare, begin, end, axis, last_bin, center_low, scale)
         stack[top] = (middle, end, depth + 1, node)
         stack[top + 1] = (begin, middle, depth + 1, -1)
         top += 2

@@ -38,7 +38,7 @@ DIELECTRIC_TEXELS = 2
 
 COLOR_SLOTS = ("base_color", "emissive", "specular_color")
 POSED, MIRRORED, VISIBLE, ALPHA_TEST, UV1, COLORS = (1 << i for i in range(6))
-"""Bits of a draw."""
+"""Flags in a draw's record."""
 
 UNLIT, FIRST_MAP = 1, 2
 """Bits of a material; the bit of slot i, also of DIELECTRIC_SLOTS, is FIRST_MAP << i."""
@@ -55,7 +55,7 @@ _GL_NEAREST = 9728
 
 @dataclass(frozen=True, slots=True)
 class HitOptions:
-    """What hits are asked for."""
+    """Which properties of surfaces the tables of hits contain."""
 
     normal_maps: bool = True
     glossy: bool = True  # False: nothing is metal and no dielectric has a glossy lobe, so roughness does not matter
@@ -114,7 +114,7 @@ class WordTable:
 
     def image(self) -> Array:
         """(rows, 2^ROW_BITS, 4) uint32, the last row padded."""
-        out = np.zeros((*table_size(self.count)[::-1], 4), np.uint32)
+        out = np.zeros((*table_size(self.count)[::-1], 4), np.uint32)  # (rows, columns) of a (width, height)
         np.concatenate([np.zeros((0, 4), np.uint32), *self._parts], out=out.reshape(-1, 4)[: self.count])
         return out
 
@@ -199,7 +199,7 @@ def dielectric_texels(m: Material, options: HitOptions) -> Array:
 
 
 def texture_modes(texture: Texture) -> int:
-    """Wrap modes and MAP_* bits."""
+    """Word of a texture slot: wrap modes and MAP_* bits."""
     wrap = {GL_REPEAT: REPEAT, MIRRORED_REPEAT: MIRROR}
     s = texture.sampler
     modes = wrap.get(s.wrap_s, CLAMP) | wrap.get(s.wrap_t, CLAMP) << 2
@@ -243,11 +243,11 @@ class DrawTable:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Texels of ``image``."""
+        """(width, height) of ``image`` in texels."""
         return table_size(self.rows.size // 4)
 
     def image(self) -> Array:
-        """(rows, 2^ROW_BITS, 4) uint32."""
+        """Records of all draws as texels, (rows, 2^ROW_BITS, 4) uint32."""
         table = WordTable()
         table.add(self.rows)
         return table.image()

@@ -52,7 +52,7 @@ class InstanceTable:
 
     @property
     def count(self) -> int:
-        """Instances of the top level."""
+        """Number of instances of the top level."""
         return len(self.merged) + len(self.rigid) + len(self.posed)
 
 

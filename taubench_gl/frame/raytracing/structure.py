@@ -66,7 +66,7 @@ class SceneStructure:
         tested = {i for i, material in enumerate(self._scene.materials) if alpha_test and tests_alpha(material)}
         self._alpha = np.array([d.material in tested for d in self._draws], dtype=bool)
         self.memory: dict[str, int] = {}
-        """Bytes by name."""
+        """GPU memory of the structure, bytes by name."""
         self.resources: dict[str, Any] = {}
         """Textures and buffers that ``declare`` names."""
         self._moments = 1 + keep_previous
@@ -112,7 +112,7 @@ class SceneStructure:
 
     @property
     def _stored_triangles(self) -> int:
-        """Triangles of all trees."""
+        """Number of triangles in all trees."""
         merged = [row for group in self.table.merged for row in group.draws.tolist()]
         primitives = {(self._draws[row].mesh, self._draws[row].primitive): row for row in self.table.rigid.tolist()}
         posed = self._moments * self.table.posed.tolist()
@@ -249,7 +249,7 @@ class SceneStructure:
 
 
 class _Trees:
-    """Trees of instances as arrays."""
+    """The trees of all instances, one array for each property."""
 
     def __init__(self, words: Array, low: Array, high: Array, center: Array, scale: Array):
         self.words = words  # (I, 4) uint32: first node, nodes, 0, 0
@@ -263,7 +263,7 @@ class _Trees:
         return cls(words, *np.array(columns, np.float64).reshape(-1, 4, 3).transpose(1, 0, 2))
 
     def moved(self, boxes: list[tuple[Array, Array]], grids: list[Grid]) -> _Trees:
-        """The same trees with other boxes and grids."""
+        """These trees with other boxes and grids."""
         low, high = np.array(boxes).reshape(-1, 2, 3).transpose(1, 0, 2)
         return _Trees(self.words, low, high, np.array([g.center for g in grids]), np.array([g.scale for g in grids]))
 

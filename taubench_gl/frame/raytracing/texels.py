@@ -62,7 +62,7 @@ class Grid:
 
     @property
     def matrix(self) -> Array:
-        """(4, 4) float64 grid_from_space."""
+        """The transform grid_from_space, (4, 4) float64."""
         out = np.diag([*self.scale, 1.0])
         out[:3, 3] = -self.center * self.scale
         return out
@@ -83,8 +83,8 @@ def last_words(tree: Tree, first_triangle: int) -> Array:
     """Word w of every node.  (N,) uint32."""
     from taubench_gl.frame.raytracing.bvh import skips
 
-    more = (np.maximum(tree.count, 1) - 1).astype(np.int64)
-    leaf = LEAF_BIT | more << LEAF_COUNT_SHIFT | (first_triangle + tree.first)
+    after_first = (np.maximum(tree.count, 1) - 1).astype(np.int64)
+    leaf = LEAF_BIT | after_first << LEAF_COUNT_SHIFT | (first_triangle + tree.first)
     return np.where(tree.count > 0, leaf, skips(tree)).astype(np.uint32)
 
 
