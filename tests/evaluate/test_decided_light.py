@@ -9,7 +9,7 @@ from lamp_scenes import lamp_over_floor
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import LightPlan, Observers, evaluate_scene, light_plan, plan_scene
-from taubench_gl.features import FEATURE_BIT, FEATURES, RADIANCE_FEATURES
+from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.path_samples import LEAST, LIMIT
 from taubench_gl.run import SUMMARY_FILE, load_run
@@ -31,7 +31,7 @@ def test_masks_counts_distances_and_rows_are_those_of_path_traced_light(tmp_path
             assert np.array_equal(over, (pair.mask & np.uint32(FEATURE_BIT[name])) != 0), name
         brighter = (pair.mask & np.uint32(Reason.LIT)) != 0
         assert (pair.distances.luminance[brighter] > 0).all()
-        words = np.bincount(pair.mask.ravel(), minlength=1 << 16)
+        words = np.bincount(pair.mask.ravel(), minlength=MASK_WORDS)
         assert np.array_equal(words, pair.evaluated.counts.mask_histogram)
         x, y = np.argwhere(pair.mask & np.uint32(FEATURE_BIT["indirect"]))[0][::-1]
         assert pair.explain(int(x), int(y)).features["indirect"].discarded

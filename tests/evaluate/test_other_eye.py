@@ -16,7 +16,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, open_session
 from taubench_gl.evaluation.decided_pixels import Decisions, PreviewPair
 from taubench_gl.evaluation.histories import merge_histories
-from taubench_gl.features import COLUMNS
+from taubench_gl.features import COLUMNS, MASK_WORDS
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.histories import uses_other_eye
 from taubench_gl.metrics.masks import pair_masks
@@ -140,7 +140,7 @@ def test_masks_and_counts_equal_numpy(more):
     limits = {name: given.metrics.threshold(name) for name in ("color", "position", "normal", "direct", "indirect")}
     expected = pair_masks(now, before, step, limits, sampling=given.metrics.sampling)
     assert np.count_nonzero(pair.mask != expected.mask) <= 2  # distances at their threshold in float32
-    counted = counts_of(np.bincount(pair.mask.ravel(), minlength=1 << 16))
+    counted = counts_of(np.bincount(pair.mask.ravel(), minlength=MASK_WORDS))
     assert {name: row[name] for name in counted if name in row and row[name] is not None} == {
         name: value for name, value in counted.items() if row.get(name) is not None
     }

@@ -15,7 +15,7 @@ import pytest
 from taubench_gl.animation import OrbitCamera
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
-from taubench_gl.features import COLUMNS
+from taubench_gl.features import COLUMNS, MASK_WORDS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
@@ -179,7 +179,7 @@ def test_masks_of_on_pair_match_the_row() -> None:
     from taubench_gl.metrics.counts import counts_of
 
     def compare(pair) -> None:
-        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=1 << 16))
+        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=MASK_WORDS))
         for name in ("frustum", "position", "normal", "comparable", "sky", "disoccluded"):
             assert counts[name] == pair.row[name]
         assert pair.motion.shape == (54, 96, 2) and np.isfinite(pair.motion).all()
