@@ -19,6 +19,8 @@ from taubench_gl.memory_budget import VARIABLE, limit
 from taubench_gl.outputs import folder_in, log_file
 from taubench_gl.study.unit import (
     ATTEMPTS,
+    THREADS_VARIABLE,
+    THREADS_VARIABLES,
     Advanced,
     Event,
     Failed,
@@ -29,13 +31,6 @@ from taubench_gl.study.unit import (
     Unit,
     Worker,
 )
-
-THREADS_VARIABLE = "LP_NUM_THREADS"
-"""Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
-
-THREADS_VARIABLES = (THREADS_VARIABLE, "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-"""Numbers of threads of the rasterizer and of libraries: OpenMP threads wait in loops, so that more of them than cores
-took twice the time (FLIP)."""
 
 TAIL_BYTES = 4000
 """How much of the end of a dead worker's output becomes part of its failure."""
