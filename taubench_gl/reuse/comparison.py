@@ -20,10 +20,10 @@ from taubench_gl.metrics.bootstrap import (
     RESAMPLES,
     Interval,
     block_length,
+    holm_adjusted,
     interval,
     student_interval,
 )
-from taubench_gl.metrics.significance import holm_adjusted
 from taubench_gl.reuse.quality import MEASURES, ROBUST
 
 Array = np.ndarray

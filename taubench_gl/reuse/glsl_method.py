@@ -164,6 +164,15 @@ def preamble(method: Method, info: PassInfo, variant: Variant = PLAIN) -> str:
         lines += [
             f"void write_{name}(ivec2 p, vec{n} v) {{}}" for name in info.writes if name in REPORTS for n in (3, 4)
         ]
+    return "\n".join(lines + _conveniences(method, info, pixel, step))
+
+
+def _conveniences(method: Method, info: PassInfo, pixel: str, step: str) -> list[str]:
+    """GLSL functions that are there where a pass reads the inputs that they need.
+
+    ``pixel``: the input pixel of pixel ``p`` of the pass; ``step``: factor from input pixels to pixels of the pass.
+    """
+    lines: list[str] = []
     for name, bits in (("mask", _REJECT), ("exact_mask", _REJECT | _CHANGED)):
         if name in info.reads:
             suffix = "" if name == "mask" else "_exact"
@@ -180,7 +189,7 @@ def preamble(method: Method, info: PassInfo, variant: Variant = PLAIN) -> str:
         lines.append(f"vec3 remodulate(ivec2 p, vec3 diffuse, vec3 specular) {{ ivec2 i = {pixel}; return "
                      "diffuse * fetch_diffuse_albedo(i).rgb + specular * fetch_specular_albedo(i).rgb + "
                      "fetch_emitted(i).rgb; }")  # fmt: skip
-    return "\n".join(lines)
+    return lines
 
 
 def _reader(name: str, form: Format, size: str) -> list[str]:
