@@ -129,8 +129,8 @@ def read_bytes(
     with opened(path, fault, max_bytes=max_bytes, links=links, where=where) as file:
         data = file.read(os.fstat(file.fileno()).st_size)
         # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
-        while len(data) <= max_bytes and (more := file.read(_BLOCK)):
-            data += more
+        while len(data) <= max_bytes and (block := file.read(_BLOCK)):
+            data += block
     if len(data) > max_bytes:
         raise fault(f"is larger than {shown_bytes(max_bytes)}", where=where or str(path))
     return data
