@@ -32,13 +32,13 @@ def write_rejection(out: Path, summary: dict[str, Any]) -> list[Path]:
 
 
 def check_recall(recall: float) -> None:
-    """Raises SettingsError for a recall outside (0, 1]."""
+    """Refuse a recall outside (0, 1].  Raises SettingsError."""
     if not 0.0 < recall <= 1.0:
         raise SettingsError(f"recall is {recall:g}", hint="give a number above 0, at most 1")
 
 
 def fitted(found: Rejection, recall: float) -> dict[str, Any]:
-    """Per test the largest threshold whose recall is at least ``recall``, and its rates; JSON values.
+    """Of every test the largest threshold whose recall is at least ``recall``, and its rates; JSON values.
 
     Raises SettingsError.
     """
@@ -61,7 +61,7 @@ def fitted(found: Rejection, recall: float) -> dict[str, Any]:
 
 
 def fit_table(fit: dict[str, Any]) -> Table:
-    """``fitted`` as a table."""
+    """The result of ``fitted`` as a table, one row a test."""
     columns = (
         Column("default", "", 4), Column("threshold", "", 5), Column("recall", "", 3), Column("precision", "", 3),
         Column("false positives", "%", 3),

@@ -19,7 +19,7 @@ from taubench_gl.reject.contract import RejectionTest
 Array = np.ndarray
 
 TRUTHS = ("visibility", "visibility_or_shading")
-"""What makes a pixel positive: its point was occluded or new; or that, or its light changed past a threshold."""
+"""Definitions of a positive pixel: its point was occluded or new; or that, or its light changed past a threshold."""
 
 STRATA: dict[str, tuple[str, tuple[float, ...]]] = {
     "distance": ("m", (2.0, 5.0, 10.0, 20.0, 50.0)),
@@ -51,7 +51,7 @@ class Confusion:
     true_negative: int = 0
 
     def add(self, rejected: Array, positive: Array) -> None:
-        """Both (K,) bool."""
+        """Add K pixels: whether history was ``rejected``, and whether it must be (``positive``), (K,) bool."""
         self.true_positive += int(np.count_nonzero(rejected & positive))
         self.false_positive += int(np.count_nonzero(rejected & ~positive))
         self.false_negative += int(np.count_nonzero(~rejected & positive))
@@ -83,7 +83,7 @@ class Curve:
     negative: Array = field(default_factory=lambda: np.zeros(HISTOGRAM_BINS, np.int64))
 
     def add(self, values: Array, positive: Array) -> None:
-        """``values`` (K,) at least 0, may be infinite; ``positive`` (K,) bool."""
+        """Add K pixels: ``values`` (K,) at least 0, may be infinite; ``positive`` (K,) bool."""
         bins = bin_of(values)
         self.positive += np.bincount(bins[positive], minlength=HISTOGRAM_BINS)
         self.negative += np.bincount(bins[~positive], minlength=HISTOGRAM_BINS)
@@ -94,7 +94,7 @@ class Curve:
         return edges(), tp / max(self.positive.sum(), 1), fp / max(self.negative.sum(), 1)
 
     def precision(self) -> Array:
-        """(T,), NaN where nothing is rejected."""
+        """Precision at or above each threshold, (T,); NaN where nothing is rejected."""
         tp, fp = discarded_above(self.positive), discarded_above(self.negative)
         with np.errstate(invalid="ignore"):
             return tp / (tp + fp)
@@ -126,7 +126,7 @@ class Curve:
 
 @dataclass
 class Scores:
-    """Of one test: by truth, confusion at the threshold and the curve; the confusion of every stratum by visibility."""
+    """Scores of one test: confusion at its threshold and curve by truth, and the confusion of every stratum."""
 
     test: RejectionTest
     confusion: dict[str, Confusion]
@@ -135,11 +135,12 @@ class Scores:
 
     @classmethod
     def of(cls, test: RejectionTest, truths: Sequence[str]) -> Scores:
+        """Scores of ``test`` before the first pixel; ``truths``: names of TRUTHS."""
         strata = {name: [Confusion() for _ in stratum_names(name)] for name in (*STRATA, "object")}
         return cls(test, {t: Confusion() for t in truths}, {t: Curve() for t in truths}, strata)
 
     def add(self, values: Array, truth: dict[str, Array], strata: dict[str, Array]) -> None:
-        """``values`` (K,); ``truth``: name -> (K,) bool; ``strata``: name -> (K,) row of the stratum."""
+        """Add K pixels: ``values`` (K,); ``truth``: name -> (K,) bool; ``strata``: name -> (K,) row of the stratum."""
         rejected = values > self.test.threshold
         for name, positive in truth.items():
             self.confusion[name].add(rejected, positive)
@@ -156,7 +157,7 @@ class Scores:
         return TRUTHS[1] if self.test.kind == "color" and TRUTHS[1] in self.confusion else TRUTHS[0]
 
     def block(self, milliseconds: float | None) -> dict[str, Any]:
-        """JSON values."""
+        """The block of the test in reject.json, JSON values; ``milliseconds``: of its pass, None: not measured."""
         test = self.test
         return {
             "title": test.title, "kind": test.kind, "unit": test.unit, "threshold": test.threshold, "cite": test.cite,

@@ -71,7 +71,7 @@ class InputRequest:
 
     @property
     def animated(self) -> AnimatedScene:
-        """``scene``, which there is, with its camera and poses."""
+        """The scene with its camera and poses, at the frame rate of the settings; files without a scene have none."""
         return AnimatedScene(self.scene, self.camera, self.poser).at_rate(self.settings.sequence.fps)
 
 
@@ -109,7 +109,8 @@ class Inputs(GpuOwner):
     """Keep the exact masks for the sequences of other seeds, with the same frames."""
 
     def __init__(self, request: InputRequest, reads: Collection[str], cuts: Collection[int]):
-        """``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history."""
+        """``reads``: names of INPUTS that every frame contains, unless ``missing``; ``cuts``: frames declared to
+        have no history."""
         super().__init__(request.gpu)
         self.request, self.kind, self.reads = request, request.kind, frozenset(reads)
         self._cuts, self._index = frozenset(cuts), 0
@@ -135,7 +136,10 @@ class Inputs(GpuOwner):
         return self._inputs_of(frame, frame, view, cut and not self.stereo)
 
     def advance_eye(self, frame: int) -> FrameInputs:
-        """With history ``eye``, before ``advance``: the other eye in ``frame``, which itself has no history."""
+        """The inputs of the other eye in ``frame``, which itself has no history; call it before ``advance``.
+
+        Only frames whose history is the other eye (``stereo``) have it.
+        """
         raise NotImplementedError
 
     @property
@@ -181,7 +185,8 @@ class Inputs(GpuOwner):
             self._kept[frame] = self._exact_masks.mask.read(), self._exact_masks.motion.read()
 
     def _light(self, frame: int, view: View, previous: View, textures: Textures) -> SceneLight | None:
-        """For methods that compute direct light themselves; None: no method does, or these frames lack it."""
+        """Lights and surfaces for methods that compute direct light themselves; None: no method does, or these frames
+        lack it."""
         return None
 
     def _draw(self, frame: int) -> View:
@@ -216,11 +221,12 @@ class Inputs(GpuOwner):
 
     @property
     def exact_mask(self) -> moderngl.Texture | None:
-        """Of the exact frames; None: there are none."""
+        """The mask of the exact frames; None: there are none."""
         return None if self._exact_masks is None else self._exact_masks.mask
 
     @property
     def exact_motion(self) -> moderngl.Texture | None:
+        """The motion of the exact frames, pixels of the output; None: there are none."""
         return None if self._exact_masks is None else self._exact_masks.motion
 
     def shading_ms(self) -> float | None:
@@ -229,7 +235,7 @@ class Inputs(GpuOwner):
 
     @property
     def bytes(self) -> int:
-        """GPU memory of the inputs, without the exact source."""
+        """Bytes of GPU memory of the inputs, without the exact source."""
         raise NotImplementedError
 
     def describe(self) -> dict[str, Any]:
@@ -394,10 +400,13 @@ class RasterInputs(Inputs):
 
 
 class MaskInputs:
-    """``mask`` and ``motion`` of the current frame of a source, without jitter."""
+    """Computes ``mask`` and ``motion`` of the current frame of a source, without jitter."""
 
     def __init__(self, owner: GpuOwner, source: Source, settings: Settings, radiance: tuple[str, ...]):
-        """``owner``: frees them; ``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
+        """Compile the passes for frames of ``source``; ``owner`` frees them.
+
+        ``radiance``: which of direct, indirect and color to compare; empty: geometry only.
+        """
         self._hazards = owner.gpu.hazards
         self._evaluator = owner.open_evaluator(source, settings, images=True, radiance=radiance)
         self.mask, self.motion = self._evaluator.mask_texture, self._evaluator.motion_texture
@@ -412,6 +421,7 @@ class MaskInputs:
 
     @property
     def bytes(self) -> int:
+        """Bytes of GPU memory of both textures."""
         return texture_bytes(self.mask, self.motion)
 
     def write(self, mask: bytes, motion: bytes) -> None:
@@ -420,7 +430,8 @@ class MaskInputs:
         self.motion.write(motion)
 
     def run(self, pair: Reprojection, declared: int) -> None:
-        """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
+        """Write both textures.  ``pair``: reprojection without jitter; ``declared``: Reason.FIRST or CUT of the whole
+        frame, else 0."""
         self._evaluator.submit(pair, declared=declared)
         self._fill.run(None, {"mask": self.mask, "motion": self.motion}, size=self.mask.size)
         self._hazards.publish()
@@ -439,8 +450,9 @@ def _sample_offset(kind: InputKind, jitter: Callable[..., Array]) -> Callable[[i
 
 
 def light_settings(settings: Settings, kind: InputKind) -> Settings:
-    """``settings`` with every column; for noisy light with the light and indirect-light method that it estimates, for
-    path-traced light with its samples, other ones in every pixel and frame.
+    """``settings`` with every column, and with the method of light that an input of ``kind`` estimates.
+
+    Path-traced light has its samples, other ones in every pixel and frame.
 
     Raises SettingsError.
     """
