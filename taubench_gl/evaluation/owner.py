@@ -6,6 +6,7 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -74,23 +75,17 @@ class GpuOwner(Owner):
         source: Source | ComparedSource,
         settings: Settings,
         *,
-        images: bool = False,
-        distances: bool = False,
-        reprojection: str | None = None,
-        radiance: tuple[str, ...] | None = None,
         timed: bool = True,
         instead_of: PairEvaluator | None = None,
+        **options: Any,
     ) -> PairEvaluator:
         """An evaluator of the pairs of ``source``, which the owner frees.
 
-        ``images``, ``distances``, ``reprojection``, ``radiance``: as of ``PairEvaluator``; ``timed``: its pass is
-        measured; ``instead_of``: the evaluator that it replaces.
+        ``timed``: its pass is measured; ``instead_of``: the evaluator that it replaces; ``options``: keywords of
+        ``PairEvaluator``.
         """
         context = self.context if timed else self.untimed
-        evaluator = PairEvaluator(
-            context, source, settings, images=images, distances=distances, reprojection=reprojection, radiance=radiance
-        )
-        return self.own(evaluator, instead_of=instead_of)
+        return self.own(PairEvaluator(context, source, settings, **options), instead_of=instead_of)
 
     def release(self) -> None:
         """Free everything, and what else has lost its references.  The owner can be used again."""
