@@ -22,6 +22,7 @@ from taubench_gl.run_schema import (
     DECIDED_COLUMNS,
     EXACT_COLUMNS,
     FRAME_COLUMNS,
+    OTHER_COLUMNS,
     SAMPLED_COLUMNS,
     Summary,
 )
@@ -30,7 +31,16 @@ SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
 INTEGER_COLUMNS = frozenset(
-    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, SAMPLED_COLUMNS[0], "camera_cut", "gimbal"}
+    {
+        "frame",
+        *COUNT_COLUMNS,
+        *OTHER_COLUMNS,
+        *EXACT_COLUMNS,
+        *DECIDED_COLUMNS,
+        SAMPLED_COLUMNS[0],
+        "camera_cut",
+        "gimbal",
+    }
 )
 """Columns of frames.csv that hold integers."""
 

@@ -180,6 +180,12 @@ class PairEvaluator:
                 pair, limits, current, previous, int(declared), exposure=self.settings.lighting.exposure_factor
             )
 
+    @property
+    def submitted(self) -> Reprojection:
+        """The cameras of the pair submitted last."""
+        assert self._submitted is not None
+        return self._submitted[0]
+
     def read(self, run: int | None = None) -> Counts:
         """Wait for a run, the latest or the one before it, and read its counts."""
         return self._masks.read(run)

@@ -167,8 +167,9 @@ class Session(GpuOwner):
         self.drawn: list[View] = []
         source = self.source
         self.tally = Tally(
-            self.settings, self.plan.frames, self.plan.light, source.unmeasured, source.reprojection, self.missing_lobes
-        )
+            self.settings, self.plan.frames, self.plan.light, source.unmeasured, source.reprojection, source.other,
+            self.missing_lobes,
+        )  # fmt: skip
 
     def pairs(
         self, schedule: Schedule | None = None, checked: Collection[int] | None = None, *, continued: bool = False
