@@ -45,9 +45,17 @@ INTEGER_COLUMNS = frozenset(
 """Columns of frames.csv that hold integers."""
 
 
-def total_discards(row: Mapping[str, Any]) -> int:
-    """Discards of a row of frames.csv, summed over the columns of Table 4; the worst frame has the most."""
-    return sum(row.get(name) or 0 for name in COLUMNS)
+def not_reusable(row: Mapping[str, Any]) -> float:
+    """Share of the surface pixels of a row of frames.csv that are not reusable, 0 to 1; the worst frame has the most.
+
+    By ``shading``, else ``surface``.  Where neither was measured, discards of all columns over all pixels; 0 where no
+    pixel shows a surface.
+    """
+    for reusable in (row.get("reusable_shading"), row.get("reusable_surface")):
+        if reusable is not None:
+            surface = row["pixels"] - (row.get("sky") or 0)
+            return 1.0 - reusable / surface if surface else 0.0
+    return sum(row.get(name) or 0 for name in COLUMNS) / max(row.get("pixels") or 0, 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@
     JOB/light-PAIR-VISIT-HASH  a visit of sampled light
 
 HASH is of everything in the head that counts depend on.  Counts are sparse, [places, counts]: of reason words in
-``words``, ``other`` (of the other reprojection, null where it is not counted) and each of ``lobes``; of histogram bins in ``bins``, feature * bins + bin in the order of
-``features.FEATURES``.
+``words``, in ``other`` (under the other reprojection; null where that is not counted) and in each of ``lobes``; of
+histogram bins in ``bins``, feature * bins + bin in the order of ``features.FEATURES``.
 """
 
 from __future__ import annotations

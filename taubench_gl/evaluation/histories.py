@@ -88,7 +88,7 @@ def of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, Ar
     known = {name: of[rows].astype(np.float64) for name, of in pair.distances.items()}
     both = []
     for masks in (found.first, found.end):
-        whole = PixelMasks.blank(words, tuple(known), halves)
+        whole = PixelMasks.blank(words, tuple(masks.distances), halves)
         for name, distance in known.items():
             whole.distances[name][:], whole.half_distances[name][:] = distance, distance[:, None]
         whole.put(at, masks)

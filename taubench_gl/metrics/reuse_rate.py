@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.features import BY_BIT, MASK_WORDS, TABLE
+from taubench_gl.features import BY_BIT, COLUMN_BITS, MASK_WORDS, TABLE
 from taubench_gl.glossary import REUSE_REASONS
 
 Array = np.ndarray
@@ -91,6 +91,7 @@ class ReuseStats:
         self._counts: dict[str, list[int]] = {rate: [] for rate in measured}
         self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
         self._color_only: list[int] = []
+        self._discarded: dict[str, list[int]] = {c: [] for c in COLUMN_BITS if c not in unmeasured}
         self._histogram = np.zeros(MASK_WORDS, dtype=np.int64)
 
     def add(self, mask_histogram: Array) -> None:
@@ -105,6 +106,10 @@ class ReuseStats:
         if self.rate is not None:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
+        for column, values in self._discarded.items():
+            values.append(
+                int(pixels[((words & int(COLUMN_BITS[column])) != 0) & ((words & int(Reason.SKY)) == 0)].sum())
+            )
         if self._with_color:
             reusable = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
             self._color_only.append(int(pixels[reusable & ((words & int(Reason.COLOR)) != 0)].sum()))
@@ -143,6 +148,11 @@ class ReuseStats:
         """Rate -> its entry in ``block``.  Arguments as there."""
         weights = np.ones(len(self._pixels)) if weights is None else weights
         return {rate: self._rate(rate, cuts, weights) for rate in RATES}
+
+    def discarded(self, weights: Array | None = None) -> dict[str, float | None]:
+        """Column -> surface pixels that it discards, % of surface pixels.  ``weights``: as of ``block``."""
+        weights = np.ones(len(self._pixels)) if weights is None else weights
+        return {column: _percent(values, self._surface, weights) for column, values in self._discarded.items()}
 
     @property
     def pixels(self) -> int:

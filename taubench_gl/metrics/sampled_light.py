@@ -48,7 +48,11 @@ def lobe_distance(bounce: str, lobe: str) -> str:
 
 
 def strata_of(
-    words: Array, distances: Mapping[str, Array], thresholds: Mapping[str, float], traced: Array, differs: Array | bool
+    words: Array,
+    distances: Mapping[str, Array],
+    thresholds: Mapping[str, float],
+    traced: Array,
+    differs: Array | bool = False,
 ) -> Array:
     """Stratum of every pixel by its preview: near a threshold or not, and its light columns.  (h, w) int64.
 
@@ -238,6 +242,8 @@ def statistics_of(
     for column in columns:
         for key, base in shares:
             out.append(_Statistic(("discard", column, key), _has(FEATURE_BIT[column]), base))
+        of_surface = _has(FEATURE_BIT[column], int(Reason.SKY))
+        out.append(_Statistic(("discard", column, "of_surface_percent"), of_surface, "surface"))
     for column in radiance:
         for key, factor in EXPOSURE_FACTORS.items():
             limit = thresholds[column] / factor

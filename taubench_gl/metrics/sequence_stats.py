@@ -109,6 +109,8 @@ class SequenceStats:
         discard = self.discard(cuts)
         sampling = {} if sample is None else {"sampling": self._sampling(sample, discard)}
         weights = None if sample is None else sample.weights
+        for column, share in self.reuse.discarded(weights).items() if self.pairs else ():
+            discard[column]["of_surface_percent"] = share
         reusable = self.reuse.block(reprojection, cuts, weights)
         if self._other != EQUAL:
             counted = self._other == COUNTED

@@ -236,7 +236,7 @@ class MaskPass(Owner):
         words, histograms, *other = self._counters
         resources = {**current, **{f"history_{name}": texture for name, texture in history.items()}}
         resources |= {"mask_histogram": words, "histograms": histograms, "mask": self.mask, "motion": self.motion}
-        resources |= {"other_histogram": of_other for of_other in other}
+        resources["other_histogram"] = other[0] if other else None
         resources |= {"distances": self.distances, "changes": self.changes}
         # A pass has eight images at most.
         dtypes = {resources[use.key].dtype for use in self.options.geometry()}
