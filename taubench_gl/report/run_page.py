@@ -362,7 +362,7 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
     ]  # fmt: skip
     measured_rates = [rate for rate in RATES if set(RATE_COLUMNS[rate]) <= set(measured)]
     return reasons + [
-        {"name": f"reusable_{rate}", "label": rate, "bits": int(RATE_BITS[rate]), "of": rate,
+        {"name": f"reusable_{rate}", "label": f"not reusable, {rate}", "bits": int(RATE_BITS[rate]), "of": rate,
          "group": "Not reusable, for any reason", "on": False, "color": hex_of(REUSE_COLORS[rate]),
          "definition": f"Surface pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}
         for rate in measured_rates
