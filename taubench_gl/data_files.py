@@ -18,8 +18,9 @@ import stat
 import tomllib
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import reduce
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
@@ -42,6 +43,7 @@ _KEY_PART = r"(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
 _LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*+{_KEY_PART}(?:[ \t]*+\.[ \t]*+{_KEY_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
 _EXPECTED = re.compile(r"Expected (.*), got (.*)")
 _FIELD = re.compile(r"Object (missing required|contains unknown) field (.*)")
+_STEP = re.compile(r"\.([^.\[\]`]+)|\[(\d+)\]")
 _WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
           "bool": "true or false"}  # fmt: skip
 _MAX_DIGITS = 20  # of an integer: 64 bits with a sign
@@ -127,8 +129,8 @@ def read_bytes(
     with opened(path, fault, max_bytes=max_bytes, links=links, where=where) as file:
         data = file.read(os.fstat(file.fileno()).st_size)
         # It has grown, or is a file of the system: those say 0 bytes, and fail for a large buffer.
-        while len(data) <= max_bytes and (more := file.read(_BLOCK)):
-            data += more
+        while len(data) <= max_bytes and (block := file.read(_BLOCK)):
+            data += block
     if len(data) > max_bytes:
         raise fault(f"is larger than {shown_bytes(max_bytes)}", where=where or str(path))
     return data
@@ -205,7 +207,7 @@ def read_toml(
     """The content of a TOML file as ``kind``, a msgspec.Struct or a dict of its tables.  Raises ``fault``."""
     text = read_text(path, fault, max_bytes=max_bytes)
     with one_line(path, fault, "is not TOML", hint):
-        return msgspec.convert(parse_toml(text), kind)
+        return convert(parse_toml(text), kind)
 
 
 @contextmanager
@@ -263,6 +265,55 @@ def checked(value: Any, kind: Any) -> Any:
     if kind is not Any:
         msgspec.convert(value, kind)
     return value
+
+
+def convert(value: Any, kind: type[T]) -> T:
+    """``msgspec.convert``, whose errors name the keys of tables, which msgspec writes as ``[...]``.
+
+    Raises msgspec.ValidationError.
+    """
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        first = str(error)
+    message, at, place = first.partition(" - at ")
+    named, *rest = place.split("[...]")
+    steps = _steps(named)
+    for part in rest:
+        # The one entry of the table that alone gives the same error.
+        table = reduce(lambda inner, step: inner[step], steps, value)
+        alone = ((key, _replaced(value, steps, {key: table[key]})) for key in table if isinstance(table, Mapping))
+        key, value = next(((key, one) for key, one in alone if _error(one, kind) == first), ("[...]", value))
+        if key == "[...]":
+            break
+        steps += [key, *_steps(part)]
+        named += f".{key}{part}"
+    else:
+        place = named
+    raise msgspec.ValidationError(message + at + place) from None
+
+
+def _steps(place: str) -> list[str | int]:
+    """Keys and indices of a place in msgspec's messages."""
+    return [int(index) if index else key for key, index in _STEP.findall(place)]
+
+
+def _replaced(value: Any, steps: Sequence[str | int], inner: Any) -> Any:
+    """A copy of nested tables and lists with ``inner`` at ``steps``."""
+    if not steps:
+        return inner
+    copy = dict(value) if isinstance(value, Mapping) else list(value)
+    copy[steps[0]] = _replaced(value[steps[0]], steps[1:], inner)
+    return copy
+
+
+def _error(value: Any, kind: Any) -> str | None:
+    """The message of msgspec about ``value``, None if it matches ``kind``."""
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        return str(error)
+    return None
 
 
 def schema_fault(error: msgspec.ValidationError) -> str:

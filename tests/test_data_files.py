@@ -135,6 +135,21 @@ def test_values_of_another_type_are_named(tmp_path):
     assert read_json(write(path, json.dumps(values)), Kind) == values
 
 
+def test_the_entry_of_a_table_that_is_wrong_is_named(tmp_path):
+    class Kind(msgspec.Struct, forbid_unknown_fields=True):
+        groups: list[dict[str, dict[str, int]]]
+
+    path = tmp_path / "a.toml"
+    for text, key in (
+        ("[[groups]]\nu = { x = 1 }\n[[groups]]\na = { x = 1 }\nb = { x = 1, y = 'z' }\n", "groups[1].b.y "),
+        ("[[groups]]\na = { x = 1 }\nb = 3\n", "groups[0].b "),
+        ("[[groups]]\n[group]\n", "group "),
+    ):
+        with pytest.raises(OutputError) as caught:
+            read_toml(write(path, text), Kind)
+        assert caught.value.what.startswith(key)
+
+
 def test_formulas_in_csv_are_text():
     cells = ["=1+1", "+cmd", "-2+3", "@sum", "-1.5", "+1e3", "plain", -1.5, None, "a=b"]
     assert csv_text([cells]) == "'=1+1,'+cmd,'-2+3,'@sum,-1.5,+1e3,plain,-1.5,,a=b\n"

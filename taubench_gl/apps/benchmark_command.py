@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import Commands, command, part
+from taubench_gl.apps.options import Commands, command, option_group
 from taubench_gl.apps.screen import TABLE_FORMATS, interruptible, note, show_tables, warn
 from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
 from taubench_gl.option_groups import EngineOptions
@@ -42,7 +42,9 @@ def benchmark() -> None:
 
 
 @command(
-    engine=part(EngineOptions, without=("chunk",), shown={"workers": "one per core", "engine": "worker processes"}),
+    engine=option_group(
+        EngineOptions, without=("chunk",), shown={"workers": "one per core", "engine": "worker processes"}
+    ),
     epilog="""\b
 Examples:
   taubench-gl benchmark run --out results

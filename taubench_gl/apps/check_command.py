@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, command, part
+from taubench_gl.apps.options import AS_JSON, command, option_group
 from taubench_gl.apps.screen import show_json, show_tables
 from taubench_gl.fields import at_least, setting
 from taubench_gl.option_groups import PathTracedOptions
@@ -17,8 +17,8 @@ EXIT_WRONG = 1
 
 
 @command(
-    settings=part(only=("camera", "fps", "frames")),
-    files=part(PathTracedOptions, without=("lobes", "second_seed")),
+    settings=option_group(only=("camera", "fps", "frames")),
+    files=option_group(PathTracedOptions, without=("lobes", "second_seed")),
     epilog="""\b
 Examples:
   taubench-gl check exr:renders --camera-file renders/camera.json

@@ -60,7 +60,7 @@ SECTIONS = {
 
 
 class Program(Commands):
-    """All commands."""
+    """The program: the group of all commands."""
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple:
         """A scene in place of a command is answered with what to type."""

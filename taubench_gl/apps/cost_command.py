@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.apps.options import command, part
+from taubench_gl.apps.options import command, option_group
 from taubench_gl.apps.screen import for_each_scene, interruptible
 from taubench_gl.fields import REQUIRED, setting
 from taubench_gl.option_groups import CostOptions
@@ -16,8 +16,8 @@ from taubench_gl.settings import OUTPUT, STEREO, Settings
 
 
 @command(
-    options=part(CostOptions),
-    settings=part(
+    options=option_group(CostOptions),
+    settings=option_group(
         without=(*STEREO, "exact", "samples_per_pixel", "light", "spp", "light_within", "light_time", "pattern")
     ),
     epilog="""\b

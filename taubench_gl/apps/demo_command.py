@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from taubench_gl.apps.options import GPU, command, part
+from taubench_gl.apps.options import GPU, command, option_group
 from taubench_gl.apps.screen import only_one
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import setting
@@ -21,7 +21,7 @@ from taubench_gl.settings import OUTPUT, SIZE, DeviceSettings, Settings, parse_s
 if TYPE_CHECKING:
     from taubench_gl.demos.demo import Demo
     from taubench_gl.demos.gallery import Shown
-    from taubench_gl.demos.lecture import Part
+    from taubench_gl.demos.lecture import OptionGroup
 
 EXIT_NOT_AS_EXPECTED = 1
 Size = tuple[int, int] | None
@@ -45,7 +45,7 @@ class DemoType(click.ParamType):
 
 
 @command(
-    settings=part(only=GPU),
+    settings=option_group(only=GPU),
     epilog="""\b
 Examples:
   taubench-gl demo
@@ -175,7 +175,7 @@ def _notebooks(selected: list[Demo], out: Path, size: Size) -> None:
 
 
 def _run(
-    selected: list[Demo], out: Path, index: bool, parts: Sequence[Part], size: Size, machine: DeviceSettings
+    selected: list[Demo], out: Path, index: bool, parts: Sequence[OptionGroup], size: Size, machine: DeviceSettings
 ) -> int:
     from taubench_gl.demos.gallery import open_stage, run_demos
     from taubench_gl.demos.stage import SIZE

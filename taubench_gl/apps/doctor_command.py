@@ -8,14 +8,14 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, GPU, command, part
+from taubench_gl.apps.options import AS_JSON, GPU, command, option_group
 from taubench_gl.apps.screen import show_json
 from taubench_gl.fields import setting
 from taubench_gl.settings import Settings
 
 
 @command(
-    settings=part(only=GPU),
+    settings=option_group(only=GPU),
     epilog="""\b
 Examples:
   taubench-gl doctor

@@ -100,7 +100,7 @@ def evaluate(
 
 
 def with_preset(settings: Settings, file: Path | None) -> Settings:
-    """``settings`` of the running command, those that the user did not give from a preset.  Raises SettingsError."""
+    """``settings`` with those of a preset that the user did not give to the running command.  Raises SettingsError."""
     if file is None:
         return settings
     from taubench_gl.preset import load_preset
@@ -197,7 +197,7 @@ def _show(runs: list[Run], *, report: bool, verbose: bool) -> None:
 
 
 def _kept(folder: Path | None, runs: list[Run]) -> str:
-    """The results kept after an interrupt."""
+    """Which results are kept after an interrupt, in words."""
     from taubench_gl.run import FRAMES_FILE, read_frames
 
     if folder is None:

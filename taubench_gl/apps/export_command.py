@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from taubench_gl.apps.options import command, part
+from taubench_gl.apps.options import command, option_group
 from taubench_gl.fields import REQUIRED, setting
 from taubench_gl.option_groups import ExportOptions, TrainingOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 
 @command(
-    settings=part(without=("exact", "storage", "samples_per_pixel", "pairs")),
+    settings=option_group(without=("exact", "storage", "samples_per_pixel", "pairs")),
     epilog="""\b
 Examples:
   taubench-gl export scene.glb --out gbuffers

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, command, part
+from taubench_gl.apps.options import AS_JSON, command, option_group
 from taubench_gl.apps.screen import show_json
 from taubench_gl.settings import Settings
 
@@ -20,7 +20,7 @@ MAX_INSPECTED = 10_000
 
 
 @command(
-    settings=part(only=("scene", "animation", "strict", "fps", "unit_scale")),
+    settings=option_group(only=("scene", "animation", "strict", "fps", "unit_scale")),
     epilog="""\b
 Examples:
   taubench-gl inspect scene.glb

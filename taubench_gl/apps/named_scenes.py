@@ -32,7 +32,7 @@ def row_settings(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _readable(text: str) -> str:
-    """``text``, or the glTF file in the cache of a file that only Blender reads."""
+    """A path that can be read: ``text`` itself, or the cached glTF file of one that only Blender reads."""
     from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 
     if not is_convertible(text):

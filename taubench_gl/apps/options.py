@@ -44,7 +44,7 @@ FRAMES = ("camera", "scene", "animation", "strict", "fps", "frames", "size")
 GPU = ("backend", "device")
 
 AS_JSON = setting(False, "Print JSON", flag="--json")
-"""Of commands that print facts."""
+"""Option of commands whose output other programs may read."""
 
 MAX_MEMORY = Setting(
     name="max_memory",
@@ -55,7 +55,7 @@ MAX_MEMORY = Setting(
     metavar="SIZE",
     shown="that of the machine or container, divided by the workers",
 )
-"""Of every command that reads scenes."""
+"""Option of every command that reads scenes."""
 
 
 # One option
@@ -72,7 +72,7 @@ class _Text(click.ParamType):
         return self.name
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The allowed words, or names of files."""
+        """Complete the allowed words, or names of files."""
         if Path in (self._field.kind, *typing.get_args(self._field.kind)):
             return [CompletionItem(incomplete, type="file")]
         words = self._field.check.words if self._field.check else ()
@@ -93,7 +93,7 @@ def _metavar(field: Setting) -> str:
 
 
 class Option(click.Option):
-    """The option of a field."""
+    """The option of the command line that a field declares."""
 
     def __init__(self, field: Setting):
         self.field = field
@@ -154,7 +154,7 @@ def _limit_memory(context: click.Context, _param: click.Parameter, value: str | 
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class OptionGroup:
     """The fields of one object that are options of a command."""
 
     kind: Any  # Settings, or a dataclass of fields
@@ -162,7 +162,7 @@ class Part:
     changed: frozenset[str]  # fields whose default is the command's
 
     def build(self, values: dict[str, Any]) -> Any:
-        """The object, from the values of its options, which are removed.  Raises SettingsError."""
+        """Make the object of the group; removes its options from ``values``.  Raises SettingsError."""
         # Values that nobody gave are left to the class, which has its own defaults.
         names = given_options(self.fields) | self.changed
         picked = {name: values.pop(name) for name in self.fields}
@@ -172,14 +172,14 @@ class Part:
         return settings
 
 
-def part(
+def option_group(
     kind: Any = Settings,
     *,
     only: Iterable[str] = (),
     without: Iterable[str] = (),
     shown: Mapping[str, str] | None = None,
     **defaults: Any,
-) -> Part:
+) -> OptionGroup:
     """Options of a command for fields of ``kind``: ``only`` some, all ``without`` some, with other ``defaults``.
 
     A name in ``only`` may be that of a group of Settings.  ``shown``: defaults in words.
@@ -200,7 +200,7 @@ def part(
         if shown and name in shown:
             field = dataclasses.replace(field, shown=shown[name])
         fields[name] = field
-    return Part(kind, fields, frozenset(defaults))
+    return OptionGroup(kind, fields, frozenset(defaults))
 
 
 def require_used(settings: Settings) -> None:
@@ -220,7 +220,7 @@ class Command(click.Command):
     """A command with a short and a complete help."""
 
     def shown(self, ctx: click.Context) -> list[click.Option]:
-        """Options of the help that is asked for."""
+        """The options that the short or the complete help shows, whichever is asked for."""
         options = [param for param in self.get_params(ctx) if isinstance(param, click.Option)]
         fields = [option for option in options if isinstance(option, Option)]
         if ctx.meta.get("complete help") or len(fields) <= MOST_SHORT:
@@ -228,7 +228,7 @@ class Command(click.Command):
         return [option for option in options if not isinstance(option, Option) or option.field.short]
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """One list, or, in the complete help, a list for each group."""
+        """Write the options as one list or, in the complete help, as a list for each heading."""
         records: dict[str, list[tuple[str, str]]] = {heading: [] for heading in (*HEADINGS, "Help")}
         for option in self.shown(ctx):
             heading = option.field.group if isinstance(option, Option) else "Help"
@@ -253,16 +253,18 @@ def _show_complete_help(ctx: click.Context, _param: click.Parameter, wanted: boo
         ctx.exit()
 
 
-def command(name: str | None = None, *, epilog: str = "", **parts: Part) -> Callable[[Callable[..., Any]], Command]:
+def command(
+    name: str | None = None, *, epilog: str = "", **groups: OptionGroup
+) -> Callable[[Callable[..., Any]], Command]:
     """Decorator that makes a function a command.
 
     Keyword parameters of the function whose default is a ``fields.setting`` are options; so are the fields of
-    parameters that are annotated with Settings or a dataclass of fields.  ``parts``: which fields, by parameter; all
+    parameters that are annotated with Settings or a dataclass of fields.  ``groups``: which fields, by parameter; all
     by default.  Arguments are declared with ``click.argument``.
     """
 
     def decorate(function: Callable[..., Any]) -> Command:
-        own, objects = declared(function), parts | dict(_other_parts(function, parts))
+        own, objects = declared(function), groups | dict(_other_groups(function, groups))
         fields = [*own.values(), *(field for made in objects.values() for field in made.fields.values())]
 
         @functools.wraps(function)
@@ -296,11 +298,11 @@ def command(name: str | None = None, *, epilog: str = "", **parts: Part) -> Call
     return decorate
 
 
-def _other_parts(function: Callable[..., Any], parts: dict[str, Part]) -> Iterator[tuple[str, Part]]:
-    """Parts of the parameters that are annotated with a class of fields and not in ``parts``."""
+def _other_groups(function: Callable[..., Any], groups: dict[str, OptionGroup]) -> Iterator[tuple[str, OptionGroup]]:
+    """The option groups of parameters that are annotated with a class of fields and are not in ``groups``."""
     for name, kind in typing.get_type_hints(function).items():
-        if name not in parts and (kind is Settings or (dataclasses.is_dataclass(kind) and declared(kind))):
-            yield name, part(kind)
+        if name not in groups and (kind is Settings or (dataclasses.is_dataclass(kind) and declared(kind))):
+            yield name, option_group(kind)
 
 
 class Commands(click.Group):
@@ -319,7 +321,7 @@ class Commands(click.Group):
         return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """A list for each section, with whole sentences."""
+        """Write a list for each section, with whole sentences."""
         width = max(map(len, self.commands))
         for heading, names in (self.sections or {"Commands": self.list_commands(ctx)}).items():
             with formatter.section(heading):

@@ -47,7 +47,7 @@ def paper(
     from taubench_gl.paper.output import PAGE, write_study
     from taubench_gl.paper.scenes import find_scenes
     from taubench_gl.paper.study import plan, run_jobs
-    from taubench_gl.study.engines import make_engine
+    from taubench_gl.study.driver import make_engine
     from taubench_gl.study.progress import announce
 
     make_engine(engine.engine, engine.workers, out)  # refuses what there is not before anything is drawn

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, part
+from taubench_gl.apps.options import AS_JSON, FRAMES, Commands, command, option_group
 from taubench_gl.apps.screen import StatusLine, show_json, show_notes
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, setting
@@ -28,7 +28,7 @@ def reference() -> None:
 
 
 @command(
-    settings=part(only=(*FRAMES, "culling", *FIXED_LIGHTING)),
+    settings=option_group(only=(*FRAMES, "culling", *FIXED_LIGHTING)),
     epilog="""\b
 Examples:
   taubench-gl reference render scene.glb --out renders --size 480x270 --samples 256

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, FRAMES, GPU, Commands, command, part
+from taubench_gl.apps.options import AS_JSON, FRAMES, GPU, Commands, command, option_group
 from taubench_gl.apps.screen import show_json, show_list, show_tables
 from taubench_gl.fields import REQUIRED, one_of, setting
 from taubench_gl.settings import OUTPUT, Settings
@@ -21,7 +21,7 @@ TESTS = setting(
     "Comma-separated: a built-in name or a folder, also NAME=THRESHOLD; several joined by + reject what any rejects",
     shown="all built-in ones",
 )
-SETTINGS = part(
+SETTINGS = option_group(
     only=(*FRAMES, "thresholds", "unit_scale", "culling", "lighting", *GPU),
     without=("effects", "probes", "indirect_samples"),
     size="1280x720",

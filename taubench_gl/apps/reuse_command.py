@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, GPU, Commands, command, part
+from taubench_gl.apps.options import AS_JSON, GPU, Commands, command, option_group
 from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
 from taubench_gl.apps.screen import show_json, show_list
 from taubench_gl.errors import SettingsError
@@ -23,7 +23,7 @@ FULL_HD = (1920, 1080)
 
 
 def _pairs(texts: Any) -> Any:
-    """``("alpha=0.2",)`` -> (("alpha", "0.2"),); the method checks the values."""
+    """Names and values of texts such as ``alpha=0.2``, as pairs; the method checks the values."""
     pairs = tuple(tuple(part.strip() for part in text.partition("=")[::2]) for text in texts)
     for text, pair in zip(texts, pairs, strict=True):
         if not all(pair):
@@ -114,7 +114,7 @@ def _short(value: Any) -> str:
 
 
 def describe(method: Method) -> dict[str, Any]:
-    """The facts of ``reuse show --json``."""
+    """What ``reuse show --json`` prints of a method, as JSON values."""
     return {
         "name": method.name,
         "title": method.title,
@@ -170,7 +170,7 @@ def new(
 
 
 @command(
-    settings=part(only=GPU),
+    settings=option_group(only=GPU),
     epilog="""\b
 Examples:
   taubench-gl reuse check my-method

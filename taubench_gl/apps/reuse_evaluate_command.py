@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import FRAMES, GPU, command, given_options, part
+from taubench_gl.apps.options import FRAMES, GPU, command, given_options, option_group
 from taubench_gl.apps.screen import for_each_scene, interruptible, note, warn
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, one_of, setting, some_of
@@ -20,7 +20,7 @@ from taubench_gl.settings import OUTPUT, STEREO, Settings
 if TYPE_CHECKING:
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
-SETTINGS = part(only=(*FRAMES, *REUSE_SETTINGS, *STEREO, *GPU))
+SETTINGS = option_group(only=(*FRAMES, *REUSE_SETTINGS, *STEREO, *GPU))
 
 
 @command(
@@ -89,7 +89,7 @@ def _evaluate_one(
     files: tuple[str, tuple[str, ...], bool],
     request: dict[str, Any],
 ) -> list[str]:
-    """Evaluate and show one scene.  -> a line for each method that failed, which is printed too."""
+    """Evaluate and show one scene; returns a line for each method that failed, which is printed too."""
     from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.report.page import REPORT_FILE
@@ -120,9 +120,9 @@ def _evaluate_one(
 
 
 @command(
-    search=part(FitOptions),
+    search=option_group(FitOptions),
     settings=SETTINGS,
-    reuse=part(ReuseOptions, without=("metrics",)),
+    reuse=option_group(ReuseOptions, without=("metrics",)),
     epilog="""\b
 Examples:
   taubench-gl reuse fit scene.glb --method taa_variance --setting gamma=0.5:4:8 --input noisy
@@ -184,7 +184,7 @@ def _of_input(settings: Settings, reuse: ReuseOptions) -> Settings:
 
 
 def _kept(results: ReuseFolder | None) -> str:
-    """What was written before an interrupt."""
+    """Which results are kept after an interrupt, in words."""
     if results is None:
         return "nothing was written (--out DIR keeps the evaluated frames)"
     count = results.written_frames

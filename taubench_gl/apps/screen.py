@@ -86,7 +86,7 @@ def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
 
 
 def for_each_scene(scenes: Sequence[str], out: Path | None, run: Callable[[str, Path | None], None]) -> int:
-    """Call ``run`` with each scene and its folder.  -> the number of scenes that failed.
+    """Call ``run`` with each scene and its folder; returns the number of scenes that failed.
 
     One of several scenes that fails prints its error, or the traceback of an internal error, and the others still run.
     """
@@ -176,7 +176,7 @@ class StatusLine:
         self._open = False
 
     def __call__(self, line: str, *, passing: bool = False) -> None:
-        """``passing``: the line is not worth keeping in a file."""
+        """Show ``line`` in place of the last one; ``passing``: it is not worth keeping in a file."""
         if sys.stderr.isatty():
             click.echo(f"\r\033[K{line}", nl=not passing, err=True)
             self._open = passing

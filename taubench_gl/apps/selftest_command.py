@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import AS_JSON, GPU, command, part
+from taubench_gl.apps.options import AS_JSON, GPU, command, option_group
 from taubench_gl.apps.screen import show_json
 from taubench_gl.apps.stages import STAGES
 from taubench_gl.errors import SettingsError
@@ -21,7 +21,7 @@ MAX_SIDE = 4096
 
 
 @command(
-    settings=part(only=("size", *GPU), size="96x64"),
+    settings=option_group(only=("size", *GPU), size="96x64"),
     epilog="""\b
 Examples:
   taubench-gl selftest

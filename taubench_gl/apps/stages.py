@@ -34,7 +34,7 @@ class Stages(logging.Handler):
         self._said = time.monotonic()  # when the command began, then when the last line was printed
 
     def begin(self) -> None:
-        """A command begins."""
+        """Start the clock: a command begins."""
         self._said = time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -75,12 +75,12 @@ class Stages(logging.Handler):
                 self._later(again, text, began, 2.0 * again)
 
     def silence(self) -> None:
-        """Show none from now on: the command says by itself how far it is."""
+        """Show no stage from now on: the command says by itself how far it is."""
         self.end()
         self.show = lambda text: None
 
     def end(self) -> None:
-        """The stage is over."""
+        """Stop showing the stage: it is over."""
         with self.lock:
             if self._timer is not None:
                 self._timer.cancel()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import GPU, command, given_options, part
+from taubench_gl.apps.options import GPU, command, given_options, option_group
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import REQUIRED, Check, at_least, setting, value_text
 from taubench_gl.settings import OUTPUT, Settings
@@ -24,7 +24,7 @@ _STATISTICS = Check(
 
 
 def _count(text: Any) -> Any:
-    """A number of things, or ``all`` -> -1."""
+    """The number that a text spells, -1 for ``all``.  Raises SettingsError."""
     if text == "all":
         return -1
     if not str(text).isdecimal():
@@ -33,7 +33,7 @@ def _count(text: Any) -> Any:
 
 
 def _sweep_range(text: Any) -> Any:
-    """``yaw=0:12:7`` -> (axis, low, high, count)."""
+    """(axis, low, high, count) of a text such as ``yaw=0:12:7``.  Raises SettingsError."""
     axis, _, numbers = text.partition("=")
     try:
         low, high, count = numbers.split(":")
@@ -53,7 +53,9 @@ def _moved(meaning: str) -> Any:
 
 
 @command(
-    settings=part(only=("size", "columns", "strict", *GPU), size="480x270", columns="frustum,position,normal,direct"),
+    settings=option_group(
+        only=("size", "columns", "strict", *GPU), size="480x270", columns="frustum,position,normal,direct"
+    ),
     epilog="""\b
 Examples:
   taubench-gl stress scene.glb --camera vr --out hard.glb

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import GPU, command, given_options, part
+from taubench_gl.apps.options import GPU, command, given_options, option_group
 from taubench_gl.errors import SettingsError
 from taubench_gl.fields import at_least, setting
 from taubench_gl.option_groups import PathTracedOptions
@@ -20,8 +20,8 @@ LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
 
 
 @command(
-    settings=part(without=("exact", "storage", "samples_per_pixel", "pairs", *GPU)),
-    files=part(PathTracedOptions, without=("lobes", "second_seed")),
+    settings=option_group(without=("exact", "storage", "samples_per_pixel", "pairs", *GPU)),
+    files=option_group(PathTracedOptions, without=("lobes", "second_seed")),
     epilog="""\b
 Examples:
   taubench-gl view scene.glb

@@ -231,6 +231,14 @@ def _pick(nodes: list[int], count: int, rng: np.random.Generator) -> list[int]:
     return sorted(rng.choice(nodes, size=count, replace=False).tolist())
 
 
-def with_stats(spec: CameraSpec, **stats: MotionStats | None) -> CameraSpec:
-    """Replace quantities of a camera, such as ``yaw=MotionStats(2.0)``; None leaves one unchanged."""
+def with_stats(
+    spec: CameraSpec,
+    *,
+    translation: MotionStats | None = None,
+    yaw: MotionStats | None = None,
+    pitch: MotionStats | None = None,
+    roll: MotionStats | None = None,
+) -> CameraSpec:
+    """Replace quantities of a camera; None leaves a quantity unchanged."""
+    stats = {"translation": translation, "yaw": yaw, "pitch": pitch, "roll": roll}
     return dataclasses.replace(spec, **{name: value for name, value in stats.items() if value is not None})

@@ -50,7 +50,7 @@ def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced o
     What path tracing replaces stays disabled.
     """
     out = dict(effects)
-    replaced = {name for by, some in REPLACED.items() if by in effects and effects[by].enabled for name in some}
+    replaced = {name for by, raster in REPLACED.items() if by in effects and effects[by].enabled for name in raster}
     for name in effects.keys() & set(names) - replaced:
         if not effects[name].enabled:
             out[name] = Effect(True, f"{why} ({effects[name].reason})")

@@ -29,10 +29,10 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 
 SEED = 21
-"""Beside that of the settings: of audits and of the order in which pixels are decided."""
+"""Seed of audits and of the order in which pixels are decided, beside the seed of the settings."""
 
 LISTED = 1024
-"""Pixels that are decided together."""
+"""Number of pixels that are decided together."""
 
 
 class DecidedLight:

@@ -83,7 +83,7 @@ class PreviewPair:
 
 
 def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, columns: Collection[str]) -> PreviewPair:
-    """The pair that ``evaluator``, which writes images and distances, has submitted last.  ``columns``: of light."""
+    """Read the pair that ``evaluator`` has submitted last; it writes images and distances.  ``columns``: of light."""
     motion, (width, height) = evaluator.motion(), source.size
     across, down = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     up = (height - 1 - down) - motion[..., 1]  # in float32, as the masks add it
@@ -117,7 +117,7 @@ def other_evaluator(owner: GpuOwner, source: RasterSource, settings: Settings) -
 
 @dataclass(frozen=True, slots=True)
 class Decisions:
-    """Of n pixels of a pair."""
+    """What path-traced light says of n pixels of a pair, when each was decided and at the end."""
 
     first: PixelMasks  # with which they were decided, or that of the limit
     end: PixelMasks  # of the limit where they were audited or undecided, else ``first``
@@ -154,7 +154,7 @@ class DecidedPixels:
         self._fresh = True
 
     def draw(self, pair: PreviewPair) -> None:
-        """``pair`` is the one whose pixels are decided from now on."""
+        """Draw the frames of ``pair``, whose pixels ``decide`` decides from now on."""
         self._pair, self._fresh = pair, True
         self._sources[0].draw_history(pair.frame)
         self._sources[1].draw(pair.frame)
@@ -175,7 +175,10 @@ class DecidedPixels:
         samples, decided_samples = np.zeros(count, np.int64), np.zeros(count, np.int64)
         decided, audited = np.zeros(count, bool), np.zeros(count)
         active, light, floor = np.arange(count), np.zeros(0), None
+        # Invariant: ``active`` has the pixels that are undecided or audited.  Each has had the same number ``had`` of
+        # samples, and ``light`` has their mean by parts, row by row.  All other pixels have their final masks.
         while len(active):
+            # As many new samples as there were, so that the mean of both is that of all.
             new = self._trace(listed.at[active], listed.taps[active], range(had, 2 * had or LEAST))
             light = 0.5 * (light + new) if had else new
             had = 2 * had or LEAST
@@ -203,6 +206,7 @@ class DecidedPixels:
         return Decisions(first, end, luminance, samples, decided_samples, ~decided, audited)
 
     def _listed(self, pair: PreviewPair, at: Array) -> _Listed:
+        """The pixels ``at`` (n, 2) with the taps of their history, and what the preview ``pair`` says of each."""
         rows = at[:, 1], at[:, 0]
         here, before = pair.surface[1][rows], pair.surface[0]
         taps, weights = history_taps(
@@ -224,7 +228,10 @@ class DecidedPixels:
         return _Listed(at, taps, weights, pair.words[rows], surface, both(pair.emission), both(pair.color))
 
     def _trace(self, at: Array, taps: Array, samples: range) -> Array:
-        """Radiance of parts: (m, PARTS, 1 + taps, lobes, 3) float64, of the current pixel and its history."""
+        """Trace ``samples`` of the pixels ``at`` (m, 2) and of the taps of their history, with equal numbers in both.
+
+        Radiance by parts: (m, PARTS, 1 + taps, lobes, 3) float64.
+        """
         frame, history = self._pair.frame, taps.shape[1]
         keys = np.repeat(at, history, axis=0)
         drawn, self._fresh = self._fresh, False
@@ -271,6 +278,7 @@ class DecidedPixels:
         return PixelMasks(*of_all, words.reshape(shape), by_half)
 
     def _words_and_distances(self, listed: _Listed, light: Array) -> tuple[Array, dict[str, Array]]:
+        """Reason words (m,) and distances (m,) by column and lobe, of parts ``light``."""
         found, _, bits, _ = self._compare(listed, light)
         return (listed.words & ~LIGHT_BITS) | bits, found | self._of_lobes(listed, light)
 
@@ -329,7 +337,7 @@ class _Listed:
     color: Array | None  # (n, 1 + t, 3), of the background
 
     def take(self, rows: Array) -> _Listed:
-        """Those of ``rows``."""
+        """The pixels ``rows`` of these."""
         values = (getattr(self, name) for name in self.__slots__)
         return _Listed(*(None if v is None else v[rows] for v in values))
 

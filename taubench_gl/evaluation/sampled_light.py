@@ -43,12 +43,12 @@ from taubench_gl.run_schema import SAMPLED_COLUMNS
 from taubench_gl.settings import Settings
 
 SEED = 20
-"""Beside that of the settings: of pairs, pixels and audits."""
+"""Seed of the choice of pairs, pixels and audits, beside the seed of the settings."""
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
-    """Sizes of the rounds.  Drawing a pair costs as much as deciding some dozen of its pixels."""
+class RoundSizes:
+    """How much light a round and a run trace.  Drawing a pair costs as much as deciding some dozen of its pixels."""
 
     pairs: int = 8  # that a round visits
     pixels: int = 128  # of a visit
@@ -56,13 +56,13 @@ class Plan:
     samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
 
 
-PLAN = Plan()
+ROUND_SIZES = RoundSizes()
 
 
 def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
     """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair)."""
     order = np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
-    size = min(PLAN.pairs, pairs)
+    size = min(ROUND_SIZES.pairs, pairs)
     every = range(number * size, (number + 1) * size)
     return [(order[k % pairs], k // pairs) for k in every]
 
@@ -94,7 +94,11 @@ class _Histories:
         return pair, read_preview(self._source, self._other, frame, self._columns)
 
     def decide(self, at: np.ndarray, audit: np.ndarray, pair: PreviewPair | None = None) -> Decisions:
-        return self._decided.decide(at, PLAN.limit, audit, halves=True, pair=pair)
+        """Decide the pixels ``at`` (n, 2) of the drawn pair, or of its other ``pair``.
+
+        ``audit`` (n,): random numbers of ``DecidedPixels``.
+        """
+        return self._decided.decide(at, ROUND_SIZES.limit, audit, halves=True, pair=pair)
 
 
 class LightVisits:
@@ -132,7 +136,7 @@ class LightVisits:
         seed = (SEED, self._settings.lighting.seed, frame)
         image = strata_of(words, distances, self._estimate.thresholds, traced, differs)
         strata = PixelStrata.of(image, STRATA, seed)
-        flat, stratum = draw_pixels(strata, number, PLAN.pixels)
+        flat, stratum = draw_pixels(strata, number, ROUND_SIZES.pixels)
         audit = np.random.default_rng([*seed, number]).random(len(flat))
         decisions = self._decide(pairs, flat, audit)
         pixels, samples, of_other = _sampled(words, distances, flat, stratum, decisions), decisions.samples, None
@@ -202,7 +206,7 @@ class SampledLight:
         self._settings, self.rounds, self._empty = settings, 0, 0  # visits without a pixel since the last one with any
 
     def add(self, position: int, counts: Counts) -> None:
-        """The preview's counts of the next pair."""
+        """Add the preview's counts of the pair at ``position``."""
         self.estimate.add_preview(position, counts)
 
     def run(self, visit: Callable[[int, int], Visit], watch: Callable[[str], None] = lambda text: None) -> None:
@@ -217,13 +221,13 @@ class SampledLight:
                 break
 
     def next_round(self) -> list[tuple[int, int]]:
-        """(position, number of the visit) of the visits of the next round."""
+        """The visits of the next round, as (position of the pair, number of its visit)."""
         positions = self.estimate.positions
         seed = self._settings.lighting.seed
         return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed)]
 
     def add_round(self, visits: Sequence[Visit]) -> None:
-        """The visits of ``next_round``."""
+        """Add the ``visits`` that ``next_round`` asked for."""
         for visit in visits:
             self.estimate.add(visit)
             self._empty = 0 if len(visit.stratum) else self._empty + 1
@@ -237,7 +241,7 @@ class SampledLight:
             return not self.estimate.positions
         if self._empty >= len(self.estimate.positions):  # no pair has a pixel that no visit has had
             return True
-        return bool(self.estimate.samples) and (self.narrow or self.estimate.samples >= PLAN.samples)
+        return bool(self.estimate.samples) and (self.narrow or self.estimate.samples >= ROUND_SIZES.samples)
 
     @property
     def narrow(self) -> bool:
@@ -246,7 +250,7 @@ class SampledLight:
 
     @property
     def state(self) -> str:
-        """The columns so far, in words."""
+        """The estimates of the columns after the last round, in words."""
         named = {at[1]: i for at, i in self._intervals.items() if at[0] == "discard" and at[2] == "mean_percent"}
         text = ", ".join(f"{name} {i.mean:.1f} ±{i.half_width:.1f} %" for name, i in named.items())
         return f"round {self.rounds} of path-traced light: {text}"
@@ -261,7 +265,7 @@ class SampledLight:
         visits = [visit for of_pair in self.estimate.visits.values() for visit in of_pair]
         summary["sampled_light"] = {
             "rounds": self.rounds, "pairs": len(self.estimate.visits), "pixels": sum(len(v.stratum) for v in visits),
-            "samples": self.estimate.samples, "most_samples_per_pixel": PLAN.limit,
+            "samples": self.estimate.samples, "most_samples_per_pixel": ROUND_SIZES.limit,
             "audited": sum(v.audited for v in visits), "audited_wrong": sum(v.audited_wrong for v in visits),
             "within_points": self._settings.lighting.light_within, "narrow": self.narrow,
         }  # fmt: skip

@@ -25,6 +25,7 @@ from taubench_gl.frame.shadow_faces import wanted_sizes
 from taubench_gl.frame.spec import TO_CAMERA, FrameSpec
 from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.gpu.declare import Stage
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import CompiledCompute
 from taubench_gl.metrics.lighting import albedo_table
 from taubench_gl.metrics.stochastic import light_choice
@@ -32,10 +33,11 @@ from taubench_gl.metrics.stochastic import light_choice
 Array = np.ndarray
 
 
-class LightStage:
+class LightStage(Owner):
     """Lights the frames of one Renderer.  Made only where ``spec`` has a pass that lights."""
 
     def __init__(self, renderer: Renderer, spec: FrameSpec):
+        super().__init__()
         context, scene = renderer.context, renderer.scene
         self._context, self._renderer, self._spec = context, renderer, spec
         self.seed: int | None = None
@@ -47,41 +49,43 @@ class LightStage:
         self.table = LightTable(scene, light_unit_in(spec.settings), spec.sun)
         if len(self.table) > MAX_LIGHTS:
             raise GraphicsError(f"the scene has {len(self.table)} lights, at most {MAX_LIGHTS} can be rendered")
-        self._light_texture = LightTexture(context.gpu, len(self.table))
-        self._owned: dict[str, Any] = {}
-        self._shadow = ShadowPass(context, spec, renderer.draws) if shadow_maps(spec) else None
+        self._light_texture = self.own(LightTexture(context.gpu, len(self.table)))
+        self._tables: dict[str, Any] = {}
+        self.shadow = self.own(ShadowPass(context, spec, renderer.draws) if shadow_maps(spec) else None)
         self._casters: Casters | None = None
-        if self._shadow is not None or spec.raster_indirect:
+        if self.shadow is not None or spec.raster_indirect:
             self._casters = Casters(len(renderer.draws))
             self._bounds = DrawBounds(scene, renderer.draws)
         self._direct = self._compile(light_lists) + self._compile(direct_light)
-        self.indirect = IndirectPass(context, spec, renderer.draws) if indirect_light(spec) else None
+        self.indirect = self.own(IndirectPass(context, spec, renderer.draws) if indirect_light(spec) else None)
         self._stochastic = self._compile(stochastic_light)
-        self.paths = PathTracing(renderer, spec) if path_traced_light(spec) else None
+        self.paths = self.own(PathTracing(renderer, spec) if path_traced_light(spec) else None)
         if self.paths is not None:
-            self._owned |= self.paths.tables
+            self._tables |= self.paths.tables
             self.memory |= self.paths.memory
         self._color = self._compile(color)
-        if "albedo_table" in self._owned:
-            self._owned["albedo_table"].write(albedo_table().tobytes())
-        for name in {MAP, LOBES} & self._owned.keys():
-            self._owned[name].write(texels(spec.environment, name).tobytes())
+        if "albedo_table" in self._tables:
+            self._tables["albedo_table"].write(albedo_table().tobytes())
+        for name in {MAP, LOBES} & self._tables.keys():
+            self._tables[name].write(texels(spec.environment, name).tobytes())
         if spec.given_directions:
-            self._owned[TO_CAMERA] = context.gpu.ctx.texture(spec.size, 4, dtype="f4")
+            self._tables[TO_CAMERA] = context.gpu.ctx.texture(spec.size, 4, dtype="f4")
         if self._stochastic:
-            self._owned["light_choice"] = context.gpu.ctx.buffer(reserve=8 * max(len(self.table), 1), dynamic=True)
+            self._tables["light_choice"] = context.gpu.ctx.buffer(reserve=8 * max(len(self.table), 1), dynamic=True)
+        for table in self._tables.values():
+            self.own(table)
 
     def _compile(self, declare: Stage) -> list[CompiledCompute]:
         passes = declare(self._spec)
-        self._owned |= self._context.allocate_all(passes)
-        return [self._context.compute(p) for p in passes]
+        self._tables |= self._context.allocate_all(passes)
+        return [self.own(self._context.compute(p)) for p in passes]
 
     def run(self, number: int = 0) -> None:
         """Light the renderer's frame.  ``number``: of the frame, for shading that differs from frame to frame."""
         frame, timer = self._renderer.frame, self._context.timer
         frame.number, frame.seed = number, self.seed
         frame.light_rows = self.table.update(frame.state, frame.view)
-        frame.tables |= self._owned
+        frame.tables |= self._tables
         frame.tables["light_table"] = self._light_texture.texture
         if self._casters is not None:
             with timer.measure("shadows"):
@@ -89,8 +93,8 @@ class LightStage:
                 bounds, poses = self._bounds.at(frame.state, world), self._bounds.poses(frame.state, world)
                 self._casters.update(bounds, poses, frame.placement.visible)
                 frame.casters = self._casters
-                if self._shadow is not None:
-                    self._shadow.run(frame)
+                if self.shadow is not None:
+                    self.shadow.run(frame)
         self._light_texture.write(frame.light_rows)
         if self._direct:
             with timer.measure("direct"):
@@ -101,7 +105,7 @@ class LightStage:
                 self.indirect.run(frame)
         if self._stochastic:
             choice = light_choice(frame.light_rows["color"][: len(self.table), :3].max(axis=-1))
-            self._owned["light_choice"].write(choice.tobytes() or bytes(8))
+            self._tables["light_choice"].write(choice.tobytes() or bytes(8))
         self._run(self._stochastic)
         if self.paths is not None:
             with timer.measure("path tracing"):
@@ -115,7 +119,7 @@ class LightStage:
         """
         rows = np.zeros((*directions.shape[:2], 4), dtype=np.float32)
         rows[..., :3] = directions[::-1]  # row 0 is the top in arrays and the bottom in GL memory
-        self._owned[TO_CAMERA].write(rows)
+        self._tables[TO_CAMERA].write(rows)
 
     def run_color(self) -> None:
         """Compute color from the light of the frame."""
@@ -153,15 +157,6 @@ class LightStage:
     def bytes(self) -> int:
         return sum(self.memory.values())
 
-    @property
-    def redrawn_faces(self) -> int:
-        """Shadow faces drawn for the current frame; the cache held the others."""
-        return 0 if self._shadow is None else self._shadow.redrawn
-
-    def shadow_depths(self) -> Array | None:
-        """The shadow atlas, (h, w) float32 reversed Z, row 0 at the bottom; None without shadows."""
-        return None if self._shadow is None else self._shadow.depths()
-
     def vpls(self) -> Array | None:
         """The VPLs of this frame (``passes.indirect.VPL`` records); None without indirect light."""
         return None if self.indirect is None else self.indirect.vpls()
@@ -171,25 +166,25 @@ class LightStage:
 
         Unrolled lights that have shadow maps are in none.
         """
-        if "tile_lists" not in self._owned:
+        if "tile_lists" not in self._tables:
             return None
-        lists = np.frombuffer(self._owned["tile_lists"].read(), np.uint32).reshape(-1, len(self.table))
+        lists = np.frombuffer(self._tables["tile_lists"].read(), np.uint32).reshape(-1, len(self.table))
         return [row[:count] for row, count in zip(lists, self.tile_counts().ravel(), strict=True)]
 
     def tile_counts(self) -> Array | None:
         """Lights kept per tile, (tiles_y, tiles_x) uint32, row 0 at the bottom; None without culling."""
-        if "tile_counts" not in self._owned:
+        if "tile_counts" not in self._tables:
             return None
         columns = -(-self._spec.size[0] // TILE)
-        return np.frombuffer(self._owned["tile_counts"].read(), np.uint32).reshape(-1, columns)
+        return np.frombuffer(self._tables["tile_counts"].read(), np.uint32).reshape(-1, columns)
 
     def notes(self) -> list[str]:
         """What was left out, for every output."""
         out = []
-        left_out = len(self.table) - len(self._spec.shadowed) if self._shadow is not None else 0
+        left_out = len(self.table) - len(self._spec.shadowed) if self.shadow is not None else 0
         if left_out:
             out.append(f"{left_out} lights shine without shadows: only the most significant get shadow maps")
-        if self._shadow is not None:
+        if self.shadow is not None:
             out += _smaller_maps(self._spec)
         if self.indirect is not None:
             out += self.indirect.notes()
@@ -197,16 +192,10 @@ class LightStage:
             out.append("light of the sky is not occluded by the scene and gives no indirect light")
         if self.paths is not None:
             out += self.paths.notes()
-        negative = image_of(self._spec.environment).negative if MAP in self._owned else 0
+        negative = image_of(self._spec.environment).negative if MAP in self._tables else 0
         if negative:
             out.append(f"{negative} values of the environment image are below 0 and count as 0")
         return out
-
-    def release(self) -> None:
-        passes = (*self._direct, *self._stochastic, *self._color, self._shadow, self.indirect, self.paths)
-        for item in (*passes, self._light_texture, *self._owned.values()):
-            if item is not None:
-                item.release()
 
 
 def _smaller_maps(spec: FrameSpec) -> list[str]:

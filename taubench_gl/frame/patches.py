@@ -167,10 +167,10 @@ def lamps_of(poser: Poser, rows: list[int], times: Array, sun: Sun | None = None
     ``sun``: the light of the row after those of the scene's lights.
     """
     scene, out = poser.scene, []
-    some = rows[:: -(-len(rows) // MOST_LIGHTS)] if rows else []
+    tried = rows[:: -(-len(rows) // MOST_LIGHTS)] if rows else []
     for t in times:
         state = poser.sample(float(t))
-        for row in some:
+        for row in tried:
             if row == len(scene.light_nodes):
                 out.append(Lamp(None, np.array(sun.direction), max(sun.irradiance)))
                 continue

@@ -131,9 +131,9 @@ class FrameResources:
 
     def added_to(self, other: FrameResources) -> FrameResources:
         """What this frame has and ``other`` lacks, or has more of."""
-        more = {n: b - other.memory.get(n, 0) for n, b in self.memory.items() if b > other.memory.get(n, 0)}
+        memory = {n: b - other.memory.get(n, 0) for n, b in self.memory.items() if b > other.memory.get(n, 0)}
         passes = tuple(p for p in self.passes if p not in other.passes)
-        return FrameResources(passes, self.shaders - other.shaders, more)
+        return FrameResources(passes, self.shaders - other.shaders, memory)
 
 
 def frame_resources(spec: FrameSpec) -> FrameResources:

@@ -109,6 +109,15 @@ class FaceTable:
         )
         return [volume.tobytes() for volume in volumes]
 
+    def fill(self, rows: Array, corners: Sequence[tuple[int, int]], eye: Array) -> None:
+        """Fill (F,) FACE records: ``corners``: atlas x, y of each face, texels; ``eye`` (3,): the camera, world."""
+        half, corners = self.half[:, None], np.array(corners).reshape(-1, 2)
+        rows["origin"][:, :3], rows["origin"][:, 3] = self.origin - eye, self.parallel
+        for axis, name in enumerate(("right", "up")):
+            rows[name][:, :3], rows[name][:, 3] = self.axes[:, axis] / half, corners[:, axis]
+        rows["forward"][:, :3], rows["forward"][:, 3] = self.axes[:, 2], self.near
+        rows["extent"][:, 0], rows["extent"][:, 1] = self.resolution, 2.0 * self.half / self.resolution
+
     def sees(self, centers: Array, radii: Array) -> Array:
         """Which spheres (K, 3) world, (K,) can cast into each map.  (F, K) bool, conservative."""
         at = np.einsum("fkj,fij->ifk", centers - self.origin[:, None], self.axes)

@@ -290,8 +290,8 @@ def dependencies(stages: Iterable[Stage]) -> dict[str, frozenset[str]]:
     out: dict[str, frozenset[str]] = {}
     for s in stages:
         if s.effects:
-            own, *others = s.effects
-            out[own] = out.get(own, frozenset()) | frozenset(others)
+            effect, *needed = s.effects
+            out[effect] = out.get(effect, frozenset()) | frozenset(needed)
     for option in {o for s in stages for o in s.options} - out.keys():
         known = [frozenset(s.effects) for s in stages if option in s.options]
         out[option] = frozenset.intersection(*known)

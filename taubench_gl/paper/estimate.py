@@ -21,7 +21,7 @@ from taubench_gl.evaluation import (
     sampled_pairs,
 )
 from taubench_gl.evaluation.decided_pixels import decided_light
-from taubench_gl.evaluation.sampled_light import PLAN
+from taubench_gl.evaluation.sampled_light import ROUND_SIZES
 from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.outputs import duration_text
 from taubench_gl.paper.study import RUNS, SceneJobs
@@ -88,7 +88,7 @@ def _timed(scene: Scene, job: Job) -> tuple[int, float, str, float]:
         width, height = _probe_size(settings)
         reason = f"timed at {width}x{height} with {PROBES[0]} and {PROBES[1]} samples"
     if plan is LightPlan.SAMPLED:
-        rounds = PLAN.samples * _of_a_sample(scene, decided_light(window))
+        rounds = ROUND_SIZES.samples * _of_a_sample(scene, decided_light(window))
         reason += f"; at most {duration_text(rounds)} of it at random pixels"
     return pairs, seconds, reason, rounds
 

@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from taubench_gl.data_files import read_text, read_toml, schema_fault
+from taubench_gl.data_files import read_text, read_toml
 from taubench_gl.errors import MethodError, choice_hint
 from taubench_gl.paths import PACKAGE
 from taubench_gl.setting_values import FLOAT32_MAX
@@ -119,10 +119,7 @@ def _one(source: str) -> RejectionTest:
 def load_folder(folder: Path) -> RejectionTest:
     """The test in ``folder``.  Raises MethodError."""
     path = folder / FILE
-    try:
-        file = msgspec.convert(read_toml(path, fault=MethodError, max_bytes=_MAX_BYTES), _File)
-    except msgspec.ValidationError as error:
-        raise MethodError(schema_fault(error), where=str(path)) from None
+    file = read_toml(path, _File, MethodError, max_bytes=_MAX_BYTES)
     name = folder.resolve().name
     if not _NAME.fullmatch(name):
         raise MethodError("its folder's name is not lower-case letters, digits and _", where=str(folder))

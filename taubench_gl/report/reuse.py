@@ -1,10 +1,9 @@
-"""Tables, plots and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/3``) and of a parameter fit."""
+"""Tables and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/3``), and the table of a parameter fit."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from taubench_gl.report.labels import history_text, lighting_text
 from taubench_gl.report.light_samples import MAPS, sample_tables
 from taubench_gl.report.method_styles import BLACK, method_styles
 from taubench_gl.report.page import Page, bullets, data_uri, picture, tag, text_lines
-from taubench_gl.report.plot import SERIES_COLORS, Plot, pareto_steps
 from taubench_gl.report.reuse_frames import NO_IMAGES, ReuseImages
 from taubench_gl.report.table import Column, Row, Table, to_html
 
@@ -46,7 +44,7 @@ _FURTHER = {
 }  # fmt: skip
 """Measures of Table 6; their units are those that the evaluation states."""
 
-_LABELS = {"linear_mse": "linear MSE", "clipped_mse": "clipped MSE"} | {
+LABELS = {"linear_mse": "linear MSE", "clipped_mse": "clipped MSE"} | {
     name: column.name for name, column in (_QUALITY | _FURTHER).items()
 }
 """Measure -> its name for readers."""
@@ -107,7 +105,7 @@ def reuse_tables(summary: Summary) -> list[Table]:
     further = (
         _further_table(summary)
         + _linear_table(summary)
-        + sample_tables(_valid(summary), summary.get("sample_reasons", {}))
+        + sample_tables(valid_methods(summary), summary.get("sample_reasons", {}))
     )
     return tables + comparison_tables(summary) + further
 
@@ -115,7 +113,7 @@ def reuse_tables(summary: Summary) -> list[Table]:
 def _headroom_texts(summary: Summary) -> list[str]:
     """A line per method with an interval of its headroom: of clipped radiance, and of all radiance."""
     texts = []
-    for label, method in _valid(summary).items():
+    for label, method in valid_methods(summary).items():
         bound = method.get("bound") or {}
         ends = {name: _ends(entry) for name, entry in (bound.get("intervals") or {}).items()}
         if ends.get("clipped_headroom_db"):
@@ -135,7 +133,7 @@ def _ends(entry: Summary) -> str:
 def _linear_table(summary: Summary) -> list[Table]:
     """Errors of linear radiance, unbounded and clipped, with intervals and the share of few pixels: a row of each."""
     measures = summary["measures"]
-    valid = {label: method for label, method in _valid(summary).items() if method.get("tail_percent")}
+    valid = {label: method for label, method in valid_methods(summary).items() if method.get("tail_percent")}
     if not valid:
         return []
     statistics = (summary.get("statistics") or {"measures": {}})["measures"]
@@ -149,7 +147,7 @@ def _linear_table(summary: Summary) -> list[Table]:
             values = [None if below else mean, interval.get("low"), interval.get("high")]
             values += [(interval.get("over_seeds") or {}).get(end) for end in ("low", "high")]
             values.append(method["tail_percent"].get(name))
-            rows.append(Row(f"{label}, {_LABELS[name]}", tuple(values), reasons={0: BELOW_NOISE} if below else {}))
+            rows.append(Row(f"{label}, {LABELS[name]}", tuple(values), reasons={0: BELOW_NOISE} if below else {}))
         if (error := method["emitters"]["linear_mse"]) is not None:
             rows.append(Row(f"{label}, emitters", (error, None, None, None, None, None)))
     share = next(iter(valid.values()))["emitters"]["percent"]
@@ -170,7 +168,7 @@ def _linear_table(summary: Summary) -> list[Table]:
 def noise_texts(summary: Summary) -> list[str]:
     """The noise of a path-traced reference beside the scores, in dB of squared error."""
     noise = summary["reference"].get("noise_db") or {}
-    values = [f"{_LABELS[name]} {value:.1f} dB" for name, value in noise.items() if value is not None]
+    values = [f"{LABELS[name]} {value:.1f} dB" for name, value in noise.items() if value is not None]
     if not values:
         return []
     return [
@@ -185,14 +183,14 @@ def verdict(summary: Summary) -> str | None:
 
     None where fewer than two methods that a renderer could have were measured.
     """
-    methods = {label: m for label, m in _valid(summary).items() if not m.get("yardstick")}
+    methods = {label: m for label, m in valid_methods(summary).items() if not m.get("yardstick")}
     name = next((n for n in _HEADLINES if all(m["mean"].get(n) is not None for m in methods.values())), None)
     if len(methods) < 2 or name is None:
         return None
     sign = 1.0 if summary["measures"][name]["better"] == "lower" else -1.0
     best = min(methods, key=lambda label: sign * methods[label]["mean"][name])
     digits = _QUALITY[name].digits
-    text = f"By {_LABELS[name]}, {best} is best ({methods[best]['mean'][name]:.{digits}f}"
+    text = f"By {LABELS[name]}, {best} is best ({methods[best]['mean'][name]:.{digits}f}"
     if "none" in methods and best != "none":
         text += f"; no reuse {methods['none']['mean'][name]:.{digits}f}"
     text += ")"
@@ -268,7 +266,7 @@ def comparison_tables(summary: Summary) -> list[Table]:
         rows.append(Row(f"{entry['a']} - {entry['b']}", (*values, entry["p_holm"]), reasons={0: entry["verdict"]}))
     notes = [_interval_text(statistics, results, seeds), *ranking_texts(summary)]
     notes += [] if few else [f"Pairs with {best}, whose mean is best; reuse.json contains all {len(every)}."]
-    title = f"Paired differences of {_LABELS[name]} ({measure['better']} is better)"
+    title = f"Paired differences of {LABELS[name]} ({measure['better']} is better)"
     return [Table(5, title, columns, tuple(rows), tuple(notes))]
 
 
@@ -294,7 +292,7 @@ def ranking_texts(summary: Summary) -> list[str]:
     """
     measures = summary["statistics"]["measures"]
     rankings = {
-        _LABELS[name]: measures[name]["ranking"]
+        LABELS[name]: measures[name]["ranking"]
         for name in (*(measures.get(n, {}).get("ranked_by", n) for n in _QUALITY), "clipped_mse") if name in measures
     }  # fmt: skip
     has_ranks = any(entry["rank"] is not None for ranking in rankings.values() for entry in ranking)
@@ -374,7 +372,9 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     if (noise := (reference.get("noise_db") or {}).get("psnr_db")) is not None:
         floor += (f"PSNR of the reference's noise: {noise:.1f} dB; methods whose squared errors are closer are tied.",)
     yardsticks = (
-        f"{n}: yardstick, not ranked: {m['yardstick']}." for n, m in _valid(summary).items() if m.get("yardstick")
+        f"{n}: yardstick, not ranked: {m['yardstick']}."
+        for n, m in valid_methods(summary).items()
+        if m.get("yardstick")
     )
     return (first, *floor, *yardsticks, *flip_notes(summary), *video_notes(summary), *lighting, *light["notes"])
 
@@ -432,7 +432,7 @@ def _cost_row(label: str, method: Summary) -> Row:
 
 
 def _class_table(summary: Summary) -> Table:
-    valid = _valid(summary)
+    valid = valid_methods(summary)
     absent = [c for c in summary["classes"] if valid and not any(m["classes"][c]["pixels"] for m in valid.values())]
     classes = [c for c in summary["classes"] if c not in absent]
     columns = tuple(Column(class_label(name), "", 4, summary["classes"][name]) for name in classes)
@@ -447,10 +447,10 @@ def _class_table(summary: Summary) -> Table:
         *([f"No pixels: {', '.join(map(class_label, absent))}."] if absent else []),
         _class_source(summary),
     ]
-    return Table(3, f"Mean {_LABELS[measure]} by pixel class", columns, tuple(rows), tuple(notes))
+    return Table(3, f"Mean {LABELS[measure]} by pixel class", columns, tuple(rows), tuple(notes))
 
 
-def _valid(summary: Summary) -> dict[str, Summary]:
+def valid_methods(summary: Summary) -> dict[str, Summary]:
     """The methods that did not fail."""
     return {label: method for label, method in summary["methods"].items() if not method["failed"]}
 
@@ -459,154 +459,6 @@ def _class_source(summary: Summary) -> str:
     if summary["mask_source"] == "exact":
         return "Wrongly reused, wrongly rejected and the pixel classes refer to the masks of the exact frames."
     return "The pixel classes refer to geometry alone, because there are no masks of exact frames."
-
-
-# --------------------------------------------------------------------------------------------------------------- plots
-
-
-PLOTS = ("frames", "classes", "time", "convergence")
-
-
-def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
-    """PLOTS as PNG and SVG, as far as there are values.  Raises OutputError."""
-    if not _valid(summary):
-        return []
-    measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
-    plots = _frames(summary, rows, measure), _classes(summary, measure), _time(summary, measure), _convergence(summary)
-    return [
-        path
-        for name, plot in zip(PLOTS, plots, strict=True)
-        if plot is not None
-        for path in plot.save(folder / f"{name}.png")
-    ]
-
-
-def plot_fit(fit: Summary, path: Path) -> list[Path]:
-    """The error by one parameter, or as a map over two; no plot for more.  Raises OutputError."""
-    names = list(fit["settings"])
-    points = [p for p in fit["points"] if p["value"] is not None]
-    if not points or len(names) > 2:
-        return []
-    places = [np.array([float(p["settings"][name]) for p in points]) for name in names]
-    values = np.array([p["value"] for p in points])
-    scales = [fit["settings"][name]["scale"] for name in names]
-    best = [float(fit["best"]["settings"][name]) for name in names]
-    error = f"{fit['metric']} ({fit['better']} is better)"
-    plot = Plot(f"{fit['method']}, {fit['scene']}", 8.0, 4.4)
-    axes = plot.axes
-    star = {"color": SERIES_COLORS[1], "label": "best", "zorder": 5, "linestyle": ""}
-    if len(names) == 2:
-        drawn = axes.scatter(*places, c=values, s=120, cmap="viridis", edgecolors="black", linewidths=0.5)
-        axes.set(xscale=scales[0], yscale=scales[1], xlabel=names[0], ylabel=names[1])
-        axes.plot(*([value] for value in best), marker="*", markersize=18, **star)
-        plot.figure.colorbar(drawn, label=error)
-        return plot.save(path)
-    order = np.argsort(places[0])
-    axes.plot(places[0][order], values[order], "o-", color=SERIES_COLORS[0], linewidth=2)
-    axes.set(xscale=scales[0], xlabel=names[0], ylabel=error)
-    if fit["best"]["value"] is None:  # equal to the reference: infinite
-        axes.axvline(best[0], color=SERIES_COLORS[1], label="best")
-    else:
-        axes.plot(best, [fit["best"]["value"]], marker="*", markersize=16, **star)
-    default = fit["default"]["settings"][names[0]]
-    axes.axvline(float(default), color="black", linewidth=0.9, linestyle=":", label=f"default {default:g}")
-    plot.legend(axes)
-    return plot.save(path)
-
-
-def _frames(summary: Summary, rows: Sequence[Mapping[str, Any]], measure: str) -> Plot:
-    plot = Plot(_title(summary, "Error per frame"), 9.0, 6.0, rows=2, shared_x=(3, 2))
-    methods = _valid(summary)
-    styles = method_styles(methods)
-    for label in methods:
-        of_method = [row for row in rows if row["method"] == label]
-        frames = sorted({row["frame"] for row in of_method})
-        for axes, name in zip(plot.panels, (measure, "flicker"), strict=True):
-            values = np.array([_mean_over_seeds(of_method, frame, name) for frame in frames], dtype=float)
-            if np.isfinite(values).any():
-                axes.plot(frames, values, linewidth=1.7, label=label, **styles[label].curve)
-    for axes, name in zip(plot.panels, (measure, "flicker"), strict=True):
-        axes.set(ylabel=f"{_LABELS[name]} (lower is better)", ylim=(0, None))
-    plot.panels[1].set_xlabel("frame")
-    plot.legend(plot.axes)
-    return plot
-
-
-def _classes(summary: Summary, measure: str) -> Plot | None:
-    methods = _valid(summary)
-    first = next(iter(methods.values()))["classes"]
-    names = [name for name in summary["classes"] if first[name]["pixels"]]
-    if not names or any(measure not in m["classes"][n] for m in methods.values() for n in names):
-        return None
-    width, styles = 0.85 / len(methods), method_styles(methods)
-    size = max(8.0, 1.1 * len(names) + 0.12 * len(names) * len(methods))
-    plot = Plot(_title(summary, "Error by pixel class, and share of the class"), size)
-    for index, (label, method) in enumerate(methods.items()):
-        places = np.arange(len(names)) + (index - 0.5 * (len(methods) - 1)) * width
-        values = [method["classes"][name][measure] for name in names]
-        plot.axes.bar(places, values, width, label=label, **styles[label].bar)
-    plot.axes.set_xticks(range(len(names)), [f"{class_label(n)}\n{first[n]['percent']:.1f} %" for n in names])
-    plot.axes.set(ylabel=f"mean {_LABELS[measure]} (lower is better)")
-    plot.legend(plot.axes)
-    return plot
-
-
-def _time(summary: Summary, measure: str) -> Plot | None:
-    timed = {
-        label: (method["time_ms"], method["mean"][measure])
-        for label, method in _valid(summary).items() if method["time_ms"] and method["mean"][measure] is not None
-    }  # fmt: skip
-    if not timed:
-        return None
-    plot, styles = Plot(_title(summary, "Error against time")), method_styles(timed)
-    for label, place in timed.items():
-        style = {**styles[label].points, "linestyle": ""}
-        plot.axes.plot(*([value] for value in place), label=label, markersize=8, **style)
-    if usable := [place for label, place in timed.items() if not summary["methods"][label].get("yardstick")]:
-        front = zip(*pareto_steps(usable), strict=True)
-        plot.axes.step(*front, where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
-    plot.axes.set(
-        xscale="log",
-        xlabel=f"ms per frame, median ({summary['clock']})",
-        ylabel=f"{_LABELS[measure]} (lower is better)",
-    )
-    plot.axes.margins(x=0.1, y=0.1)
-    plot.axes.set_ylim(bottom=0)
-    plot.legend(plot.axes)
-    return plot
-
-
-def _convergence(summary: Summary) -> Plot | None:
-    """Error by the number of frames since the first frame or a cut; a line of slope -1/2 is that of a running mean."""
-    convergence = (summary.get("statistics") or {}).get("convergence") or {"methods": {}}
-    curves = {label: np.array(curve, dtype=float) for label, curve in convergence["methods"].items()}
-    if not any(len(curve) > 1 and (curve > 0).any() for curve in curves.values()):
-        return None
-    plot, styles = Plot(_title(summary, "Convergence")), method_styles(curves)
-    for label, curve in curves.items():
-        count = np.arange(1, len(curve) + 1)
-        keep = curve > 0  # an exact frame has no place on a logarithmic axis
-        plot.axes.plot(count[keep], np.sqrt(curve[keep]), linewidth=1.7, label=label, **styles[label].curve)
-    first = max(float(curve[0]) for curve in curves.values() if len(curve))
-    if first > 0:
-        slope = {"color": "black", "linewidth": 0.9, "linestyle": ":", "label": "1 / sqrt(n)"}
-        plot.axes.plot(count, np.sqrt(first / count), **slope)
-    starts = ", ".join(str(frame) for frame in convergence["starts"])
-    plot.axes.set(
-        xscale="log", yscale="log", ylabel="RMS error, linear radiance",
-        xlabel=f"frames, the first being frame {starts}",
-    )  # fmt: skip
-    plot.legend(plot.axes)
-    return plot
-
-
-def _title(summary: Summary, about: str) -> str:
-    settings = summary["settings"]
-    kind = summary["input"]["kind"].partition(":")[0]  # without the path of files
-    return f"{about}: {summary['scene']['name']}, {settings['width']}x{settings['height']}, {kind} input"
-
-
-# ---------------------------------------------------------------------------------------------------------------- page
 
 
 def reuse_html(
@@ -670,7 +522,8 @@ def _viewer_data(summary: Summary, rows: Sequence[Mapping[str, Any]], text: str)
     }
 
 
-def _mean_over_seeds(rows: Sequence[Mapping[str, Any]], frame: int, name: str) -> float | None:
+def mean_over_seeds(rows: Sequence[Mapping[str, Any]], frame: int, name: str) -> float | None:
+    """Mean of a measure over the seeds of a frame; None where no seed has it.  ``rows``: of one method."""
     values = [row[name] for row in rows if row["frame"] == frame and row[name] is not None]
     return float(np.mean(values)) if values else None
 
@@ -682,7 +535,7 @@ def _page_data(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> dict[str,
     """
     frames = sorted({row["frame"] for row in rows})
     measures = [name for name in summary["measures"] if any(row[name] is not None for row in rows)]
-    valid = _valid(summary)
+    valid = valid_methods(summary)
     styles, methods = method_styles(valid), []
     for label, method in valid.items():
         of_method = [row for row in rows if row["method"] == label]
@@ -691,13 +544,13 @@ def _page_data(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> dict[str,
             "color": "currentColor" if styles[label].color == BLACK else styles[label].color,
             "dash": styles[label].line,
             "label": label,
-            "rows": {name: [_mean_over_seeds(of_method, frame, name) for frame in frames] for name in measures},
+            "rows": {name: [mean_over_seeds(of_method, frame, name) for frame in frames] for name in measures},
             "mean": method["mean"],
             "time_ms": method.get("time_ms"),
         })  # fmt: skip
     return {
         "frames": frames,
-        "measures": [{"name": name, "label": _LABELS[name], **summary["measures"][name]} for name in measures],
+        "measures": [{"name": name, "label": LABELS[name], **summary["measures"][name]} for name in measures],
         "methods": methods,
         "clock": summary["clock"],
     }

@@ -95,9 +95,6 @@ BLOCK_THREADS = 256
 MIN_BLOCK, MAX_BLOCK = 8, 64
 """Width and height of a block, pixels."""
 
-SIZES = ("output", "input")
-"""Grids of a method that upscales: of the result, and of the inputs."""
-
 
 @dataclass(frozen=True, slots=True)
 class Setting:
@@ -171,7 +168,7 @@ class PassInfo:
     ``block``: width and height in pixels of a block pass, which is called once per block with BLOCK_THREADS invocations
     that share memory; None: once per pixel.  ``reads``: inputs, ``prev_<history>``, and histories or buffers written by
     earlier passes.  A name in both ``reads`` and ``writes`` is read as it was before this dispatch.  ``repeat`` can be
-    the name of an int setting.  ``size``: of SIZES, the pixels that it runs over.
+    the name of an int setting.  ``size``: it runs over the pixels of the ``output`` or of the ``input``.
     """
 
     shader: str

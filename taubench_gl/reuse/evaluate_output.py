@@ -24,8 +24,9 @@ from taubench_gl.outputs import (
     write_png,
 )
 from taubench_gl.report.page import REPORT_FILE
-from taubench_gl.report.reuse import PLOTS, fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
+from taubench_gl.report.reuse import fit_table, reuse_html, reuse_tables
 from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
+from taubench_gl.report.reuse_plots import PLOTS, plot_fit, plot_reuse
 from taubench_gl.report.table import TABLE_FILES, write_tables
 from taubench_gl.report.video import CODECS, Video
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation

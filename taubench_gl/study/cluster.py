@@ -9,8 +9,18 @@ from queue import Empty, Queue
 from typing import Any
 
 from taubench_gl.errors import TaubenchError
-from taubench_gl.study.engines import THREADS_VARIABLES
-from taubench_gl.study.unit import ATTEMPTS, Advanced, Event, Lost, NoGraphics, NoOpenGL, Slot, Unit, Worker
+from taubench_gl.study.unit import (
+    ATTEMPTS,
+    THREADS_VARIABLES,
+    Advanced,
+    Event,
+    Lost,
+    NoGraphics,
+    NoOpenGL,
+    Slot,
+    Unit,
+    Worker,
+)
 from taubench_gl.study.worker import warm_up
 
 CONNECT_SECONDS = 30

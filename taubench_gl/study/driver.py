@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from taubench_gl.errors import GraphicsError
+from taubench_gl.errors import GraphicsError, SettingsError
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.study.engines import make_engine
+from taubench_gl.study.engines import InProcess, Processes, available_cores
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.store import LOGS
 from taubench_gl.study.study import Study
@@ -24,6 +25,36 @@ class _JobState:
     pending: deque[Unit] = field(default_factory=deque)
     in_flight: int = 0
     over: bool = False  # finished or failed
+
+
+ENGINES = "dask://HOST:PORT, dask-local"
+
+MAX_WORKERS_PER_CORE = 32
+"""A larger number of workers is taken for a typing error: it would fill the memory before any work is done."""
+
+
+def make_engine(name: str | None, workers: int | None, logs: Path) -> Engine:
+    """The engine ``name``: None (this process, or ``workers`` processes), ``dask-local`` or ``dask://HOST:PORT``.
+
+    ``logs``: folder for the output of worker processes.  Raises SettingsError.
+    """
+    if workers is not None and workers < 1:
+        raise SettingsError(f"workers is {workers}", hint="give 1 or more")
+    most = MAX_WORKERS_PER_CORE * available_cores()
+    if workers is not None and workers > most:
+        raise SettingsError(f"workers is {workers}", hint=f"give at most {most}; one per core is enough")
+    if name is None:
+        return InProcess() if workers is None else Processes(workers, logs)
+    scheme, separator, address = name.partition("://")
+    if name != "dask-local" and (scheme not in ("dask", "tcp", "tls") or not separator or not address):
+        raise SettingsError(f"no engine is named {name!r}", hint=f"choose from {ENGINES}, or --workers N")
+    from taubench_gl.study.cluster import DaskCluster
+
+    if name == "dask-local":
+        return DaskCluster(None, workers or available_cores())
+    if workers is not None:
+        raise SettingsError("--workers does not apply to a running cluster", where=name, hint="leave --workers out")
+    return DaskCluster(f"{'tcp' if scheme == 'dask' else scheme}://{address}")
 
 
 def run_study(

@@ -1,4 +1,4 @@
-"""Engines by name, and those that need no cluster: this process, or worker processes on this machine."""
+"""Engines that need no cluster: this process, or worker processes on this machine."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from taubench_gl.data_files import opened
-from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.errors import OutputError
 from taubench_gl.memory_budget import VARIABLE, limit
 from taubench_gl.outputs import folder_in, log_file
 from taubench_gl.study.unit import (
     ATTEMPTS,
+    THREADS_VARIABLE,
+    THREADS_VARIABLES,
     Advanced,
-    Engine,
     Event,
     Failed,
     Finished,
@@ -31,20 +32,8 @@ from taubench_gl.study.unit import (
     Worker,
 )
 
-THREADS_VARIABLE = "LP_NUM_THREADS"
-"""Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
-
-THREADS_VARIABLES = (THREADS_VARIABLE, "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-"""Numbers of threads of the rasterizer and of libraries: OpenMP threads wait in loops, so that more of them than cores
-took twice the time (FLIP)."""
-
 TAIL_BYTES = 4000
 """How much of the end of a dead worker's output becomes part of its failure."""
-
-ENGINES = "dask://HOST:PORT, dask-local"
-
-MAX_WORKERS_PER_CORE = 32
-"""A larger number of workers is taken for a typing error: it would fill the memory before any work is done."""
 
 
 def available_cores() -> int:
@@ -60,30 +49,6 @@ def worker_environment(workers: int) -> dict[str, str]:
     threads = str(max(1, available_cores() // workers))
     memory = {VARIABLE: str(max(limit() // workers, 1 << 20))}
     return dict.fromkeys(THREADS_VARIABLES, threads) | memory | dict(os.environ)
-
-
-def make_engine(name: str | None, workers: int | None, logs: Path) -> Engine:
-    """The engine ``name``: None (this process, or ``workers`` processes), ``dask-local`` or ``dask://HOST:PORT``.
-
-    ``logs``: folder for the output of worker processes.  Raises SettingsError.
-    """
-    if workers is not None and workers < 1:
-        raise SettingsError(f"workers is {workers}", hint="give 1 or more")
-    most = MAX_WORKERS_PER_CORE * available_cores()
-    if workers is not None and workers > most:
-        raise SettingsError(f"workers is {workers}", hint=f"give at most {most}; one per core is enough")
-    if name is None:
-        return InProcess() if workers is None else Processes(workers, logs)
-    scheme, separator, address = name.partition("://")
-    if name != "dask-local" and (scheme not in ("dask", "tcp", "tls") or not separator or not address):
-        raise SettingsError(f"no engine is named {name!r}", hint=f"choose from {ENGINES}, or --workers N")
-    from taubench_gl.study.cluster import DaskCluster
-
-    if name == "dask-local":
-        return DaskCluster(None, workers or available_cores())
-    if workers is not None:
-        raise SettingsError("--workers does not apply to a running cluster", where=name, hint="leave --workers out")
-    return DaskCluster(f"{'tcp' if scheme == 'dask' else scheme}://{address}")
 
 
 class InProcess:

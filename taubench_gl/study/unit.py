@@ -16,6 +16,13 @@ from taubench_gl.errors import GraphicsError, TaubenchError
 ATTEMPTS = 3
 """Workers that may die in one unit before it fails."""
 
+THREADS_VARIABLE = "LP_NUM_THREADS"
+"""Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
+
+THREADS_VARIABLES = (THREADS_VARIABLE, "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+"""Numbers of threads of the rasterizer and of libraries: OpenMP threads wait in loops, so that more of them than cores
+took twice the time (FLIP)."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:

@@ -182,14 +182,14 @@ class Special(Control):
         self.writer(state, name, text)
 
 
-def control(default: Any, kind: Control) -> Any:
-    """A field of a data class that declares a control."""
-    return field(default=default, metadata=declared(kind))
+def control(default: Any, kind: Control, *actions: Action) -> Any:
+    """A field of a data class that declares a control and what keys do with it."""
+    return field(default=default, metadata=declared(kind, *actions))
 
 
-def declared(kind: Control) -> dict[str, Control]:
+def declared(kind: Control, *actions: Action) -> dict[str, Control]:
     """Metadata of a field that declares a control."""
-    return {"control": kind}
+    return {"control": dataclasses.replace(kind, actions=actions)}
 
 
 def controls_of(kind: type, live: bool = False) -> list[Control]:

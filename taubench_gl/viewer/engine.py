@@ -81,7 +81,9 @@ class ViewerEngine:
     comparisons: dict[str, Comparison] = field(default_factory=dict)  # value of the control ``against`` -> its images
     counts: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, int]] = field(default_factory=dict)  # rate -> disjoint reason -> pixels
-    other: dict[str, int] | None = None  # rate -> reusable pixels under the other reprojection; None: not counted
+    other_counts: dict[str, int] | None = (
+        None  # rate -> reusable pixels under the other reprojection; None: not counted
+    )
     histograms: dict[str, Array] = field(default_factory=dict)  # feature -> (bins,) pixels per bin of its distance
     drawn: Drawn = field(default_factory=Drawn)
     pair: Reprojection | None = None
@@ -336,7 +338,7 @@ class ViewerEngine:
         counts = self._active.read()
         self.counts = counts_of(counts.mask_histogram)
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
-        self.other = None if counts.other is None else reusable_pixels(counts.other)
+        self.other_counts = None if counts.other is None else reusable_pixels(counts.other)
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.unmeasured = self.source.unmeasured
         if self.lights.active is not None:
@@ -345,7 +347,7 @@ class ViewerEngine:
 
     def _add_light(self, counts: Counts) -> None:
         """Add counts of coarse light, which come from fewer pixels, scaled to the number of pixels of the image."""
-        coarse, self.other = counts_of(counts.mask_histogram), None
+        coarse, self.other_counts = counts_of(counts.mask_histogram), None
         share = self.counts["pixels"] / coarse["pixels"]
         names = (*(bit.name.lower() for bit in LIGHT_BITS), "reusable_shading")
         self.counts |= {name: round(share * coarse[name]) for name in names}
@@ -685,9 +687,9 @@ class ViewerEngine:
         percent = 100.0 * self.counts[f"reusable_{rate}"] / surface
         shares = {name: 100.0 * count / surface for name, count in self.reasons[rate].items()}
         sky, chosen = 100.0 * (pixels - surface) / pixels, self.source.reprojection
-        if self.other is None:
+        if self.other_counts is None:
             return rate, percent, sentence(percent, shares, rate, sky)
-        other = 100.0 * self.other[rate] / surface
+        other = 100.0 * self.other_counts[rate] / surface
         texts = {chosen: percent_text(percent), OTHER_REPROJECTION[chosen]: percent_text(other)}
         return rate, percent, both_sentence(texts, chosen, percent, shares, rate, sky)
 

@@ -46,9 +46,9 @@ class Panels:
         self._ui = Widgets(viewer)
         self._pixel = PixelPanel(self._ui)
         self._lighting: tuple[Settings | None, str] = (None, "")  # settings and what their light is in words
-        self._first: dict[str, Callable[[], None]] = {
+        self._before: dict[str, Callable[[], None]] = {
             "camera": self._camera, "image": self._channels, "compare": lambda: self._ui.draw("against"),
-            "masks": self._reusable, "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw,
+            "masks": self._reusable, "thresholds": self._thresholds, "probe": self._pixel.draw,
             "effects": self._effects, "time": self._time, "lesson": self._lesson, "scene": ScenePanel(self._ui).draw,
         }  # fmt: skip
         """Section -> function that draws what comes before the widgets of its controls."""
@@ -107,8 +107,8 @@ class Panels:
                 imgui.dummy(ImVec2(0, 3))
 
     def _body(self, section: str) -> None:
-        if section in self._first:
-            self._first[section]()
+        if section in self._before:
+            self._before[section]()
         for control in CONTROLS.values():
             if control.section == section and control.visible(self._viewer.state):
                 self._ui.draw(control.name)
@@ -254,7 +254,41 @@ class Panels:
             self._ui.percent(percentages.get(name))
         metrics = engine.feed.settings.metrics
         mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.stereo else " reprojection")
-        self._ui.faint(words if engine.other is not None else f"{mode}: {words}", wrap=True)
+        self._ui.faint(words if engine.other_counts is not None else f"{mode}: {words}", wrap=True)
+
+    def _thresholds(self) -> None:
+        """A slider for each measured feature, with the histogram of its distances inside."""
+        engine = self._viewer.engine
+        width = imgui.get_content_region_avail().x - 66.0
+        for feature in FEATURES:
+            if feature not in engine.feed.source.unmeasured:
+                self._threshold(feature, width)
+
+    def _threshold(self, feature: str, width: float) -> None:
+        s, engine = self._viewer.state, self._viewer.engine
+        high = MOST.get(feature, 10.0)
+        corner = imgui.get_cursor_screen_pos()
+        bar(corner.x, corner.y, width, SLIDER_HEIGHT, (0.195, 0.205, 0.224))  # the slider has no background of its own
+        _histogram(engine.histograms.get(feature), feature, s.thresholds[feature], high, (corner.x, corner.y, width))
+        for name in ("frame_bg", "frame_bg_hovered", "frame_bg_active"):
+            imgui.push_style_color(getattr(imgui.Col_, name).value, ImVec4(0.0, 0.0, 0.0, 0.0))
+        imgui.push_style_var(
+            imgui.StyleVar_.frame_padding.value, ImVec2(8, (SLIDER_HEIGHT - imgui.get_font_size()) / 2)
+        )
+        imgui.set_next_item_width(width)
+        changed, value = imgui.slider_float(
+            f"{feature}##threshold", s.thresholds[feature], LEAST, high, f"%.4f{s.unit(feature)}",
+            imgui.SliderFlags_.logarithmic.value,
+        )  # fmt: skip
+        imgui.pop_style_var()
+        imgui.pop_style_color(3)
+        imgui.push_item_width(width)
+        self._ui.place(f"threshold.{feature}", slider=True)
+        imgui.pop_item_width()
+        self._ui.explain(COLUMNS[feature].tooltip)
+        if changed:
+            s.feature = feature
+            s.set_threshold(feature, value)
 
     def _size(self) -> None:
         """Size and exposure of the image, which follow from the settings."""
@@ -357,46 +391,6 @@ def _places(high: float, width: int) -> np.ndarray:
     with np.errstate(divide="ignore"):
         at = np.log(np.append(_EDGES, np.inf) / LEAST) / math.log(high / LEAST) * width
     return np.clip(at, 0.0, width)
-
-
-class ThresholdsPanel:
-    """Draws the section of thresholds: a slider for each feature, with the histogram of its distances inside."""
-
-    def __init__(self, ui: Widgets):
-        self._ui = ui
-
-    def draw(self) -> None:
-        engine = self._ui.viewer.engine
-        width = imgui.get_content_region_avail().x - 66.0
-        for feature in FEATURES:
-            if feature not in engine.feed.source.unmeasured:
-                self._feature(feature, width)
-
-    def _feature(self, feature: str, width: float) -> None:
-        s, engine = self._ui.viewer.state, self._ui.viewer.engine
-        high = MOST.get(feature, 10.0)
-        corner = imgui.get_cursor_screen_pos()
-        bar(corner.x, corner.y, width, SLIDER_HEIGHT, (0.195, 0.205, 0.224))  # the slider has no background of its own
-        _histogram(engine.histograms.get(feature), feature, s.thresholds[feature], high, (corner.x, corner.y, width))
-        for name in ("frame_bg", "frame_bg_hovered", "frame_bg_active"):
-            imgui.push_style_color(getattr(imgui.Col_, name).value, ImVec4(0.0, 0.0, 0.0, 0.0))
-        imgui.push_style_var(
-            imgui.StyleVar_.frame_padding.value, ImVec2(8, (SLIDER_HEIGHT - imgui.get_font_size()) / 2)
-        )
-        imgui.set_next_item_width(width)
-        changed, value = imgui.slider_float(
-            f"{feature}##threshold", s.thresholds[feature], LEAST, high, f"%.4f{s.unit(feature)}",
-            imgui.SliderFlags_.logarithmic.value,
-        )  # fmt: skip
-        imgui.pop_style_var()
-        imgui.pop_style_color(3)
-        imgui.push_item_width(width)
-        self._ui.place(f"threshold.{feature}", slider=True)
-        imgui.pop_item_width()
-        self._ui.explain(COLUMNS[feature].tooltip)
-        if changed:
-            s.feature = feature
-            s.set_threshold(feature, value)
 
 
 def _histogram(counts: np.ndarray | None, feature: str, limit: float, high: float, place: tuple[float, ...]) -> None:

@@ -230,41 +230,35 @@ class ViewerState:
     ))  # fmt: skip
     frame: int = control(0, Special(
         lambda s: {"frame": s.frame}, lambda s, name, text: s.go_to(round(number(name, text))),
-        group="playback", restarts=NOTHING, actions=(
-            Action("next", "RIGHT", "next frame", lambda s: s.step(1)),
-            Action("previous", "LEFT", "previous frame", lambda s: s.step(-1)),
-            Action("forward", "SHIFT+RIGHT", "ten frames forward", lambda s: s.step(10)),
-            Action("back", "SHIFT+LEFT", "ten frames back", lambda s: s.step(-10)),
-            Action("first", "HOME", "first frame", lambda s: s.step(s.first - s.frame)),
-            Action("last", "END", "last frame", lambda s: s.step(s.last - s.frame)),
-        ),
-    ))  # fmt: skip
+        group="playback", restarts=NOTHING),
+        Action("next", "RIGHT", "next frame", lambda s: s.step(1)),
+        Action("previous", "LEFT", "previous frame", lambda s: s.step(-1)),
+        Action("forward", "SHIFT+RIGHT", "ten frames forward", lambda s: s.step(10)),
+        Action("back", "SHIFT+LEFT", "ten frames back", lambda s: s.step(-10)),
+        Action("first", "HOME", "first frame", lambda s: s.step(s.first - s.frame)),
+        Action("last", "END", "last frame", lambda s: s.step(s.last - s.frame)),
+    )  # fmt: skip
     loop: tuple[int, int] | None = control(None, Special(  # first and last frame; None: the whole sequence
         lambda s: dict(zip(("loop.first", "loop.last"), s.range, strict=True)), _write_loop,
-        group="playback", restarts=NOTHING, actions=(
-            Action("loop from", "LEFT_BRACKET", "loop starts at this frame", lambda s: s.set_loop(low=s.frame)),
-            Action("loop to", "RIGHT_BRACKET", "loop ends at this frame", lambda s: s.set_loop(high=s.frame)),
-            Action("loop all", "BACKSLASH", "loop over the whole sequence", lambda s: setattr(s, "loop", None)),
-        ),
-    ))  # fmt: skip
-    speed: float = control(1.0, Number(
-        0.01, 16.0, preference=True, group="playback", restarts=NOTHING, actions=(
-            Action("slower", "COMMA", "play slower", lambda s: _change_speed(s, -1)),
-            Action("faster", "PERIOD", "play faster", lambda s: _change_speed(s, 1)),
-        ),
-    ))  # fmt: skip
+        group="playback", restarts=NOTHING),
+        Action("loop from", "LEFT_BRACKET", "loop starts at this frame", lambda s: s.set_loop(low=s.frame)),
+        Action("loop to", "RIGHT_BRACKET", "loop ends at this frame", lambda s: s.set_loop(high=s.frame)),
+        Action("loop all", "BACKSLASH", "loop over the whole sequence", lambda s: setattr(s, "loop", None)),
+    )  # fmt: skip
+    speed: float = control(1.0, Number(0.01, 16.0, preference=True, group="playback", restarts=NOTHING),
+        Action("slower", "COMMA", "play slower", lambda s: _change_speed(s, -1)),
+        Action("faster", "PERIOD", "play faster", lambda s: _change_speed(s, 1)),
+    )  # fmt: skip
 
     # camera
-    camera: str = control("file", Choice(
-        CAMERAS, group="camera", restarts=NOTHING, actions=(
-            Action("file camera", "V", "camera of the scene file", lambda s: setattr(s, "camera", "file")),
-            Action("fly", "F", "fly: W A S D move, Q E down and up, Shift faster, drag or I J K L turn",
-                   lambda s: setattr(s, "camera", "fly")),
-            Action("orbit", "O", "orbit: drag or I J K L rotate, wheel or W S zoom",
-                   lambda s: setattr(s, "camera", "orbit")),
-            Action("reset camera", "R", "reset fly and orbit to the camera of the scene file"),
-        ),
-    ))  # fmt: skip
+    camera: str = control("file", Choice(CAMERAS, group="camera", restarts=NOTHING),
+        Action("file camera", "V", "camera of the scene file", lambda s: setattr(s, "camera", "file")),
+        Action("fly", "F", "fly: W A S D move, Q E down and up, Shift faster, drag or I J K L turn",
+               lambda s: setattr(s, "camera", "fly")),
+        Action("orbit", "O", "orbit: drag or I J K L rotate, wheel or W S zoom",
+               lambda s: setattr(s, "camera", "orbit")),
+        Action("reset camera", "R", "reset fly and orbit to the camera of the scene file"),
+    )  # fmt: skip
     freeze_current: bool = control(False, Flag(
         "C", "freeze the current camera and view it from outside", group="camera", section="camera",
     ))  # fmt: skip
@@ -273,26 +267,23 @@ class ViewerState:
 
     # image
     channels: tuple[str, ...] = ("headlight",)  # keys of ``display.VISUALIZATIONS`` that the source has
-    channel: str = control("headlight", Choice(
-        lambda s: s.channels, group="image", actions=(
-            Action("next channel", "N", "show the next channel", lambda s: _next(s, "channel", "channel")),
-            Action("previous channel", "SHIFT+N", "show the previous channel",
-                   lambda s: _next(s, "channel", "channel", -1)),
-            Action("object motion", "SHIFT+U", "show object motion, or the first channel again", _object_motion),
-        ),
-    ))  # fmt: skip
+    channel: str = control("headlight", Choice(lambda s: s.channels, group="image"),
+        Action("next channel", "N", "show the next channel", lambda s: _next(s, "channel", "channel")),
+        Action("previous channel", "SHIFT+N", "show the previous channel",
+               lambda s: _next(s, "channel", "channel", -1)),
+        Action("object motion", "SHIFT+U", "show object motion, or the first channel again", _object_motion),
+    )  # fmt: skip
     auto_range: bool = control(True, Flag(
         "M", "display range from the smallest and largest value", group="image", section="image", label="auto",
     ))  # fmt: skip
     display_range: tuple[float, float] = control((0.0, 1.0), Special(
         lambda s: dict(zip(("range.low", "range.high"), s.display_range, strict=True)), _write_range,
-        group="image", actions=(
-            Action("range up", "UP", "raise the upper end of the range", lambda s: _move_range(s, 0.0, 0.1)),
-            Action("range down", "DOWN", "lower the upper end of the range", lambda s: _move_range(s, 0.0, -0.1)),
-            Action("low up", "SHIFT+UP", "raise the lower end of the range", lambda s: _move_range(s, 0.1, 0.0)),
-            Action("low down", "SHIFT+DOWN", "lower the lower end of the range", lambda s: _move_range(s, -0.1, 0.0)),
-        ),
-    ))  # fmt: skip
+        group="image"),
+        Action("range up", "UP", "raise the upper end of the range", lambda s: _move_range(s, 0.0, 0.1)),
+        Action("range down", "DOWN", "lower the upper end of the range", lambda s: _move_range(s, 0.0, -0.1)),
+        Action("low up", "SHIFT+UP", "raise the lower end of the range", lambda s: _move_range(s, 0.1, 0.0)),
+        Action("low down", "SHIFT+DOWN", "lower the lower end of the range", lambda s: _move_range(s, -0.1, 0.0)),
+    )  # fmt: skip
     arrows: bool = control(False, Flag(
         "U", "motion vectors as arrows to the previous position", group="image", section="image",
         label="motion arrows", preference=True,
@@ -302,20 +293,14 @@ class ViewerState:
     ))  # fmt: skip
 
     # comparison
-    comparison: str = control("off", Choice(
-        lambda s: s.comparisons, section="compare", label="mode", group="image", actions=(
-            Action("compare", "Y", f"comparison: {', '.join(COMPARISONS)}",
-                   lambda s: _next(s, "comparison", "comparison")),
-        ),
-    ))  # fmt: skip
+    comparison: str = control("off", Choice(lambda s: s.comparisons, section="compare", label="mode", group="image"),
+        Action("compare", "Y", f"comparison: {', '.join(COMPARISONS)}", lambda s: _next(s, "comparison", "comparison")),
+    )  # fmt: skip
     others: tuple[str, ...] = HISTORY  # what the image can be compared with
-    against: str = control("reprojected", Choice(
-        lambda s: s.others, label="with", group="image", actions=(
-            Action("compare with", "SHIFT+Y",
-                   "compare with the next: history, reprojected history, reference, run, method",
-                   lambda s: _next(s, "against", "compared with")),
-        ),
-    ))  # fmt: skip
+    against: str = control("reprojected", Choice(lambda s: s.others, label="with", group="image"),
+        Action("compare with", "SHIFT+Y", "compare with the next: history, reprojected history, reference, run, method",
+               lambda s: _next(s, "against", "compared with")),
+    )  # fmt: skip
     beside: bool = control(False, Flag(
         "Z", "the other image and the error map beside the image", group="image", section="compare",
         label="beside the image, with the error map",
@@ -331,11 +316,10 @@ class ViewerState:
         visible=lambda s: s.beside or s.comparison in ("difference", "error", "ghost"),
     ))  # fmt: skip
     split: float = control(0.5, Number(  # fraction of the image width
-        0.0, 1.0, section="compare", visible=lambda s: s.comparison == "split", group="image", actions=(
-            Action("split left", "SEMICOLON", "move the split line left", lambda s: _move_split(s, -0.02)),
-            Action("split right", "APOSTROPHE", "move the split line right", lambda s: _move_split(s, 0.02)),
-        ),
-    ))  # fmt: skip
+        0.0, 1.0, section="compare", visible=lambda s: s.comparison == "split", group="image"),
+        Action("split left", "SEMICOLON", "move the split line left", lambda s: _move_split(s, -0.02)),
+        Action("split right", "APOSTROPHE", "move the split line right", lambda s: _move_split(s, 0.02)),
+    )  # fmt: skip
     flicker_hz: float = control(2.0, Number(  # changes per second between the image and the other
         0.25, 30.0, text="%.2g per second", logarithmic=True, section="compare", label="flicker", restarts=NOTHING,
         visible=lambda s: s.comparison == "flicker",
@@ -345,11 +329,11 @@ class ViewerState:
     # masks and thresholds
     shown: dict[str, bool] = field(
         default_factory=lambda: {n: n in ("frustum", "position", "normal") for n in OVERLAYS},
-        metadata=declared(Members("show", Flag(), preference=True, group="masks", actions=tuple(
+        metadata=declared(Members("show", Flag(), preference=True, group="masks"), *(
             Action(f"show {name}", f"{'SHIFT+' if i >= 10 else ''}{(i + 1) % 10}", f"mask: {label_of(reason)}",
                    partial(_switch_mask, name=name))
             for i, (name, reason) in enumerate(OVERLAYS.items())
-        ))),
+        )),
     )  # fmt: skip
     overlays: bool = control(True, Flag(  # all overlays together
         "H", "hide or show all masks", group="masks", section="masks", label="masks", preference=True,
@@ -358,20 +342,17 @@ class ViewerState:
         "SHIFT+H", "exact reasons instead of the masks: by rays and the light of the same points", group="masks",
         section="masks", label="exact reasons",
     ))  # fmt: skip
-    opacity: float = control(0.7, Number(
-        0.0, 1.0, preference=True, group="masks", actions=(
-            Action("opacity down", "MINUS", "more transparent masks", lambda s: _change_opacity(s, -0.1)),
-            Action("opacity up", "EQUAL", "more opaque masks", lambda s: _change_opacity(s, 0.1)),
-        ),
-    ))  # fmt: skip
-    feature: str = control("position", Choice(  # the feature whose threshold the keys change
-        FEATURES, group="thresholds", restarts=NOTHING, actions=(
-            Action("next threshold", "T", "select the next threshold", _next_threshold),
-        ),
-    ))  # fmt: skip
+    opacity: float = control(0.7, Number(0.0, 1.0, preference=True, group="masks"),
+        Action("opacity down", "MINUS", "more transparent masks", lambda s: _change_opacity(s, -0.1)),
+        Action("opacity up", "EQUAL", "more opaque masks", lambda s: _change_opacity(s, 0.1)),
+    )  # fmt: skip
+    # the feature whose threshold the keys change
+    feature: str = control("position", Choice(FEATURES, group="thresholds", restarts=NOTHING),
+        Action("next threshold", "T", "select the next threshold", _next_threshold),
+    )  # fmt: skip
     thresholds: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255),
-        metadata=declared(Members("threshold", Number(0.0, MAX_THRESHOLD), restarts=MASKS, group="thresholds", actions=(
+        metadata=declared(Members("threshold", Number(0.0, MAX_THRESHOLD), restarts=MASKS, group="thresholds"),
             Action("threshold up", "PAGE_UP", "raise the selected threshold by 10 %", lambda s: s.scale_threshold(1.1)),
             Action("threshold down", "PAGE_DOWN", "lower the selected threshold by 10 %",
                    lambda s: s.scale_threshold(1 / 1.1)),
@@ -381,7 +362,7 @@ class ViewerState:
                    lambda s: s.scale_threshold(0.5)),
             Action("threshold default", "BACKSPACE", "reset the selected threshold",
                    lambda s: s.set_threshold(s.feature, s.default_thresholds[s.feature])),
-        ))),
+        ),
     )  # fmt: skip
     default_thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     unit_scale: float = 1.0  # scene units per meter
@@ -400,44 +381,40 @@ class ViewerState:
     still_seconds: float = 0.0  # since it moved last
 
     # probe and scene
-    probe_pinned: bool = control(False, Flag(group="probe", restarts=NOTHING, actions=(
+    probe_pinned: bool = control(False, Flag(group="probe", restarts=NOTHING),
         Action("pin probe", "P", "pin the probe, or let it follow the mouse", _pin),
-    )))  # fmt: skip
+    )  # fmt: skip
     probe: tuple[int, int] | None = control(None, Special(  # pixel (x, row from the top)
         lambda s: {"probe": "none" if s.probe is None else f"{s.probe[0]},{s.probe[1]}"}, _write_probe,
-        group="probe", restarts=NOTHING, actions=(
-            Action("probe left", "CTRL+LEFT", "probe one pixel left", lambda s: _move_probe(s, -1, 0)),
-            Action("probe right", "CTRL+RIGHT", "probe one pixel right", lambda s: _move_probe(s, 1, 0)),
-            Action("probe up", "CTRL+UP", "probe one pixel up", lambda s: _move_probe(s, 0, -1)),
-            Action("probe down", "CTRL+DOWN", "probe one pixel down", lambda s: _move_probe(s, 0, 1)),
-        ),
-    ))  # fmt: skip
+        group="probe", restarts=NOTHING),
+        Action("probe left", "CTRL+LEFT", "probe one pixel left", lambda s: _move_probe(s, -1, 0)),
+        Action("probe right", "CTRL+RIGHT", "probe one pixel right", lambda s: _move_probe(s, 1, 0)),
+        Action("probe up", "CTRL+UP", "probe one pixel up", lambda s: _move_probe(s, 0, -1)),
+        Action("probe down", "CTRL+DOWN", "probe one pixel down", lambda s: _move_probe(s, 0, 1)),
+    )  # fmt: skip
     magnified: int = control(11, Special(  # pixels along a side of the magnified images, odd
         lambda s: {"magnified": s.magnified}, _write_magnified, restarts=NOTHING,
     ))  # fmt: skip
     nodes: tuple[str, ...] = ()  # labels of the scene's nodes, by index
     selection: int | None = control(None, Special(  # the selected node, whose pixels are outlined
         lambda s: {"selection": NO_NODE if s.selection is None else s.nodes[s.selection]}, _write_selection,
-        group="probe", actions=(
-            Action("select", "SHIFT+P", "select the node at the probe, as a right click on the image does",
-                   lambda s: setattr(s, "pick", s.probe)),
-        ),
-    ))  # fmt: skip
+        group="probe"),
+        Action("select", "SHIFT+P", "select the node at the probe, as a right click on the image does",
+               lambda s: setattr(s, "pick", s.probe)),
+    )  # fmt: skip
     pick: tuple[int, int] | None = None  # pixel whose node is to be selected
 
     # effects
     effects: tuple[str, ...] = ()  # effects that can be toggled
     effect: str = control("", Choice(  # the effect that the keys toggle
-        lambda s: s.effects, group="effects", restarts=NOTHING, actions=(
-            Action("next effect", "G", "select the next effect", lambda s: _next(s, "effect", "effect")),
-        ),
-    ))  # fmt: skip
+        lambda s: s.effects, group="effects", restarts=NOTHING),
+        Action("next effect", "G", "select the next effect", lambda s: _next(s, "effect", "effect")),
+    )  # fmt: skip
     switched_off: frozenset[str] = control(frozenset(), Special(
         lambda s: {f"effect.{n}": int(n not in s.switched_off) for n in s.effects}, _write_effect,
-        group="effects", restarts=SOURCE, actions=(
-            Action("toggle effect", "ENTER", "disable or enable the selected effect", _toggle_effect),
-        ),
-    ))  # fmt: skip
+        group="effects", restarts=SOURCE),
+        Action("toggle effect", "ENTER", "disable or enable the selected effect", _toggle_effect),
+    )  # fmt: skip
 
     # window
     panels: bool = control(True, Flag(
@@ -448,11 +425,11 @@ class ViewerState:
     ))  # fmt: skip
     sections: dict[str, bool] = field(  # measuring time is slow
         default_factory=lambda: {n: n != "time" for n in SECTIONS},
-        metadata=declared(Members("section", Flag(), preference=True, group="window", restarts=NOTHING, actions=tuple(
+        metadata=declared(Members("section", Flag(), preference=True, group="window", restarts=NOTHING), *(
             Action(f"section {name}", f"SHIFT+F{i}" if i < 12 else "SHIFT+T", f"open or close {name}",
                    partial(_switch_section, name=name))
             for i, name in enumerate(SECTIONS, 1)
-        ))),
+        )),
     )  # fmt: skip
     docks: dict[str, str] = field(
         default_factory=lambda: {n: DOCKS[n not in _LEFT] for n in DOCKED},

@@ -15,7 +15,7 @@ from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.scene import load_scene
 from taubench_gl.study import engines
 from taubench_gl.study.cluster import DaskCluster
-from taubench_gl.study.engines import make_engine
+from taubench_gl.study.driver import make_engine
 
 
 def refused(capsys, *arguments) -> str:

@@ -16,7 +16,7 @@ from taubench_gl.batch.merge import frames_table
 from taubench_gl.batch.spec import BatchSpec, Job, read_spec
 from taubench_gl.batch.study import batch_store, run_batch, stored_spec
 from taubench_gl.evaluation import evaluate_scene, sampled_light
-from taubench_gl.evaluation.sampled_light import Plan
+from taubench_gl.evaluation.sampled_light import RoundSizes
 from taubench_gl.run import load_run
 from taubench_gl.run_schema import FRAME_COLUMNS
 from taubench_gl.settings import Settings
@@ -73,7 +73,7 @@ LONG = [kind for kind in CHANGES if "sampled light" in kind or "decided light" i
 @pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.long) if k in LONG else k for k in CHANGES])
 def test_results_equal_those_of_evaluate(tmp_path, kind, monkeypatch):
     """Pairs, sums, curves, census, camera, cuts, lobes and rounds of light; a chunk ends at every other pair."""
-    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=3, pixels=16, limit=128))
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=3, pixels=16, limit=128))
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")}
     settings, lobes = Settings(**settings | CHANGES[kind]), ("diffuse", "glossy", "volume") if "lobes" in kind else ()
     once = evaluate_scene(DEMO, settings, out=tmp_path / "once", lobes=lobes, sampled=True)

@@ -16,7 +16,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
 from taubench_gl.evaluation.brightness import Brightness
 from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
-from taubench_gl.evaluation.sampled_light import Plan, round_of
+from taubench_gl.evaluation.sampled_light import RoundSizes, round_of
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import load_run
@@ -25,7 +25,7 @@ from taubench_gl.settings import FIXED_LIGHTING, Settings
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
 SMALL = {"width": 32, "height": 18, "light": "auto", **FIXED_LIGHTING}
 DEMO_SETTINGS = {"width": 48, "height": 27, "frames": (20, 26), "light": "auto", "shadow_size": 64, "probes": 32}
-ALL = Plan(pairs=4, pixels=10**6, limit=128, samples=1 << 40)
+ALL = RoundSizes(pairs=4, pixels=10**6, limit=128, samples=1 << 40)
 
 
 def opened(scene, **settings):
@@ -89,7 +89,7 @@ def test_only_pixels_that_light_decides_are_traced():
 
 @pytest.mark.long
 def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
-    monkeypatch.setattr(sampled_light, "PLAN", ALL)
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", ALL)
     scene = lamp_over_floor(emits=40.0)
     with opened(scene) as session:
         shares = []
@@ -116,7 +116,7 @@ def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
 
 
 def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
-    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=24, limit=64))
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64))
     settings = Settings(**DEMO_SETTINGS, light_within=4.0)
     plain = evaluate_scene(DEMO, settings)
     evaluate_scene(DEMO, settings, out=tmp_path / "run", sampled=True)
@@ -142,7 +142,7 @@ def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
 
 def test_lobes_are_sampled_too(monkeypatch):
     """A diffuse floor: its diffuse lobe changes as all of its light does, whatever the preview says."""
-    monkeypatch.setattr(sampled_light, "PLAN", ALL)
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", ALL)
     settings = Settings(frames=(0, 3), spp=1, **SMALL | {"width": 16, "height": 9})
     summary = evaluate_scene(lamp_over_floor(), settings, sampled=True, lobes=("diffuse", "volume")).summary
     lobe, whole = summary["lobes"]["diffuse"]["direct"], summary["discard"]["direct"]
@@ -152,7 +152,7 @@ def test_lobes_are_sampled_too(monkeypatch):
 
 
 def test_a_run_within_its_budget_ends(monkeypatch):
-    monkeypatch.setattr(sampled_light, "PLAN", Plan(pairs=2, pixels=8, limit=64, samples=6000))
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=6000))
     settings = Settings(**DEMO_SETTINGS, light_within=1e-3)
     summary = evaluate_scene(DEMO, settings, sampled=True).summary["sampled_light"]
     assert not summary["narrow"] and summary["rounds"] > 1

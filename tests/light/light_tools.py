@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
@@ -24,15 +25,21 @@ DIRECT_ONLY = ("frustum", "position", "normal", "direct")
 
 
 @contextmanager
-def opened(gpu: Gpu, scene: Scene, *, extra: tuple[str, ...] = (), **settings) -> Iterator[RasterSource]:
+def opened(
+    gpu: Gpu,
+    scene: Scene,
+    *,
+    extra: tuple[str, ...] = (),
+    shading: Shading | None = None,
+    without: tuple[str, ...] = (),
+    **settings,
+) -> Iterator[RasterSource]:
     """The source of an evaluation over ``scene``; 64x48 and direct light alone unless ``settings`` say otherwise."""
-    settings = {"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings
-    source = RasterSource(gpu, AnimatedScene(scene), Settings(**settings), extra=extra)
-    try:
+    chosen = Settings(**({"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings))
+    options = {"extra": extra, "shading": shading or Shading(), "without": without}
+    with RasterSource(gpu, AnimatedScene(scene), chosen, **options) as source:
         yield source
-    finally:
-        source.release()
-        gpu.collect()
+    gpu.collect()
 
 
 def shoot(source: RasterSource, frame: int = 0) -> Shot:
@@ -40,10 +47,10 @@ def shoot(source: RasterSource, frame: int = 0) -> Shot:
     return Shot({name: source.read(name).astype(np.float64) for name in source.channels}, view)
 
 
-def picture(gpu: Gpu, scene: Scene, *, frame: int = 0, extra: tuple[str, ...] = (), **settings) -> Shot:
-    """One frame of ``scene``."""
-    with opened(gpu, scene, extra=extra, **settings) as source:
-        return shoot(source, frame)
+def picture(gpu: Gpu, scene: Scene, **options) -> Shot:
+    """The first frame of ``scene``; ``options`` of ``opened``."""
+    with opened(gpu, scene, **options) as source:
+        return shoot(source)
 
 
 # ------------------------------------------------------------------------------------------------------------- scenes

@@ -18,7 +18,6 @@ from taubench_gl.effects.lighting import DEFAULT_RADIANCE, DEFAULT_SUN
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.plan import frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.environment import (
@@ -134,15 +133,8 @@ def test_without_an_environment_nothing_of_it_is_simulated():
 
 def test_stochastic_light_of_the_default_environment_is_exact_without_indirect_light(gpu):
     """One light, unoccluded: each of its samples is the light itself."""
-    from taubench_gl.frame.sources import RasterSource
-
-    scene = table()
-    settings = Settings(width=64, height=48, columns=("direct",), environment="default", shadow_size=256)
-    source = RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(light_samples=1, indirect_samples=1))
-    try:
-        shot = shoot(source)
-    finally:
-        source.release()
+    shading = Shading(light_samples=1, indirect_samples=1)
+    shot = picture(gpu, table(), shading=shading, columns=("direct",), environment="default", shadow_size=256)
     expected = np.broadcast_to(ALBEDO / np.pi * (np.pi * SKY + UP * SUN), shot.direct.shape)
     assert worst(shot.direct, expected, shot.surface) < 1e-3
 
@@ -309,13 +301,9 @@ def test_the_maps_are_predicted_and_allocated_once(gpu, tmp_path):
 
 def test_sky_pixels_show_the_image_while_direct_light_is_switched_off(gpu, tmp_path):
     path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
-    settings = Settings(width=64, height=48, columns=("direct", "color"), environment=path, exposure=1.0)
-    scene = ball_scene()
-    source = RasterSource(gpu, AnimatedScene(scene), settings, without=("direct",))
-    try:
+    options = {"without": ("direct",), "columns": ("direct", "color"), "environment": path, "exposure": 1.0}
+    with opened(gpu, ball_scene(), **options) as source:
         shot = shoot(source)
-    finally:
-        source.release()
     assert not source.effects["sky"].enabled
     assert np.allclose(shot["color"][~shot.surface][:, :3], 1.055 * 0.5 ** (1 / 2.4) - 0.055, atol=1e-3)
     assert np.all(shot["color"][shot.surface][:, :3] == 0.0)

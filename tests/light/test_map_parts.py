@@ -1,4 +1,4 @@
-"""Redrawing part of a shadow map: the texels a sphere covers, and maps kept over frames against maps drawn expected."""
+"""Redrawing part of a shadow map: the texels a sphere covers, and maps kept over frames against maps drawn afresh."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
 
 
 @pytest.mark.parametrize("move_light", [False, True])
-def test_maps_kept_over_frames_are_those_drawn_expected(gpu, move_light):
+def test_maps_kept_over_frames_are_those_drawn_now(gpu, move_light):
     """Bit by bit, while a box moves through them: what is not redrawn must have been true."""
     scene = street(move_box=True, move_light=move_light)
     with opened(gpu, scene, **SIZE) as kept:
@@ -50,9 +50,9 @@ def test_maps_kept_over_frames_are_those_drawn_expected(gpu, move_light):
             shoot(kept, frame)
             with opened(gpu, scene, **SIZE) as fresh:
                 shoot(fresh, frame)
-                expected = fresh.light.shadow_depths().copy()
-            assert np.array_equal(kept.light.shadow_depths(), expected)
-            assert kept.light.redrawn_faces == (8 if move_light or frame == 0 else 3)
+                expected = fresh.light.shadow.depths().copy()
+            assert np.array_equal(kept.light.shadow.depths(), expected)
+            assert kept.light.shadow.redrawn == (8 if move_light or frame == 0 else 3)
 
 
 def test_all_of_a_few_lights_are_unrolled_of_many_those_with_shadow_maps():

@@ -19,7 +19,6 @@ from taubench_gl.frame.passes.lighting import LOBES
 from taubench_gl.frame.passes.pathtracing import hit_options, state_layers
 from taubench_gl.frame.plan import DEPENDS, effect_costs, frame_channels, frame_passes, frame_resources, frame_spec
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
@@ -98,8 +97,7 @@ def check(gpu, scene, chosen) -> None:
 def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
     """The interface of a shader is generated, so it cannot use what is not declared; nor is more declared."""
     scene = busy_room(lamps=20)
-    source = RasterSource(gpu, AnimatedScene(scene), Settings(**SIZE, **settings), shading=shading)
-    try:
+    with opened(gpu, scene, shading=shading, **(SIZE | {"columns": Settings().metrics.columns} | settings)) as source:
         source.advance(0)
         spec = frame_spec(
             AnimatedScene(scene),
@@ -117,9 +115,6 @@ def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
             for use in p.uses:
                 if use.form in (TEXTURE, IMAGE):
                     assert use.name in program, (p.name, p.shaders, use.name)
-    finally:
-        source.release()
-        gpu.collect()
 
 
 @pytest.mark.parametrize(

@@ -16,16 +16,24 @@ from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pack, wanted_sizes
-from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
 from taubench_gl.scene.model import Image, Scene, Texture
-from taubench_gl.settings import Settings
+from taubench_gl.selftest.bench import Shot
 
 TEXELS = 1.5
 SIZE = 256
 KINDS = ("directional", "point", "spot")
+
+
+def judged(case: Case, shot: Shot, lit: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Pixels of the plane that the light reaches, and those that are surely lit and surely dark, which they are."""
+    plane = on_plane(shot) & np.isfinite(lit)
+    sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
+    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to test"
+    assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
+    assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit (detached)"
+    return plane, sure_lit, sure_dark
 
 
 @pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
@@ -35,11 +43,7 @@ KINDS = ("directional", "point", "spot")
 def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
     case = Case(kind, elevation, azimuth)
     shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
-    plane = on_plane(shot) & np.isfinite(lit)
-    sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
-    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to test"
-    assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
-    assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit (detached)"
+    plane, sure_lit, sure_dark = judged(case, shot, lit)
     # And the shadow's area, by pixels of equal area: all of the difference lies in the band.
     expected, got = np.mean(case.blocked(shot.points)[plane]), np.mean(1.0 - lit[plane])
     assert abs(expected - got) < 0.5 * np.mean(~(sure_lit | sure_dark)[plane]) + 1e-3
@@ -54,13 +58,9 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
     shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
     ray = shot.points - case.place
     off_axis = np.degrees(np.arccos(ray @ case.axis / np.linalg.norm(ray, axis=-1)))
-    plane = on_plane(shot) & np.isfinite(lit)
+    plane, _, sure_dark = judged(case, shot, lit)
     assert np.all(off_axis[plane] < 85.01) and np.any(off_axis[plane] > 84.9), "the cone lights what it should"
-    sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
-    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to test"
     assert np.sum(sure_dark & (off_axis > 80.0)) > 50, "no shadow to be seen at the rim"
-    assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
-    assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit"
 
 
 def test_maps_after_the_most_significant_lights_have_half_the_texels():
@@ -80,11 +80,8 @@ def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
         (MAX_UNROLLED + 1, Shading()),
         (1, Shading(light_samples=1, indirect_samples=1)),
     ):
-        scene = case.scene(parts=parts)
-        settings = Settings(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
-        source = RasterSource(gpu, AnimatedScene(scene), settings, shading=shading)
-        found.append(shoot(source).direct)
-        source.release()
+        maps = {"shadow_size": SIZE, "shadow_lights": parts, "shadow_filter": "hard"}
+        found.append(picture(gpu, case.scene(parts=parts), shading=shading, width=96, height=96, **maps).direct)
     for other in found[1:]:
         np.testing.assert_allclose(other, found[0], rtol=1e-5, atol=1e-7)
     dark = found[0][..., 0] == 0.0
@@ -222,9 +219,7 @@ def test_deformed_casters_cast_the_posed_shape(gpu, how):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_moving_caster_takes_its_shadow_along(gpu, kind):
-    case = Case(kind, 45.0)
-    scene = case.scene()
-    b = SceneBuilder()
+    case, b = Case(kind, 45.0), SceneBuilder()
     material = lambert(b, 0.5)
     floor(b, 4.0, material=material)
     node = b.node(mesh=b.mesh(box(case.half, material=material)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.metrics.counts import Counts, bin_of, discarded_at, edges
 from taubench_gl.metrics.sequence_stats import SequenceStats, sensitivity
 
@@ -34,7 +35,7 @@ def test_beyond_the_edges_nothing_is_known():
 def test_a_factor_of_the_exposure_scales_the_distances():
     """Distances of two pairs in the bins of ``direct``: half the exposure counts those above twice the threshold."""
     stats = SequenceStats(("direct",), {})
-    words = np.zeros(1 << 16, dtype=np.uint32)
+    words = np.zeros(MASK_WORDS, dtype=np.uint32)
     words[0] = 25_000
     histograms = np.zeros((5, HISTOGRAM_BINS), dtype=np.uint32)
     histograms[3, 1:] = COUNTS[1:]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import HISTOGRAM_BINS, Reason
-from taubench_gl.features import COLUMNS, FEATURES
+from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
 from taubench_gl.glossary import REUSE_REASONS
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
@@ -52,7 +52,7 @@ SURFACE = TOTAL - SKY
 
 
 def histogram(pixels: dict[Reason, int]) -> np.ndarray:
-    out = np.zeros(1 << 16, dtype=np.uint32)
+    out = np.zeros(MASK_WORDS, dtype=np.uint32)
     for word, count in pixels.items():
         out[int(word)] = count
     return out
@@ -80,9 +80,9 @@ def test_rates_and_reasons_of_a_mask_made_by_hand():
 
 @pytest.mark.parametrize("rate", ["surface", "shading"])
 def test_reasons_and_reusable_pixels_add_up_for_every_word(rate):
-    counts = np.random.default_rng(1).integers(0, 2**32, 1 << 16, dtype=np.uint32)
+    counts = np.random.default_rng(1).integers(0, 2**32, MASK_WORDS, dtype=np.uint32)
     total = reusable_pixels(counts)[rate] + sum(disjoint_reasons(counts, rate).values())
-    surface = sum(int(counts[word]) for word in range(1 << 16) if not word & Reason.SKY)
+    surface = sum(int(counts[word]) for word in range(MASK_WORDS) if not word & Reason.SKY)
     assert total == surface == surface_pixels(counts)
 
 

@@ -18,7 +18,7 @@ from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation.sampled_light import PLAN
+from taubench_gl.evaluation.sampled_light import ROUND_SIZES
 from taubench_gl.paper import estimate, figures, scenes
 from taubench_gl.paper.figures import panel_size, telling_pair
 from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
@@ -257,7 +257,7 @@ def test_the_estimate_has_all_samples_at_random_pixels(tmp_path, monkeypatch):
     sampled = dataclasses.replace(job, settings=job.settings.replace(light="auto"))
     (estimated,) = estimate.estimate([dataclasses.replace(scene, images={"auto": sampled})], tmp_path / "out")
     width, height = estimate._probe_size(job.settings)
-    assert estimated.begin == pytest.approx(PLAN.samples * 1e-3 / (width * height))
+    assert estimated.begin == pytest.approx(ROUND_SIZES.samples * 1e-3 / (width * height))
 
 
 def test_sizes_of_timed_images_and_of_panels():

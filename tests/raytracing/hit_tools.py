@@ -90,7 +90,9 @@ class Hits:
         self.attributes = HitAttributes(renderer, options, **how)
         self.structure: SceneStructure | None = None
 
-    def update(self) -> None:
+    def at(self, time: float) -> None:
+        """Draw the frame at ``time`` seconds, and renew what hits find there."""
+        self.renderer.draw(time, time)
         self.attributes.update(self.renderer.frame)
         if self.structure is not None:
             self.structure.update(self.renderer.frame)
@@ -219,8 +221,7 @@ def look(hits: Hits, time: float = 0.0) -> Seen:
     """
     renderer = hits.renderer
     w, h = renderer.size
-    renderer.draw(time, time)
-    hits.update()
+    hits.at(time)
     channels = {name: renderer.read(name) for name in CHANNELS}
     _, view = renderer.view(time)
     x, y = np.meshgrid(np.arange(w), np.arange(h))
@@ -251,8 +252,7 @@ def look_by_tracing(hits: Hits, time: float = 0.0) -> Seen:
     """``look`` with the hits of the acceleration structure, alpha tests included; every pixel with the same draw."""
     renderer = hits.renderer
     w, h = renderer.size
-    renderer.draw(time, time)
-    hits.update()
+    hits.at(time)
     channels = {n: renderer.read(n).reshape(w * h, -1).astype(np.float64) for n in CHANNELS}
     _, view = renderer.view(time)
     x, y = np.meshgrid(np.arange(w), np.arange(h))

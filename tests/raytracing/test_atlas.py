@@ -107,8 +107,7 @@ def sampled(gpu, sampler: Sampler, pixels: Array, points: Array, taps: int) -> A
     rows[:, 2] = np.floor(rng.random(len(rows)) * 2**24) / 2**24
     rows[:, 3] = np.resize(np.arange(256) / 255.0, len(rows))
     with opened(gpu, scene, choose_camera(scene), (16, 9)) as hits:
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         got = hits.run("raytracing/surface.glsl", TAPS, rows, 3)
     return got.reshape(len(points), taps, 3, 4)
 
@@ -160,7 +159,6 @@ def test_a_small_budget_is_announced(gpu) -> None:
     with opened(gpu, scene, choose_camera(scene), (16, 9), atlas_bytes=4096) as hits:
         assert len(hits.attributes.notes) == 1 and hits.attributes.atlas.reduced == (0,)
         assert hits.attributes.memory["textures of ray hits"] <= 4096
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         at = np.zeros(1), np.zeros(1), np.full((1, 2), 0.3), np.array([[0.0, 0.0, -1.0]])
         assert np.allclose(hits.surfaces(*at).base_color, srgb_decode(200 / 255), atol=1e-5)

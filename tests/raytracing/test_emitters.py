@@ -38,8 +38,7 @@ void main() {
 
 def drawn(hits: Hits, count: int, time: float = 0.0, seed: int = 3) -> tuple[Array, Array]:
     """``count`` points: numbers (N, 3) and results (N, 3, 4), camera-relative."""
-    hits.renderer.draw(time, time)
-    hits.update()
+    hits.at(time)
     numbers = np.floor(np.random.default_rng(seed).random((count, 4)) * 2**24) / 2**24
     return numbers, hits.run("raytracing/emitters.glsl", DRAW, numbers, 3)
 
@@ -276,8 +275,7 @@ def test_the_table_is_a_function_of_the_scene(gpu) -> None:
     tables = []
     for time in (0.0, 1.0):
         with look_on(gpu, build()) as hits:
-            hits.renderer.draw(time, time)
-            hits.update()
+            hits.at(time)
             tables.append(hits.attributes.emitters)
     assert np.array_equal(*tables) and len(tables[0]) == 12  # a lamp that starts with no size has its rows
 

@@ -277,7 +277,7 @@ def test_light_through_a_ball_turns_as_snell_says(gpu):
     color, radius = (0.8, 0.5, 0.3), 30.0
     rows = np.arange(32)[:, None] + 0.5
     sky = np.broadcast_to((1.0 + np.cos(np.pi * rows / 32))[..., None], (32, 64, 3))
-    with Bench(gpu, (96, 64)) as bench, sky_file(sky) as path:
+    with Bench(gpu, (4, 64)) as bench, sky_file(sky) as path:  # the middle columns, half a meter beside the axis
         b = SceneBuilder()
         m = glass_material(b, attenuation_color=color, attenuation_distance=2.0 * radius)
         b.node(mesh=b.mesh(dataclasses.replace(sphere(radius, 192), material=m)), translation=(0.0, 0.0, -100.0))
@@ -291,7 +291,7 @@ def test_light_through_a_ball_turns_as_snell_says(gpu):
     left = np.array(color) ** np.cos(inside)[:, None]  # chord 2 r cos(b) over 2 r
     f = fresnel(np.cos(a), IOR)[:, None]
     expected = (1.0 - f) ** 2 * left * (1.0 - np.sin(turned))[:, None]
-    measured = frame["indirect_transmission"][near, 47:49, :3].mean(axis=1)
+    measured = frame["indirect_transmission"][near, 1:3, :3].mean(axis=1)
     np.testing.assert_allclose(measured, expected, rtol=2e-2, atol=4e-3)
 
 

@@ -79,7 +79,7 @@ def test_files_give_the_channels_of_the_rasterizer(gpu, data, path: str, time: f
         found = next(iter(sorted((data / "khronos" / path.split("/")[0]).rglob(path.rsplit("/", 1)[1]))))
     scene = load_scene(found)
     with opened(gpu, scene, choose_camera(scene), SIZE) as hits:
-        agree(look(hits, time), edges=0.02)
+        agree(look(hits, time), edges=0.025)  # pixels at creases: their share is that of the view of the default camera
 
 
 def test_normal_maps_of_a_file(gpu, data) -> None:
@@ -295,8 +295,7 @@ def test_many_instances_and_materials(gpu) -> None:
         b.node(mesh=b.mesh(quad(0.4, 0.4, material=m)), translation=place)
     scene = b.build()
     with opened(gpu, scene, choose_camera(scene), (16, 9)) as hits:
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         draws = np.concatenate([np.arange(0, 10_000, 97), 10_000 + np.arange(2_000)])
         third = np.full((len(draws), 2), 1.0 / 3.0)
         found = hits.surfaces(draws, np.zeros(len(draws)), third, np.tile([0.0, 0.0, -1.0], (len(draws), 1)))
@@ -333,8 +332,7 @@ def test_far_vertices_keep_their_digits(gpu) -> None:
     p = Primitive(corners, np.arange(30, dtype=np.uint32).reshape(-1, 3))
     b.node(mesh=b.mesh(p), translation=-far)
     with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         weights = rng.dirichlet((1, 1, 1), 10)
         found = hits.surfaces(np.zeros(10), np.arange(10), weights[:, 1:], np.tile([0.0, 0.0, -1.0], (10, 1)))
         eye = hits.renderer.view(0.0)[1].position
@@ -346,8 +344,7 @@ def test_an_empty_scene(gpu) -> None:
     b = SceneBuilder()
     camera_at(b)
     with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         assert len(hits.attributes.emitters) == 0 and hits.attributes.memory["tables of ray hits"] > 0
 
 
@@ -360,8 +357,7 @@ def test_degenerate_triangles_and_zero_normals_give_finite_surfaces(gpu) -> None
     b.node(mesh=b.mesh(quad()), scale=(0.0, 0.0, 0.0))
     b.node(mesh=b.mesh(quad()), scale=(1e-9, 1e-9, -1e-9))
     with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         at = np.arange(4), np.zeros(4), np.full((4, 2), 0.3), np.tile([0.0, 0.6, -0.8], (4, 1))
         found = hits.surfaces(*at)
     for values in (found.position, found.normal, found.geometric_normal, found.area):

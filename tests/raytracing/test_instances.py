@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from frame_tools import make_scene, quad, room, still_camera
-from ray_tools import TriangleList, directions, some_rays, traced, visible_triangles
+from ray_tools import TriangleList, some_rays, traced, visible_triangles
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.geometry import build_geometry
@@ -164,9 +164,3 @@ def test_a_structure_of_two_frames_needs_the_previous_pose(gpu):
         from taubench_gl.frame.raytracing.structure import SceneStructure
 
         SceneStructure(t.renderer, keep_previous=True)
-
-
-def test_rays_of_many_directions_meet_a_room(gpu):
-    with traced(gpu, make_scene(room(3.0))) as t:
-        d = directions(1000)
-        np.testing.assert_allclose(t.query(np.zeros_like(d), d).t, 3.0 / np.abs(d).max(axis=1), rtol=1e-6)

@@ -91,8 +91,7 @@ def test_three_estimators_agree(gpu, material) -> None:
     count = 60_000
     rows = np.floor(rng.random((count, 2, 4)) * 2**24) / 2**24
     with opened(gpu, scene, choose_camera(scene), (16, 9), traced=True) as hits:
-        hits.renderer.draw(0.0, 0.0)
-        hits.update()
+        hits.at(0.0)
         uniforms = {"material": material, "point": tuple(-hits.renderer.view(0.0)[1].position)}
         includes = "common/brdf_sampling.glsl raytracing/trace.glsl raytracing/emitters.glsl"
         values = hits.run(includes, ESTIMATES, rows, 1, **uniforms)[:, 0, :3]

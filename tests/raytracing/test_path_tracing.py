@@ -7,7 +7,7 @@ import pytest
 from references.path_tracing import LightSegments, PathLight, TraceScene, trace
 from repeated import few
 
-from taubench_gl.animation import choose_camera
+from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.passes.pathtracing import subpath_choice
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
@@ -18,6 +18,7 @@ from taubench_gl.metrics.lighting import SurfaceMaterial, incident
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import sky_file
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 from taubench_gl.srgb import LUMINANCE
 
@@ -61,19 +62,14 @@ def render(gpu, scene: Scene, one_light: bool = False, **given) -> dict[str, Arr
     options = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), **given}
     settings = Settings(width=SIZE[0], height=SIZE[1], **options)
     extra = (*LOBES, "path_info", "geometric_normal", "base_color", "material")
-    source = RasterSource(gpu, AnimatedScene(scene), settings, extra=extra, shading=Shading(one_light=one_light))
-    try:
+    shading = Shading(one_light=one_light)
+    with RasterSource(gpu, AnimatedScene(scene), settings, extra=extra, shading=shading) as source:
         source.advance(0)
-        names = ("position", "normal", "direct", "indirect", *extra)
-        return {name: source.read(name) for name in names}
-    finally:
-        source.release()
+        return {name: source.read(name) for name in ("position", "normal", "direct", "indirect", *extra)}
 
 
 def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLight, Array]:
     """Sums of the float64 path tracer at the surface pixels of ``frame``, and which pixels those are."""
-    from taubench_gl.animation import Poser
-
     state = Poser(scene).sample(0.0)
     view = choose_camera(scene).view_at(state)
     corners, rows = [], []
@@ -145,18 +141,47 @@ def assert_same(frame: dict[str, Array], traced: PathLight, shown: Array, sample
         off = np.abs(measured - expected).max(axis=1) / scale
         assert np.mean(off > 1e-3) <= 0.02, (name, np.mean(off > 1e-3), float(np.median(off)))
         assert abs(measured.mean() - expected.mean()) <= 5e-3 * max(expected.mean(), 1e-6), name
+    for name in ("direct", "indirect"):
+        lobes = frame[f"{name}_diffuse"] + frame[f"{name}_glossy"]
+        np.testing.assert_allclose(frame[name][..., :3], lobes[..., :3], atol=1e-5, rtol=1e-5)
 
 
 SAMPLES, BOUNCES = 8, 5
+IMAGE = np.random.default_rng(3).random((16, 32, 3)).astype(np.float32)
+IMAGE[3, 22] = 100.0
+"""A sky of colored patches with a small sun; its directions are drawn by luminance."""
 
 
-@pytest.mark.parametrize("lights", [3, 40])
-def test_punctual_lights_all_and_by_power(gpu, lights):
-    scene = room(lights=lights)
-    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES)
-    exact = lights <= 4 * SAMPLES
-    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, first_source=int(exact))
+@pytest.mark.parametrize(
+    ("made", "environment", "one_light"),
+    [
+        ({"lights": 3}, "none", False),
+        ({"lights": 40}, "none", False),
+        ({"lights": 3}, "none", True),
+        ({"emitter": 8.0}, "none", False),
+        ({"closed": False}, (0.5, 0.7, 1.0), False),
+        ({"closed": False}, "image", False),
+        ({"closed": False, "lights": 2}, "image", False),
+    ],
+    ids=["few lights", "lights by power", "one light of few", "emitter", "sky", "image", "image and lights"],
+)
+def test_light_is_that_of_the_reference(gpu, made, environment, one_light):
+    """With the numbers and weights of the float64 path tracer; few punctual lights have no noise and are left out."""
+    scene, options = room(**made), {"samples": SAMPLES, "bounces": BOUNCES}
+    exact = 0 < made.get("lights", 0) <= 4 * SAMPLES and not one_light
+    with sky_file(IMAGE) as path:
+        seen = path if environment == "image" else environment
+        frame = render(gpu, scene, one_light=one_light, spp=SAMPLES, bounces=BOUNCES, environment=seen)
+    if environment == "image":
+        options["image"] = IMAGE.astype(np.float64)
+    elif environment != "none":
+        options["sky"] = environment
+    traced, shown = reference(scene, frame, first_source=int(exact), **options)
     assert_same(frame, traced, shown, SAMPLES, exact=exact)
+    if "sky" in options:
+        assert np.allclose(frame["path_info"][shown][:, 1], SAMPLES)
+        distance = traced.hit_distance / np.maximum(traced.hits, 1)
+        assert np.allclose(frame["path_info"][shown][:, 0], distance, rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize("lights", few([40, 3]))
@@ -171,19 +196,18 @@ def test_bidirectional_paths(gpu, lights):
     assert abs(alone.indirect_diffuse.mean() / traced.indirect_diffuse.mean() - 1.0) > 0.01, "other paths"
 
 
-def blocks(gpu, scene: Scene, samples: int, count: int, **given) -> Array:
-    """Means (count, h, w, 3) of indirect light over ``samples`` independent samples each."""
+def blocks(
+    gpu, scene: Scene, samples: int, count: int, *, name: str = "indirect", one_light: bool = False, **given
+) -> Array:
+    """Means (count, h, w, 3) of light ``name`` over ``samples`` independent samples each."""
     chosen = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), "pattern": "independent"}
     settings = Settings(width=SIZE[0], height=SIZE[1], spp=samples, **(chosen | given))
-    source = RasterSource(gpu, AnimatedScene(scene), settings)
-    try:
+    out = []
+    with RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(one_light=one_light)) as source:
         source.draw(0)
-        out = []
         for number in range(count):
             source.trace(number, 0, samples)
-            out.append(source.read("indirect")[..., :3].astype(np.float64))
-    finally:
-        source.release()
+            out.append(source.read(name)[..., :3].astype(np.float64))
     return np.stack(out)
 
 
@@ -250,30 +274,12 @@ def test_exact_light_is_the_sum_over_its_lights(gpu):
     assert np.mean(np.abs(direct(5) - every)) > 0.01 * every.mean()
 
 
-def test_one_punctual_light_of_few(gpu):
-    """A sample chooses one of the three lights, with the numbers and the weight of the reference."""
-    scene = room(lights=3)
-    frame = render(gpu, scene, one_light=True, spp=SAMPLES, bounces=BOUNCES)
-    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES)
-    assert_same(frame, traced, shown, SAMPLES)
-
-
 @pytest.mark.parametrize("lights", [1, 3])
 def test_one_light_is_all_lights_in_the_mean(gpu, lights):
     """Sample means of 64 frames against the light of every light; with a single light each sample has all of it."""
     scene, frames = room(lights=lights), 64
-    settings = Settings(width=SIZE[0], height=SIZE[1], light="path-traced", pattern="independent", spp=1, bounces=1,
-                        columns=("direct",), **FIXED_LIGHTING)  # fmt: skip
     exact = render(gpu, scene, spp=1, bounces=1)["direct"][..., :3].astype(np.float64)
-    source = RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(one_light=True))
-    images = []
-    try:
-        source.draw(0)
-        for number in range(frames):
-            source.trace(number, 0, 1)
-            images.append(source.read("direct")[..., :3].astype(np.float64))
-    finally:
-        source.release()
+    images = blocks(gpu, scene, 1, frames, name="direct", one_light=True, bounces=1)
     mean, spread = np.mean(images, axis=0), np.std(images, axis=0, ddof=1)
     if lights == 1:
         np.testing.assert_allclose(images, np.broadcast_to(exact, np.shape(images)), rtol=1e-5, atol=1e-6)
@@ -285,48 +291,6 @@ def test_one_light_is_all_lights_in_the_mean(gpu, lights):
     error = (mean - exact)[..., 1]
     assert abs(error.mean()) < 4 * np.sqrt(np.sum(spread[..., 1] ** 2 / frames)) / error.size
     assert np.abs(error[varies[..., 1]] / (spread[..., 1] / np.sqrt(frames))[varies[..., 1]]).mean() < 1.2
-
-
-def test_emitters(gpu):
-    scene = room(emitter=8.0)
-    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES)
-    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES)
-    assert_same(frame, traced, shown, SAMPLES)
-
-
-def test_uniform_sky(gpu):
-    scene = room(closed=False)
-    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES, environment=(0.5, 0.7, 1.0))
-    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, sky=(0.5, 0.7, 1.0))
-    assert_same(frame, traced, shown, SAMPLES)
-    assert np.allclose(frame["path_info"][shown][:, 1], SAMPLES)
-    hits = np.maximum(traced.hits, 1)
-    assert np.allclose(frame["path_info"][shown][:, 0], traced.hit_distance / hits, rtol=1e-3, atol=1e-3)
-
-
-@pytest.mark.parametrize("lights", [0, 2])
-def test_environment_image(gpu, tmp_path, lights):
-    """A sky of colored patches with a small sun; its directions are drawn by luminance."""
-    import OpenImageIO as oiio
-
-    image = np.random.default_rng(3).random((16, 32, 3)).astype(np.float32)
-    image[3, 22] = 100.0
-    path = str(tmp_path / "sky.exr")
-    out = oiio.ImageOutput.create(path)
-    assert out.open(path, oiio.ImageSpec(32, 16, 3, "float")) and out.write_image(image) and out.close()
-    scene = room(closed=False, lights=lights)
-    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES, environment=path)
-    first = int(lights > 0)
-    options = {"samples": SAMPLES, "bounces": BOUNCES, "first_source": first, "image": image.astype(np.float64)}
-    traced, shown = reference(scene, frame, **options)
-    assert_same(frame, traced, shown, SAMPLES, exact=bool(lights))
-
-
-def test_lobes_add_up(gpu):
-    frame = render(gpu, room(lights=2, emitter=3.0), spp=4, bounces=3)
-    for name in ("direct", "indirect"):
-        lobes = frame[f"{name}_diffuse"] + frame[f"{name}_glossy"]
-        assert np.allclose(frame[name][..., :3], lobes[..., :3], atol=1e-5, rtol=1e-5)
 
 
 def test_patterns(gpu):
@@ -380,11 +344,11 @@ def test_error_of_fixed_falls_with_the_samples(gpu, scene, environment):
             assert np.polyfit(np.log(counts), np.log(errors), 1)[0] <= -0.45, (name, errors)
 
 
-@pytest.mark.parametrize("tile", [(7, 5), (5, 7), (24, 3)])
-def test_tiles_of_any_shape_give_the_bits_of_one(gpu, monkeypatch, tile):
+def test_tiles_of_any_shape_give_the_bits_of_one(gpu, monkeypatch):
     scene = room(lights=2, emitter=4.0)
     whole = render(gpu, scene, spp=2, bounces=3)
-    monkeypatch.setattr(Tuning, "path_tile", tile)
-    parts = render(gpu, scene, spp=2, bounces=3)
-    for name in ("direct", "indirect"):
-        assert whole[name].any() and np.array_equal(whole[name], parts[name]), name
+    for tile in ((7, 5), (5, 7), (24, 3)):
+        monkeypatch.setattr(Tuning, "path_tile", tile)
+        parts = render(gpu, scene, spp=2, bounces=3)
+        for name in ("direct", "indirect"):
+            assert whole[name].any() and np.array_equal(whole[name], parts[name]), (tile, name)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
-from taubench_gl.features import FEATURES
+from taubench_gl.features import FEATURES, MASK_WORDS
 from taubench_gl.metrics.activity import QUANTITIES, describe
 from taubench_gl.metrics.counts import Counts, bin_of, edges
 from taubench_gl.metrics.reuse_rate import ReuseStats
@@ -35,7 +35,7 @@ def _curve(seed: int) -> dict[str, Any]:
 
 def _reuse() -> ReuseStats:
     """PAIRS equal pairs of 640 surface pixels: 480 reusable, 104 off-screen, 40 disoccluded, 16 turned, 4 occluding."""
-    stats, words = ReuseStats({"indirect": "no indirect light here"}), np.zeros(1 << 16, dtype=np.int64)
+    stats, words = ReuseStats({"indirect": "no indirect light here"}), np.zeros(MASK_WORDS, dtype=np.int64)
     words[0], words[Reason.OUTSIDE], words[Reason.NORMAL] = 480, 104, 12
     words[Reason.POSITION | Reason.DISOCCLUDED] = 40
     words[Reason.POSITION | Reason.OCCLUDING | Reason.NORMAL] = 4
@@ -105,7 +105,7 @@ def run(summary: dict[str, Any], frames: list[dict[str, Any]]) -> Run:
 def stored_run(summary: dict[str, Any]) -> Run:
     """As ``run``, with numbers that follow from its rows: ``load_run`` reads it back once it is saved."""
     stats = SequenceStats(("frustum", *FEATURES[:-1]), {"indirect": "no indirect light here"})
-    words, distances = np.zeros(1 << 16, dtype=np.int64), np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)
+    words, distances = np.zeros(MASK_WORDS, dtype=np.int64), np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)
     words[0], words[Reason.OUTSIDE], words[Reason.NORMAL] = 600, 64, 36
     words[Reason.SKY | Reason.HISTORY_SKY] = 100
     distances[FEATURES.index("normal"), -1] = 36

@@ -8,12 +8,13 @@ from page_tools import image_of
 from PIL import Image
 
 from taubench_gl.conventions import Reason
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.report import frame_store
 from taubench_gl.report.frame_store import spread
 from taubench_gl.report.run_frames import FrameRecorder, file_name, reproject_image, stored_frames
 
 RNG = np.random.default_rng(3)
-MASK = RNG.integers(0, 1 << 16, (12, 20)).astype(np.uint32)
+MASK = RNG.integers(0, MASK_WORDS, (12, 20)).astype(np.uint32)
 IMAGE = RNG.random((12, 20, 3))
 STILL = np.zeros((12, 20, 2), np.float32)
 

@@ -19,7 +19,7 @@ from PIL import Image
 from taubench_gl.api import evaluate
 from taubench_gl.conventions import FRUSTUM, NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
-from taubench_gl.features import FEATURE_BIT, FEATURES
+from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS
 from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.paths import PACKAGE
 from taubench_gl.report.distance_planes import levels_of
@@ -191,14 +191,14 @@ def test_the_headline_at_other_thresholds_is_that_of_a_run_at_them(page, made):
 
 def test_the_headline_of_the_page_counts_surface_pixels_as_the_summary_does(page, made):
     """Frames made by hand, with sky in most words: the script and the package give one sentence and the same rates."""
-    rng, words = np.random.default_rng(5), np.arange(1 << 16)
+    rng, words = np.random.default_rng(5), np.arange(MASK_WORDS)
     possible = words[(words & int(NOT_COMPARABLE)) == 0]
     frames, stats = [], ReuseStats({})
     for share in (0.9, 0.2):
         found = rng.choice(possible, 40, replace=False)
         sky = rng.random(40) < share
         found = np.where(sky, found | int(Reason.SKY), found & ~int(Reason.SKY))
-        histogram = np.bincount(found, rng.integers(1, 500, 40), 1 << 16).astype(np.int64)
+        histogram = np.bincount(found, rng.integers(1, 500, 40), MASK_WORDS).astype(np.int64)
         stats.add(histogram)
         counts = [[int(word), int(histogram[word])] for word in np.flatnonzero(histogram)]
         frames.append({"pixels": int(histogram.sum()), "counts": counts})

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import Reason
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.glossary import REUSE_REASONS
 from taubench_gl.metrics.reuse_rate import NO_SURFACE, ReuseStats
 from taubench_gl.report import FORMATS, run_tables, short_tables
@@ -70,7 +71,7 @@ def test_the_sentence_states_the_share_of_sky_where_there_is_any():
 
 def test_an_image_of_sky_alone_has_no_rate_and_the_reason_is_stated(summary):
     stats = ReuseStats({})
-    words = np.zeros(1 << 16, dtype=np.int64)
+    words = np.zeros(MASK_WORDS, dtype=np.int64)
     words[Reason.SKY | Reason.HISTORY_SKY] = 800
     stats.add(words)
     summary["reusable"] = stats.block("camera", np.zeros(1, dtype=bool))

@@ -9,6 +9,7 @@ import pytest
 from page_tools import Tags, data_of
 
 from taubench_gl.errors import OutputError
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.report.run_frames import FrameRecorder
 from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
 from taubench_gl.report.run_plots import discard_curve
@@ -86,7 +87,7 @@ def test_failed_write_leaves_no_file(run, tmp_path):
 
 
 RNG = np.random.default_rng(3)
-MASK = RNG.integers(0, 1 << 16, (12, 20)).astype(np.uint32)
+MASK = RNG.integers(0, MASK_WORDS, (12, 20)).astype(np.uint32)
 IMAGE = RNG.random((12, 20, 3))
 MOTION = np.zeros((12, 20, 2), np.float32)
 

@@ -63,9 +63,9 @@ def test_time_warp_under_rotation_and_translation():
 
 def test_error_of_accumulation_decreases_as_one_over_n():
     """The variance of a mean of n independent estimates; a bias of the estimate would remain."""
-    done = evaluate(still(), ["accumulate@cap=1000000"], (0, 33), input="noisy")
+    done = evaluate(still(), ["accumulate@cap=1000000"], (0, 17), input="noisy")
     scaled = np.array([row["relmse"] * (i + 1) for i, row in enumerate(done.rows)])
-    assert len(scaled) == 33
+    assert len(scaled) == 17
     np.testing.assert_allclose(scaled, scaled.mean(), rtol=0.2)
 
 

@@ -50,12 +50,12 @@ def test_stages_of_the_built_in_methods():
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("stages = 3\n", "stages: "),
-        ("[stages]\nblend = 3\n", "stages.blend: "),
-        ("[stages.Blend]\n", "stages.Blend: "),
+        ("stages = 3\n", "stages "),
+        ("[stages]\nblend = 3\n", "stages.blend "),
+        (DONE.replace("blend", "Blend", 1), "stages.Blend: "),
         (DONE.replace("a.glsl", "b.glsl"), "stages.blend.shader: 'b.glsl'"),
-        (DONE.replace("paper", "page"), "stages.blend.page: "),
-        (DONE.replace('"Eq. (1)"', "1"), "stages.blend.paper: 1"),
+        (DONE.replace("paper", "page"), "stages.blend.page "),
+        (DONE.replace('"Eq. (1)"', "1"), "stages.blend.paper "),
         (DONE + 'missing = "x"\n', "stages.blend: "),
     ],
 )

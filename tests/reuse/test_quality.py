@@ -7,6 +7,7 @@ import pytest
 from references.reuse_methods import previous_px, sample_history
 
 from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.scores import CLASSES, ClassErrors, Displayed, FrameReference, MethodRecord, classify, weights
 
@@ -106,7 +107,7 @@ def test_temporal_error_of_constant_and_alternating_bias():
 
 
 def test_every_mask_word_has_one_class():
-    words = np.arange(1 << 16, dtype=np.uint32).reshape(256, 256)
+    words = np.arange(MASK_WORDS, dtype=np.uint32).reshape(256, 256)
     got = classify(words)
     names = list(CLASSES)
 
@@ -116,7 +117,7 @@ def test_every_mask_word_has_one_class():
                 return name
         return "rest"
 
-    some = RNG.integers(0, 1 << 16, 2000)
+    some = RNG.integers(0, MASK_WORDS, 2000)
     assert [names[k] for k in got.ravel()[some]] == [first_class(int(w)) for w in some]
 
 

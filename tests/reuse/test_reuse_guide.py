@@ -19,12 +19,13 @@ from taubench_gl.errors import MethodError, OutputError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.check import check_method, write_example
 from taubench_gl.reuse.contract import EMITTED, FORMATS, LIGHTS
-from taubench_gl.reuse.declaration import KEYS, PASS_KEYS
+from taubench_gl.reuse.declaration import MethodFile, PassEntry, SettingEntry, StageEntry
 from taubench_gl.reuse.frame import INPUTS
 from taubench_gl.reuse.glsl_method import FRAME, build_source
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 
+KEYS = [k for table in (MethodFile, PassEntry, SettingEntry, StageEntry) for k in table.__struct_encode_fields__]
 GUIDE = (Path(__file__).resolve().parents[2] / "docs" / "reuse.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"File `([\w./]+)`:\n\n```\w+\n(.*?)```", GUIDE, re.DOTALL))
 
@@ -62,7 +63,7 @@ def test_guide_python_method(gpu, tmp_path):
 
 
 def test_guide_is_complete():
-    for name in (*INPUTS, *FORMATS, *builtin_methods(), *KEYS, *PASS_KEYS):
+    for name in (*INPUTS, *FORMATS, *builtin_methods(), *KEYS):
         assert re.search(rf"`[^`]*\b{name}\b[^`]*`", GUIDE), name
     for field in FRAME.fields:
         assert f"frame.{field.name}" in GUIDE, field.name

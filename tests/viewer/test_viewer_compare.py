@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from references.display import channel_rgb, color_scale
-from viewer_tools import DEMO, QUIET
+from viewer_tools import QUIET, evaluated
 
 from taubench_gl.animation import View
-from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.comparisons import frame_offset
@@ -28,15 +27,11 @@ def headlight(driven, *, previous: bool = False) -> np.ndarray:
 def test_reprojection_sampling_and_size_change_live(drive):
     driven = drive()
     driven.run("frame 8\nset probe 30,20\nset reprojection motion\nset sampling bilinear\nset scale 0.5")
-    expected = QUIET.replace(reprojection="motion", sampling="bilinear", width=48, height=27, frames=(7, 9))
-    row = evaluate_scene(DEMO, expected).frames[0]
-    assert [driven.engine.counts[n] for n in ("pixels", "frustum", "position", "normal")] == [
-        row[n] for n in ("pixels", "frustum", "position", "normal")
-    ]
+    expected = QUIET.replace(reprojection="motion", sampling="bilinear", width=48, height=27)
+    assert driven.counts_are_those_of(evaluated(8, expected))
     driven.run("expect image.width == 48\nexpect probe == 15,10\nset scale 1\nset reprojection camera")
     driven.run("set sampling nearest\nexpect image.width == 96\nexpect probe == 30,20")
-    row = evaluate_scene(DEMO, QUIET.replace(frames=(7, 9))).frames[0]
-    assert driven.engine.counts["position"] == row["position"]
+    assert driven.counts_are_those_of(evaluated(8))
 
 
 def test_exposure_changes_the_color_and_its_masks(drive):
@@ -46,8 +41,7 @@ def test_exposure_changes_the_color_and_its_masks(drive):
     driven.run("set stops 1\nexpect stops == 1")
     bright = driven.engine.feed.source.read("color")[..., :3]
     assert (bright >= dark - 1e-3).all() and bright.mean() > 1.1 * dark.mean()
-    row = evaluate_scene(DEMO, LIT.replace(exposure=2.0, frames=(7, 9))).frames[0]
-    assert driven.engine.counts["direct"] == row["direct"] and driven.engine.counts["color"] == row["color"]
+    assert driven.counts_are_those_of(evaluated(8, LIT.replace(exposure=2.0)), "direct", "color")
 
 
 @pytest.mark.long

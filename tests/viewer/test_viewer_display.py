@@ -8,6 +8,7 @@ from references.display import channel_rgb, color_scale, id_color, overlay_mask
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
+from taubench_gl.features import MASK_WORDS
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.display import BACKGROUND, KINDS
 from taubench_gl.report.mask_images import mask_overlay
@@ -50,7 +51,7 @@ def inputs(rng):
     h, w = SIZE[1], SIZE[0]
     position = rng.normal(size=(h, w, 4)).astype(np.float32)
     position[..., 3] = np.where(rng.random((h, w)) < 0.2, 0.0, np.abs(position[..., 3]) + 0.1)
-    mask = rng.integers(0, 1 << 16, (h, w), dtype=np.uint32)
+    mask = rng.integers(0, MASK_WORDS, (h, w), dtype=np.uint32)
     return position, mask
 
 
@@ -100,7 +101,7 @@ def test_masks_match_the_reference(made, opacity):
 
 def test_stripes_match_the_report():
     rng = np.random.default_rng(5)
-    mask = rng.integers(0, 1 << 16, (21, 37), dtype=np.uint32)
+    mask = rng.integers(0, MASK_WORDS, (21, 37), dtype=np.uint32)
     reasons = (Reason.POSITION, Reason.NORMAL, Reason.LIT)
     colors = np.array([color_of(r) for r in reasons]) / 255.0
     ours = overlay_mask(np.zeros((21, 37, 3)), mask, np.array([int(r) for r in reasons]), colors, 1.0)

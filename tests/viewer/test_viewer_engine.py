@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from viewer_tools import DEMO, QUIET, ROOT, pixels
+from viewer_tools import DEMO, QUIET, ROOT, evaluated, pixels
 
 from taubench_gl.conventions import FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
@@ -16,7 +16,6 @@ from taubench_gl.glossary import label_of
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.report.palette import EXACT_COLORS, color_of
-from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.model import LiveTimer
 
@@ -26,12 +25,11 @@ pytestmark = pytest.mark.usefixtures("coarse_light")
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_percentages_are_those_of_evaluate(drive, reprojection):
     settings = QUIET.replace(reprojection=reprojection)
-    run = evaluate_scene(DEMO, settings.replace(frames=(7, 10)))
     driven = drive(settings=settings)
-    for row in run.frames:
-        driven.run(f"frame {row['frame']}")
-        counted = {n: row[n] for n in COUNT_COLUMNS if row[n] is not None}
-        assert {n: driven.engine.counts[n] for n in counted} == counted
+    for frame in (8, 9):
+        driven.run(f"frame {frame}")
+        row = evaluated(frame, settings)
+        assert driven.counts_are_those_of(row)
         expected = 100.0 * row["reusable_surface"] / (row["pixels"] - row["sky"])
         shares = driven.engine.percentages()
         assert shares["position"] == percent(row, "position") > 0 and shares["sky"] == percent(row, "sky") > 0
@@ -43,10 +41,9 @@ def test_percentages_are_those_of_evaluate(drive, reprojection):
 
 def test_light_counts_are_those_of_evaluate(drive):
     settings = QUIET.replace(columns=("direct", "color", "position"), indirect="none", width=48, height=27)
-    row = evaluate_scene(DEMO, settings.replace(frames=(4, 6))).frames[0]
     driven = drive(settings=settings, light=True)
     driven.run("frame 5\nexpect overlay.direct > 0")
-    assert [driven.engine.counts[n] for n in ("direct", "color", "lit")] == [row[n] for n in ("direct", "color", "lit")]
+    assert driven.counts_are_those_of(evaluated(5, settings), "direct", "color", "lit")
     assert driven.engine.reusable()[1] is None  # without frustum and normal nothing is known
     driven.run("set effect.direct off")
     assert driven.engine.percentages()["direct"] is driven.engine.percentages()["lit"] is None
@@ -260,8 +257,7 @@ class TestPathTraced:
 def test_exact_reasons_are_those_of_evaluate(drive, tmp_path):
     """Shares and colors of the mode; the masks come back without it."""
     settings = QUIET.replace(columns=("frustum", "position", "direct"), indirect="none", width=64, height=36)
-    run = evaluate_scene(DEMO, settings.replace(frames=(4, 6), exact=True))
-    row = run.frames[0]
+    row = evaluated(5, settings.replace(exact=True))
     driven = drive(settings=settings, light=True)
     driven.run("frame 5\nset opacity 1\nset exact on\nscreenshot " + str(tmp_path / "a.png"))
     percentages = driven.engine.percentages()

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from viewer_tools import DEMO, QUIET
+from viewer_tools import DEMO, QUIET, evaluated
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.eyes import both_eyes
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -19,18 +18,12 @@ pytestmark = pytest.mark.usefixtures("coarse_light")
 EYE = QUIET.replace(history="eye", eyes=0.2, convergence=3.0)
 
 
-def counts_of_evaluate(frame, settings):
-    row = evaluate_scene(DEMO, settings.replace(frames=(frame - 1, frame + 1))).frames[0]
-    return {name: row[name] for name in COUNT_COLUMNS if row[name] is not None}
-
-
 def test_counts_are_those_of_evaluate_and_the_history_can_change(drive):
     driven = drive(settings=EYE)
     for frame, settings, line in ((8, EYE, "frame 8"), (8, EYE.replace(history="frame"), "set history frame"),
                                   (9, EYE, "set history eye\nframe 9")):  # fmt: skip
         driven.run(line)
-        expected = counts_of_evaluate(frame, settings)
-        assert {name: driven.engine.counts[name] for name in expected} == expected and expected["position"] > 0
+        assert driven.counts_are_those_of(evaluated(frame, settings)) and driven.engine.counts["position"] > 0
 
 
 def test_the_first_frame_and_a_free_camera_have_another_eye(drive):
@@ -51,8 +44,7 @@ def test_both_histories_begin_with_the_last_frame(drive):
     driven = drive(settings=EYE.replace(history="both"))
     assert driven.viewer.state.live.history == "frame"
     driven.run("set history eye\nframe 4\nset against history\nset comparison difference\nset beside on")
-    expected = counts_of_evaluate(4, EYE)
-    assert driven.engine.counts["position"] == expected["position"] > 0
+    assert driven.counts_are_those_of(evaluated(4, EYE), "position") and driven.engine.counts["position"] > 0
 
 
 def test_the_image_beside_has_the_masks_of_the_other_eye(drive):

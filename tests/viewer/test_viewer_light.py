@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from viewer_tools import DEMO
+from viewer_tools import evaluated
 
-from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.light import COARSE
@@ -15,23 +14,20 @@ LIT = Settings(width=48, height=28, indirect="none", exposure=1.0)
 
 
 def test_geometry_is_exact_and_light_coarse_while_playing(drive):
-    row = evaluate_scene(DEMO, LIT.replace(frames=(7, 9))).frames[0]
+    row, geometry = evaluated(8, LIT), ("frustum", "position", "normal")
     driven = drive(settings=LIT, light=True)
     driven.run("frame 8\nset channel color\nexpect light.quality != ''")
     engine = driven.engine
-    exact = {n: engine.counts[n] for n in ("frustum", "position", "normal", "direct", "color")}
-    assert exact == {n: row[n] for n in exact}
+    assert driven.counts_are_those_of(row, *geometry, "direct", "color")
     driven.run("set playing on")
-    assert {n: engine.counts[n] for n in ("frustum", "position", "normal")} == {
-        n: row[n] for n in ("frustum", "position", "normal")
-    }
+    assert driven.counts_are_those_of(row, *geometry)
     coarse = COARSE["quarter"].settings(engine.feed.settings)
     assert (coarse.sequence.width, coarse.sequence.height) == (12, 7)
-    small = evaluate_scene(DEMO, coarse.replace(frames=(7, 9))).frames[0]
+    small = evaluated(8, coarse)
     assert engine.counts["direct"] == 16 * small["direct"] and engine.counts["color"] == 16 * small["color"]
     assert engine.percentages()["indirect"] is None and engine.percentages()["reusable_shading"] is None
     driven.run("set playing off")
-    assert {n: engine.counts[n] for n in exact} == exact
+    assert driven.counts_are_those_of(row, *geometry, "direct", "color")
 
 
 def test_coarse_light_is_not_brighter(drive):

@@ -11,6 +11,7 @@ from viewer_tools import DEMO, ROOT, pixels
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.layout import BAR, SIDE
+from taubench_gl.viewer.state import CONTROLS
 
 FAULTS = (
     "frame", "frame 1 2", "frobnicate 3", "set opacity 'half", "frame x", "set nothing 1", "key HYPER+X",
@@ -51,6 +52,14 @@ def test_panels_work_by_mouse(drive):
     driven.run("mouse @frame 0.5\ndrag @frame 0.9\nexpect frame > 50")
     driven.run("click @button.play\nexpect playing == 1\nwait 2\nclick @button.play\nexpect playing == 0")
     driven.run("click @section.masks\nexpect section.masks == 0\nclick @camera.orbit\nexpect camera == orbit")
+
+
+def test_every_control_of_a_section_has_a_widget(drive):
+    driven = drive(window=(1280, 2000))
+    for comparison in ("error", "split", "flicker"):
+        driven.run(f"set against method\nset comparison {comparison}\nwait 1")
+        names = {c.name for c in CONTROLS.values() if c.section and c.visible(driven.state)}
+        assert names <= set(driven.viewer.panels.widgets) and len(names) > 15
 
 
 def test_toggling_an_effect_by_mouse_and_by_key(drive):

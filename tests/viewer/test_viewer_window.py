@@ -7,10 +7,9 @@ import subprocess
 import sys
 
 import pytest
-from viewer_tools import DEMO, QUIET, pixels
+from viewer_tools import DEMO, QUIET, evaluated, pixels
 
 from taubench_gl.apps import view_command
-from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.viewer import session_file
 from taubench_gl.viewer.layout import script_size, start_size
 
@@ -27,7 +26,7 @@ def view(environment, *arguments):
 
 
 def test_script_in_a_window(display, gpu, tmp_path):
-    row = evaluate_scene(DEMO, QUIET.replace(frames=(5, 7))).frames[0]
+    row = evaluated(6)
     script = tmp_path / "steps.txt"
     script.write_text(f"""
         frame 5

@@ -6,12 +6,26 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "assets" / "demo.glb"
 SIZE = (96, 54)
 QUIET = Settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
+
+
+_ROWS: dict[tuple[int, str], dict] = {}
+
+
+def evaluated(frame: int, settings: Settings = QUIET) -> dict:
+    """The row of frames.csv that ``evaluate`` gives for ``frame`` of the demo; evaluated once."""
+    from taubench_gl.evaluation import evaluate_scene
+
+    key = frame, str(settings.to_dict())
+    if key not in _ROWS:
+        _ROWS[key] = evaluate_scene(DEMO, settings.replace(frames=(frame - 1, frame + 1))).frames[0]
+    return _ROWS[key]
 
 
 class Driven:
@@ -45,6 +59,13 @@ class Driven:
     @property
     def engine(self):
         return self.viewer.engine
+
+    def counts_are_those_of(self, row: dict, *names: str) -> bool:
+        """Whether the counts of the pair shown are those of a row: all that were measured, or only ``names``."""
+        columns = names or COUNT_COLUMNS
+        return [self.engine.counts[n] for n in columns if row[n] is not None] == [
+            row[n] for n in columns if row[n] is not None
+        ]
 
     def close(self) -> None:
         self.viewer.close()

@@ -9,7 +9,6 @@ pass runs, wherever the camera is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from taubench_gl.frame.tuning import NARROW, PATCH_LIGHT_CHUNK, VPL_CHUNK, WIDE
 from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass, RasterPass, Resource, Use, stage
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.owner import Owner
-from taubench_gl.gpu.passes import CompiledCompute, GpuContext
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.lobes import COMMON_LOBES, lobe_channels
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
@@ -386,7 +385,7 @@ def _voxel_variant(posed: bool) -> Variant:
 
 
 # ---------------------------------------------------------------------------------------------------------- execution
-class IndirectPass:
+class IndirectPass(Owner):
     """Runs the passes of ``Declarations``; what it computes is kept while lights and surfaces stand still.
 
     ``hold``: frames for which it is kept at least, although they move.
@@ -397,6 +396,7 @@ class IndirectPass:
 
         Raises GraphicsError where the VPLs need a larger texture or buffer than the device has.
         """
+        super().__init__()
         passes = Declarations(spec)
         gpu = self._gpu = context.gpu
         self._spec, self._passes = spec, passes
@@ -408,20 +408,19 @@ class IndirectPass:
         self._rows = FACE.zeros(max(len(faces), 1))
         self.tables["rsm_faces"] = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
         self._mapped = mapped_lights(spec)
-        self._owned: list[Any] = []
         if passes.mapped:
             targets = [self.tables[f"rsm_{channel}"] for channel in CHANNEL_NAMES]
-            self._framebuffer = ctx.framebuffer(targets, self.tables["rsm_depth"])
-            self._drawer = FaceDrawer(context, self._framebuffer, passes.rsm())
-            self._owned = [self._framebuffer, self._drawer]
+            self._framebuffer = self.own(ctx.framebuffer(targets, self.tables["rsm_depth"]))
+            self._drawer = self.own(FaceDrawer(context, self._framebuffer, passes.rsm()))
             self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
-            self._vpls = context.compute(passes.vpls())
-            self._owned.append(self._vpls)
-        self._patches = PatchLight(context, spec, passes, self.tables, draws) if passes.patch_count else None
-        self.grid = ProbeGrid(context, spec, passes, self.tables, draws) if passes.probes else None
-        self._shade: list[CompiledCompute] = []
-        if not spec.shading.stochastic:
-            self._shade = [context.compute(p) for p in (*passes.gather(), passes.apply())]
+            self._vpls = self.own(context.compute(passes.vpls()))
+        inputs = context, spec, passes, self.tables, draws
+        self._patches = self.own(PatchLight(*inputs) if passes.patch_count else None)
+        self.grid = self.own(ProbeGrid(*inputs) if passes.probes else None)
+        shade = () if spec.shading.stochastic else (*passes.gather(), passes.apply())
+        self._shade = [self.own(context.compute(p)) for p in shade]
+        for table in self.tables.values():
+            self.own(table)
         self.hold = 1
         self._solved: bytes | None = None
         self._age = 0  # frames since
@@ -473,13 +472,9 @@ class IndirectPass:
         stale = list(zip(faces, self._offsets, seen, strict=True))
         self._drawer.draw(frame, stale, variant)
         self._gpu.hazards.wrote(self._framebuffer.color_attachments, drawn=True)
-        for row, face, corner in zip(self._rows[: len(faces)], faces, self._offsets, strict=True):
-            row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
-            row["forward"] = (*face.forward, face.near)
-            row["right"] = (*(face.right / face.half), corner[0])
-            row["up"] = (*(face.up / face.half), corner[1])
-            texel = 2.0 * face.half / face.resolution
-            row["extent"] = face.resolution, texel, float(on[face.light]), face.light
+        rows, lights = self._rows[: len(faces)], [face.light for face in faces]
+        FaceTable(faces).fill(rows, self._offsets, frame.view.position)
+        rows["extent"][:, 2], rows["extent"][:, 3] = on[lights], lights
         self.tables["rsm_faces"].write(self._rows.tobytes())
 
     def record(self, frame: FrameContext) -> Array:
@@ -500,19 +495,15 @@ class IndirectPass:
         """The VPLs of this frame, (V,) VPL records in scene space."""
         return np.frombuffer(self.tables["vpls"].read(), dtype=VPL.dtype)[: self._passes.count]
 
-    def release(self) -> None:
-        for item in (*self._owned, *self._shade, *self.tables.values(), self._patches, self.grid):
-            if item is not None:
-                item.release()
 
-
-class PatchLight:
+class PatchLight(Owner):
     """Light of the lights without reflective shadow maps on surface patches."""
 
     def __init__(
         self, context: GpuContext, spec: FrameSpec, passes: Declarations, tables: dict, draws: tuple[Draw, ...]
     ):
         """``tables``: of the indirect pass, to which buffers are added."""
+        super().__init__()
         mapped, facts = set(mapped_lights(spec)), spec.animated
         self._rows = [row for row in range(len(spec.light_kinds)) if row not in mapped]
         self._scene, self._center, self._tables = spec.scene, passes.center, tables
@@ -521,9 +512,8 @@ class PatchLight:
         ctx = context.gpu.ctx
         tables["patches"] = ctx.buffer(reserve=PATCH.dtype.itemsize * passes.patch_count, dynamic=True)
         tables["patch_lights"] = ctx.buffer(reserve=LIGHT.dtype.itemsize * max(len(self._rows), 1), dynamic=True)
-        self._compiled = context.compute(passes.patches())
+        self._compiled = self.own(context.compute(passes.patches()))
         self._lit = 0  # lights that are on
-        self.release = self._compiled.release
 
     def place_lights(self, frame: FrameContext) -> bytes:
         """Upload the lights that are on, in scene space; bytes that are equal while their light is."""

@@ -335,8 +335,8 @@ class PathTracing(Owner):
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
             self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
-        alpha_test, both = "alpha_mask" in spec.enabled, spec.shading.both_frames
-        self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=both))
+        alpha_test, keep_previous = "alpha_mask" in spec.enabled, spec.shading.both_frames
+        self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
         self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
         for name in TRACED:
             if name in passes:

@@ -210,7 +210,6 @@ class ShadowPass(Owner):
         faces = spec.light_faces(spec.map_sizes)
         self._first_faces = first_faces(faces)
         self._offsets, _ = pack(faces, spec.tuning.texture_limit)
-        self._corners = np.array(self._offsets).reshape(-1, 2)
         self._cache = ShadowMapCache(len(faces))
         self.atlas = self.own(context.allocate_all([declaration])["shadow_atlas"])
         self.atlas.compare_func = ""
@@ -235,7 +234,7 @@ class ShadowPass(Owner):
         light_rows["color"][:, 3] = -1.0
         for row, first in self._first_faces.items():
             light_rows["color"][row, 3] = first
-        self._fill(FaceTable(faces), frame)
+        FaceTable(faces).fill(self.rows[: len(faces)], self._offsets, frame.view.position)
         # Nothing reads the maps of a light that is off.
         on = [i for i, face in enumerate(faces) if np.any(light_rows["color"][face.light, :3])]
         dirty = self._cache.update(np.array(on), FaceTable([faces[i] for i in on]), frame.casters) if on else []
@@ -255,11 +254,3 @@ class ShadowPass(Owner):
 
         self._drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts)
         self._gpu.hazards.wrote([self.atlas], drawn=True)
-
-    def _fill(self, faces: FaceTable, frame: FrameContext) -> None:
-        rows, half = self.rows[: len(faces.half)], faces.half[:, None]
-        rows["origin"][:, :3], rows["origin"][:, 3] = faces.origin - frame.view.position, faces.parallel
-        for axis, name in enumerate(("right", "up")):
-            rows[name][:, :3], rows[name][:, 3] = faces.axes[:, axis] / half, self._corners[:, axis]
-        rows["forward"][:, :3], rows["forward"][:, 3] = faces.axes[:, 2], faces.near
-        rows["extent"][:, 0], rows["extent"][:, 1] = faces.resolution, 2.0 * faces.half / faces.resolution

@@ -72,8 +72,7 @@ class HitOptions:
     @property
     def material_texels(self) -> int:
         """Texels of a material with its slots."""
-        own = DIELECTRIC_TEXELS * self.dielectrics
-        return MATERIAL_TEXELS + SLOT_TEXELS * len(self.slots) + own
+        return MATERIAL_TEXELS + SLOT_TEXELS * len(self.slots) + DIELECTRIC_TEXELS * self.dielectrics
 
 
 def hit_emission(material: Material, options: HitOptions) -> tuple[float, float, float]:
@@ -143,8 +142,8 @@ def draw_centers(draws: Sequence[Draw], positions: Array) -> Array:
         if d.posed:
             continue
         if d.base_vertex not in known:
-            own = positions[d.base_vertex : d.base_vertex + d.vertex_count].astype(np.float64)
-            known[d.base_vertex] = (0.5 * (own.min(axis=0) + own.max(axis=0))).astype(np.float32)
+            vertices = positions[d.base_vertex : d.base_vertex + d.vertex_count].astype(np.float64)
+            known[d.base_vertex] = (0.5 * (vertices.min(axis=0) + vertices.max(axis=0))).astype(np.float32)
         out[i] = known[d.base_vertex]
     return out
 

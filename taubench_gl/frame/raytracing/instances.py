@@ -84,8 +84,8 @@ def changing_nodes(scene: Scene) -> Array:
     nodes = scene.nodes
     changes = np.zeros(len(nodes), dtype=bool)
     for channel in scene.channels:
-        own = channel.target == "node" and channel.path != "weights"
-        if own and (channel.path == "visible" or not nodes.has_matrix[channel.index]) and _varies(channel):
+        of_node = channel.target == "node" and channel.path != "weights"
+        if of_node and (channel.path == "visible" or not nodes.has_matrix[channel.index]) and _varies(channel):
             changes[channel.index] = True
     for level in nodes.levels()[1:]:
         changes[level] |= changes[nodes.parent[level]]
@@ -116,14 +116,14 @@ def _too_often(draws: tuple[Draw, ...], still: Array) -> Array:
 
 def _boxes(scene: Scene, draws: tuple[Draw, ...], rows: Array, world: Array) -> tuple[Array, Array]:
     """World boxes of the draws ``rows``: (K, 3), (K, 3)."""
-    own: dict[tuple[int, int], tuple[Array, Array]] = {}
+    local: dict[tuple[int, int], tuple[Array, Array]] = {}  # box by mesh and primitive
     low, high = np.zeros((len(rows), 3)), np.zeros((len(rows), 3))
     for k, i in enumerate(rows.tolist()):
         key = draws[i].mesh, draws[i].primitive
-        if key not in own:
+        if key not in local:
             points = np.asarray(scene.meshes[key[0]].primitives[key[1]].positions, dtype=np.float64)
-            own[key] = points.min(axis=0), points.max(axis=0)
-        center, half = 0.5 * (own[key][0] + own[key][1]), 0.5 * (own[key][1] - own[key][0])
+            local[key] = points.min(axis=0), points.max(axis=0)
+        center, half = 0.5 * (local[key][0] + local[key][1]), 0.5 * (local[key][1] - local[key][0])
         center = world[i, :3, :3] @ center + world[i, :3, 3]
         half = np.abs(world[i, :3, :3]) @ half
         low[k], high[k] = center - half, center + half

@@ -129,11 +129,11 @@ class SceneStructure:
     def _merged_tree(self, draws: Array, origin: Array) -> PlacedTree:
         corners, triangles, rows = [], [], []
         for row in draws.tolist():
-            own, triangle = self._corners(row)
+            local, triangle = self._corners(row)
             world = self.table.world[row]
-            corners.append(own @ world[:3, :3].T + (world[:3, 3] - origin))
+            corners.append(local @ world[:3, :3].T + (world[:3, 3] - origin))
             triangles.append(triangle)
-            rows.append(np.full(len(own), row, np.uint32))
+            rows.append(np.full(len(local), row, np.uint32))
         rows = np.concatenate(rows)
         return self._tree(np.concatenate(corners), np.concatenate(triangles), rows, self._alpha[rows])
 
@@ -173,10 +173,10 @@ class SceneStructure:
                 posed = self._posed[number]
                 boxes = posed.boxes(state, view, placement.world)
                 grids = posed.run(boxes, self.resources, self._buffers.pools[True][positions])
-                own = np.tile(np.eye(4), (len(boxes), 1, 1))
-                own[:, :3, 3] = view.position - origin
+                from_camera = np.tile(np.eye(4), (len(boxes), 1, 1))  # posed vertices are relative to their own camera
+                from_camera[:, :3, 3] = view.position - origin
                 trees = trees.joined(self._deforming[number].moved(boxes, grids))
-                matrices = np.concatenate([matrices, own])
+                matrices = np.concatenate([matrices, from_camera])
                 visible = np.concatenate([visible, placement.visible[self.table.posed]])
                 draws = np.concatenate([draws, self.table.posed])
             self._write_top(number, trees, matrices, visible, draws)
