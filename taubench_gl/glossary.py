@@ -129,7 +129,11 @@ CONCEPTS: Mapping[str, Term] = _by_key(
         "effective_weight", "effective weight", "Weight of history in a pixel less what rectification replaced", "",
         "docs/reuse-evaluation.md",
     ),
-    Term("worst_frame", "worst frame", "The current frame of the pair with the most discards, summed over the columns"),
+    Term(
+        "worst_frame", "worst frame",
+        "The current frame of the pair with the lowest reuse rate: shading where light was measured, else surface", "",
+        _REUSABLE,
+    ),
     Term(
         "noise_floor", "noise floor",
         "Discard rate between two path-traced renders of the same frames with different seeds: noise alone", "%",
@@ -228,6 +232,10 @@ STATISTICS: Mapping[str, Term] = _by_key(
     Term(
         "of_picture_percent", "% of all pixels",
         "Reusable surface pixels divided by all pixels, total over total", "%", _REUSABLE,
+    ),
+    Term(
+        "of_surface_percent", "% of surface pixels",
+        "Surface pixels that a column discards divided by surface pixels, total over total", "%", _REUSABLE,
     ),
     Term("sky_percent", "sky", "Pixels without a surface", "% of all pixels", _REUSABLE),
     Term(
@@ -356,6 +364,14 @@ FRAMES: Mapping[str, Term] = _by_key(
     Term("pixels", "pixels", "All pixels, w x h x samples per pixel", "pixels"),
     *(
         Term(f"reusable_{rate}", f"reusable {rate}", CONCEPTS[rate].definition, "pixels", _REUSABLE)
+        for rate in ("surface", "shading")
+    ),
+    *(
+        Term(
+            f"other_reusable_{rate}", f"reusable {rate}, other reprojection",
+            f"As reusable_{rate}, under motion reprojection in a run of camera reprojection, else under camera",
+            "pixels", _REUSABLE,
+        )
         for rate in ("surface", "shading")
     ),
     *(

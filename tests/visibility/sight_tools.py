@@ -39,15 +39,12 @@ def look(gpu: Gpu, scene, camera, size, frame=1, *, fps=24.0, **settings) -> Sig
     settings = Settings(
         width=size[0], height=size[1], fps=fps, columns=("frustum", "position"), reprojection="motion", **settings
     )
-    source = RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=CHANNELS)
-    try:
+    with RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=CHANNELS) as source:
         source.advance(frame)
         channels = {name: source.read(name) for name in source.channels}
         assert source.visibility.structure.unfinished_rays == 0
-        return Sight(channels["prev_visibility"][..., 0], channels, source)
-    finally:
-        source.release()
-        gpu.collect()
+    gpu.collect()
+    return Sight(channels["prev_visibility"][..., 0], channels, source)
 
 
 def surfaces_before(sight: Sight) -> PreviousSurfaces:
