@@ -153,9 +153,16 @@ def surface_light(source: RasterSource, frame: int, most: int) -> tuple[np.ndarr
     if not len(at):
         return np.zeros((2, 3, 0)), np.zeros(0)
     weight, at = len(at) / min(len(at), most), at[:most]
-    light = source.listed_light(frame, at, at, range(TRACED["spp"]), drawn=True).astype(np.float64)
     direct = [k for k, lobe in enumerate(source.listed_lobes) if lobe.startswith("direct")]
-    halves = light[:, :, direct].sum(axis=2).reshape(len(at), 2, -1, 3).mean(axis=2).transpose(1, 2, 0)
+
+    def traced(samples: range) -> np.ndarray:
+        light = source.listed_light(frame, at, at, samples, drawn=samples.start == 0)
+        return light[:, :, direct].astype(np.float64).sum(axis=2)
+
+    light = traced(range(2))
+    if not np.array_equal(light[:, 0], light[:, 1]):  # else every light has a shadow ray, and samples have no noise
+        light = np.concatenate([light, traced(range(2, TRACED["spp"]))], axis=1)
+    halves = light.reshape(len(at), 2, -1, 3).mean(axis=2).transpose(1, 2, 0)
     finite = np.all(np.isfinite(halves), axis=(0, 1))
     return halves[..., finite], np.full(np.count_nonzero(finite), weight)
 
