@@ -367,14 +367,6 @@ FRAMES: Mapping[str, Term] = _by_key(
         for rate in ("surface", "shading")
     ),
     *(
-        Term(
-            f"other_reusable_{rate}", f"reusable {rate}, other reprojection",
-            f"As reusable_{rate}, under motion reprojection in a run of camera reprojection, else under camera",
-            "pixels", _REUSABLE,
-        )
-        for rate in ("surface", "shading")
-    ),
-    *(
         Term(term.key, term.label, term.definition, "pixels", term.source)
         for reason, term in REASONS.items()
         if reason <= Reason.OUTSIDE or reason == FRUSTUM
@@ -384,6 +376,14 @@ FRAMES: Mapping[str, Term] = _by_key(
         Term(term.key, term.label, term.definition, "pixels", term.source)
         for reason, term in REASONS.items()
         if reason > Reason.OUTSIDE and reason != FRUSTUM
+    ),
+    *(
+        Term(
+            f"other_reusable_{rate}", f"reusable {rate}, other reprojection",
+            f"As reusable_{rate}, under motion reprojection in a run of camera reprojection, else under camera",
+            "pixels", _REUSABLE,
+        )
+        for rate in ("surface", "shading")
     ),
     Term("translation_m", "translation", CAMERA["position"].definition, "m", _EQ_1),
     *(
