@@ -155,7 +155,7 @@ class EvaluationRequest(ReuseOptions):
         return parse_input(self.input, **samples, seed=seed)
 
     def check(self, seed: int = 0) -> None:
-        """Raises SettingsError for values that do not go together and for metrics whose package is missing."""
+        """Refuse values that do not go together and metrics whose package is missing.  Raises SettingsError."""
         for name in self.metrics:
             module, package = REQUIRED.get(name, ("", ""))
             if module and find_spec(module) is None:
@@ -410,7 +410,7 @@ class _Evaluator:
         return [run for run in self.runs if run.runner is not None]
 
     def _require(self, some: bool) -> None:
-        """Raises MethodError with the failures of all methods if none is left."""
+        """Raise MethodError with the failures of all methods unless ``some`` method is left."""
         if not some:
             raise MethodError("; ".join(str(run.record.failed) for run in self.runs))
 
@@ -570,7 +570,7 @@ class _Evaluator:
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
     def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Stepped]:
-        """``_MethodRun.step`` of all methods, by label.  The order rotates by one method per frame."""
+        """Run all methods for one frame, by label.  The order rotates by one method per frame."""
         runs, out = self.running, {}
         shift = turn % len(runs)
         for run in runs[shift:] + runs[:shift]:
