@@ -22,7 +22,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.run import Run
@@ -139,7 +139,7 @@ class Stage:
         specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
         methods = {name: load_method(spec.method) for name, spec in specs.items()}
         every = {read for method in methods.values() for read in method.reads} | {"radiance", *reads}
-        request = InputRequest(self.gpu, scene, choose_camera(scene), stage_settings, parse_input(kind))
+        request = FrameRequest(self.gpu, scene, choose_camera(scene), stage_settings, parse_input(kind))
         size = stage_settings.sequence.width, stage_settings.sequence.height
         with contextlib.ExitStack() as opened:
             inputs = RasterInputs(request, every, exact=exact)

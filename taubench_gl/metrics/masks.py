@@ -216,7 +216,7 @@ def blend(values: Array, weights: Array) -> Array:
 
 
 def sample_history(sampling: str, history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
-    """``history``, which contains ``position`` (h, w, 4), at K positions.  Arguments as of ``history_taps``.
+    """Values of ``history``, which contains ``position`` (h, w, 4), at K positions; arguments as of ``history_taps``.
 
     {name: (K, n)}; blended normals are unit vectors.
     """

@@ -129,22 +129,3 @@ def share_ends(percent: float, half_width: float | None) -> list[float] | None:
         return [percent, percent]
     middle, half = math.log(p / (1.0 - p)), half_width / 100.0 / spread
     return [50.0 * (1.0 + math.tanh(0.5 * (middle + sign * half))) for sign in (-1.0, 1.0)]
-
-
-def expected_half_width(sample: PairSample, population: Array, level: float = 0.95) -> float:
-    """Half width of the confidence interval of such a sample's mean, where all values are known.
-
-    ``population``: (N,).  variance = sum_h W_h^2 (1 - n_h / N_h) S_h^2 / n_h with the S_h of the strata themselves
-    (Cochran Eq. 5.6); half width = z sqrt(variance), z of the normal distribution.  The result does not depend on which
-    pairs are sampled; a single sample can show less spread than the population has.
-    """
-    values = np.asarray(population, dtype=np.float64)
-    variance, start = 0.0, 0
-    for size, sampled in sample.strata:
-        part = values[start : start + size]
-        start += size
-        if len(sampled) < size:
-            variance += (
-                (size / sample.total) ** 2 * (1.0 - len(sampled) / size) * float(part.var(ddof=1)) / len(sampled)
-            )
-    return NormalDist().inv_cdf(0.5 + 0.5 * level) * math.sqrt(variance)

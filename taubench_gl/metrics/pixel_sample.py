@@ -170,7 +170,7 @@ def estimate_share(
 
 
 def _half_width(between: float, inner: float, n: int, total: int, shared: float) -> float:
-    """Of n random pairs of ``total``: variances between them and within them, and ``shared``, which is added."""
+    """Half width from n random pairs of ``total``: variance ``between`` pairs, within (``inner``), and ``shared``."""
     of_pairs = (1.0 / n - 1.0 / total) * between if n < total else 0.0
     variance = of_pairs + inner / total + shared
     if not math.isfinite(variance):

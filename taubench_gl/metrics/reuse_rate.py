@@ -95,7 +95,7 @@ class ReuseStats:
         self._histogram = np.zeros(MASK_WORDS, dtype=np.int64)
 
     def add(self, mask_histogram: Array) -> None:
-        """Add one pair.  (MASK_WORDS,) pixels per reason word."""
+        """Add the pixels of one pair by reason word, (MASK_WORDS,)."""
         words, pixels = occupied(mask_histogram)
         self._histogram[words] += pixels
         self._pixels.append(int(pixels.sum()))

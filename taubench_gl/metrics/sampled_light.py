@@ -235,8 +235,11 @@ def statistics_of(
     lobes: Sequence[str],
     other: str | None = None,
 ) -> list[_Statistic]:
-    """Those of the light ``columns``; ``shading``: whether that rate is measured; ``lobes``: measured apart, without
-    the preview as control, which is not known at single pixels; ``other``: reprojection that is counted too."""
+    """Statistics of the light ``columns``.
+
+    ``shading``: whether that rate is measured; ``lobes``: measured apart, without the preview as control, which is not
+    known at single pixels; ``other``: reprojection that is counted too.
+    """
     out: list[_Statistic] = []
     shares = (("mean_percent", "pixels"), ("comparable_mean_percent", "comparable"))
     radiance = [column for column in columns if column in RADIANCE_FEATURES]

@@ -141,7 +141,7 @@ HISTORIES: dict[str, tuple[str, Callable[[RejectionTest], dict[str, str]]]] = {
     "mean": ("reject", method_files),
     "reservoirs": ("gate", gate_files),
 }
-"""What a test can reject: name -> prefix of the folders, and the function that makes their files."""
+"""Kinds of history that a test can reject: name -> prefix of the folders, and the function that makes their files."""
 
 
 def write_methods(tests: Sequence[RejectionTest], out: Path, history: str = "mean") -> list[Path]:

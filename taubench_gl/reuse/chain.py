@@ -70,7 +70,7 @@ class ChainSteps(GpuOwner):
     """Two methods, one after the other."""
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], *, count: bool):
-        """``count``: count the light samples of the first method."""
+        """Open both methods and the pass between them.  ``count``: count the light samples of the first method."""
         super().__init__(gpu)
         self._methods, self._direct = method.chain, method.own_light
         self._frame: FrameInputs | None = None  # the last inputs of the second

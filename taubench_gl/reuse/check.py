@@ -18,7 +18,7 @@ from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
@@ -83,7 +83,7 @@ def _lit_frames(gpu: Gpu, method: Method) -> Iterator[tuple[FrameInputs, None, n
         width=width, height=height, light="path-traced", bounces=1, environment="none", light_unit="candela",
         exposure=1.0, reprojection="motion",
     )  # fmt: skip
-    request = InputRequest(gpu, scene, choose_camera(scene), settings, parse_input("path-traced@1+all-lights"))
+    request = FrameRequest(gpu, scene, choose_camera(scene), settings, parse_input("path-traced@1+all-lights"))
     with RasterInputs(request, (*method.reads, "radiance"), cuts=(CUT_AT,)) as inputs:
         for number in range(FRAMES):
             frame = inputs.advance(number)

@@ -132,7 +132,7 @@ class ComposePass:
         self._hazards.publish()
 
 
-class DerivedInputs:
+class SurfacePass:
     """Computes inputs from the surface of every pixel: albedos, masks of upscalers, and demodulated light."""
 
     def __init__(self, owner: GpuOwner, size: tuple[int, int], reads: Collection[str], scene: Scene):

@@ -35,7 +35,7 @@ from taubench_gl.reuse.contract import REFERENCE_INPUT, Method, Value
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import InputRequest, Inputs, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, Inputs, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.perceptual import open_perceptual
 from taubench_gl.reuse.quality import MEASURES, WHITE, display, fixed_gain, half_noise, psnr, reusable, warp_error
@@ -51,7 +51,7 @@ from taubench_gl.reuse.references import (
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import REASONS, SampleRays
 from taubench_gl.reuse.samples import SampleRecord, light_colors, outcome_colors
-from taubench_gl.reuse.scores import CLASSES, Displayed, FrameReference, MethodRecord, classify
+from taubench_gl.reuse.scores import CLASSES, Displayed, FrameTruth, MethodRecord, classify
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -155,7 +155,7 @@ class EvaluationRequest(ReuseOptions):
         return parse_input(self.input, **samples, seed=seed)
 
     def check(self, seed: int = 0) -> None:
-        """Raises SettingsError for values that do not go together and for metrics whose package is missing."""
+        """Refuse values that do not go together and metrics whose package is missing.  Raises SettingsError."""
         for name in self.metrics:
             module, package = REQUIRED.get(name, ("", ""))
             if module and find_spec(module) is None:
@@ -253,14 +253,14 @@ def evaluate_methods(
         settings = opened.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
     with opened_gpu(settings) as owner:
         poser = Poser(scene, settings.sequence.fps)
-        inputs = InputRequest(owner.gpu, scene, camera, settings, kind, poser, options.mapping)
+        inputs = FrameRequest(owner.gpu, scene, camera, settings, kind, poser, options.mapping)
         evaluator = _Evaluator(owner, inputs, specs, options, announce)
         evaluator.run(progress, on_frame)
         owner.gpu.check("reuse evaluation")
         records = [run.record for run in evaluator.runs if not run.record.failed]
         rows = [row for step in zip(*(record.rows for record in records)) for row in step]
         counted = evaluator.frames[options.warmup :]
-        yardsticks = {run.spec.label for run in evaluator.runs if run.facts["yardstick"]}
+        yardsticks = {run.spec.label for run in evaluator.runs if run.entry["yardstick"]}
         statistics = None
         if options.statistics:
             statistics = compare_methods(rows, counted, options.cuts, yardsticks=yardsticks, noise=evaluator.noise)
@@ -293,7 +293,7 @@ class _MethodRun:
     spec: MethodSpec
     record: MethodRecord
     method: Method | RecordedFrames | None = None  # None: it could not be loaded
-    facts: dict[str, Any] = field(
+    entry: dict[str, Any] = field(  # of reuse.json, before any frame
         default_factory=lambda: {"title": None, "cite": [], "yardstick": None, "settings": None, "memory_bytes": None}
     )
     runner: MethodRunner | RecordedRunner | None = None
@@ -312,11 +312,11 @@ class _MethodRun:
         source = self.spec.method
         if is_sequence(source):
             self.method = RecordedFrames.parse(str(source), self.spec.settings)
-            self.facts["title"] = "frames made elsewhere"
+            self.entry["title"] = "frames made elsewhere"
         else:
             self.method = load_method(source)
-            self.facts |= {"title": self.method.title, "cite": list(self.method.cite)}
-            self.facts["yardstick"] = self.method.yardstick
+            self.entry |= {"title": self.method.title, "cite": list(self.method.cite)}
+            self.entry["yardstick"] = self.method.yardstick
 
     def open(self, inputs: Inputs, seed: int) -> None:
         """The runner for ``inputs``, whose random numbers are those of ``seed``; one that is open begins again."""
@@ -336,7 +336,7 @@ class _MethodRun:
             if method.own_light and size == inputs.size:
                 exposure = inputs.settings.lighting.exposure_factor
                 self.samples = self.samples or SampleRecord(self.record.warmup, exposure)
-        self.facts |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
+        self.entry |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
 
     def step(self, inputs: FrameInputs) -> _Stepped:
         """Run the method for one frame.  Raises MethodError."""
@@ -357,7 +357,7 @@ class _Evaluator:
     def __init__(
         self,
         owner: GpuOwner,
-        inputs: InputRequest,
+        inputs: FrameRequest,
         specs: Sequence[MethodSpec],
         request: EvaluationRequest,
         announce: Callable[[str], None] | None = None,
@@ -378,12 +378,13 @@ class _Evaluator:
         for run in self.runs:
             with run.isolated():
                 run.load()
-        self._require(any(run.method is not None for run in self.runs))
+        self._require(any(run.method is not None for run in self.runs))  # before anything is rendered
         self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
         traced, self._reference = reference_samples(request.reference), None
         of_camera = replace(inputs, settings=inputs.settings.replace(history="frame"))
         if traced is not None:
             self._reference = owner.own(PathTracedReference(of_camera, traced, request.exact_samples))
+        # Inputs need the reference for their exact masks, and a path-traced reference the frames for its samples.
         self._open_inputs()
         self._check_frames()
         if traced is not None:
@@ -409,7 +410,7 @@ class _Evaluator:
         return [run for run in self.runs if run.runner is not None]
 
     def _require(self, some: bool) -> None:
-        """Raises MethodError with the failures of all methods if none is left."""
+        """Raise MethodError with the failures of all methods unless ``some`` method is left."""
         if not some:
             raise MethodError("; ".join(str(run.record.failed) for run in self.runs))
 
@@ -516,7 +517,7 @@ class _Evaluator:
         ), reference.image
 
     def _samples(
-        self, run: _MethodRun, inputs: FrameInputs, stepped: _Stepped, reference: FrameReference
+        self, run: _MethodRun, inputs: FrameInputs, stepped: _Stepped, reference: FrameTruth
     ) -> dict[str, Array]:
         """Score the light samples of a method that has some.  -> images of them, (h, w, 3) in [0, 1]."""
         if run.samples is None:
@@ -532,7 +533,7 @@ class _Evaluator:
 
     def _frame_reference(
         self, frame: int, inputs: FrameInputs, previous: Displayed | None, repetition: int
-    ) -> FrameReference:
+    ) -> FrameTruth:
         known = self._reference_image(frame)
         valid = np.isfinite(known.radiance).all(axis=-1)
         mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
@@ -545,7 +546,7 @@ class _Evaluator:
             self._warp_errors += [] if error is None else [error]
         halves = None if known.halves is None else tuple(np.where(valid[..., None], half, 0.0) for half in known.halves)
         classes = classify(mask)
-        reference = FrameReference(
+        reference = FrameTruth(
             frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
         )
         if halves is not None and not repetition:
@@ -560,7 +561,7 @@ class _Evaluator:
             self._images[frame] = image
         return image
 
-    def _with_reference(self, inputs: FrameInputs, reference: FrameReference) -> FrameInputs:
+    def _with_reference(self, inputs: FrameInputs, reference: FrameTruth) -> FrameInputs:
         """``inputs``, with the reference image as a further input where a method reads it."""
         if self._reference_texture is None:
             return inputs
@@ -569,7 +570,7 @@ class _Evaluator:
         return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
 
     def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Stepped]:
-        """``_MethodRun.step`` of all methods, by label.  The order rotates by one method per frame."""
+        """Run all methods for one frame, by label.  The order rotates by one method per frame."""
         runs, out = self.running, {}
         shift = turn % len(runs)
         for run in runs[shift:] + runs[:shift]:
@@ -613,7 +614,7 @@ class _Evaluator:
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},
             "clock": clock,
-            "methods": {run.spec.label: run.facts | run.record.summary() | self._of_samples(run) for run in self.runs},
+            "methods": {run.spec.label: run.entry | run.record.summary() | self._of_samples(run) for run in self.runs},
         } | self._sample_reasons()  # fmt: skip
 
     def _of_samples(self, run: _MethodRun) -> dict[str, Any]:

@@ -105,7 +105,7 @@ def detail_window(evaluated: EvaluatedFrame) -> tuple[int, int, int, int]:
 
 
 def fit_text(text: str, width: float, font: Any) -> str:
-    """``text``, truncated to ``width`` pixels."""
+    """The longest beginning of ``text`` that is at most ``width`` pixels wide in ``font``, with an ellipsis."""
     if font.getlength(text) <= width:
         return text
     while text and font.getlength(text + "…") > width:
@@ -257,7 +257,7 @@ def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
 
 
 def finite(summary: dict[str, Any]) -> dict[str, Any]:
-    """``summary`` with None for every number that is not finite, and ``not_finite``, the places of these."""
+    """A copy of ``summary`` with None for every number that is not finite, and their places in ``not_finite``."""
     places = []
 
     def copied(value: Any, place: str) -> Any:

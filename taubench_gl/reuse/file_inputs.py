@@ -20,7 +20,7 @@ from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.reuse.contract import LIGHTS
 from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, input_texture, texture_bytes
-from taubench_gl.reuse.inputs import CHANNEL_INPUTS, HISTORY_INPUTS, InputRequest, Inputs, MaskInputs, Textures
+from taubench_gl.reuse.inputs import CHANNEL_INPUTS, HISTORY_INPUTS, FrameRequest, Inputs, MaskPass, Textures
 from taubench_gl.reuse.reshade import RESHADED
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -46,7 +46,7 @@ class FileInputs(Inputs):
     """
 
     def __init__(
-        self, request: InputRequest, reads: Collection[str], *, cuts: Collection[int] = (), exact: str | None = None
+        self, request: FrameRequest, reads: Collection[str], *, cuts: Collection[int] = (), exact: str | None = None
     ):
         """Open the files of ``request``.  ``exact``: ``exr:DIR`` of noise-free frames.  Raises PathTracedError."""
         super().__init__(request, reads, cuts)
@@ -67,7 +67,7 @@ class FileInputs(Inputs):
         files = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, follow=follow)
         self.source = self.own(files)
         self._rasterized = None if scene is None else self._missing_channels(scene, camera, settings)
-        self._masks = MaskInputs(self, self.source, settings, ())
+        self._masks = MaskPass(self, self.source, settings, ())
         uploaded = ("radiance", *(n for n in UPLOADED if n in self.reads and n not in self.missing))
         uploaded += ("base_color",) if self._albedo_from == "file" else ()
         self._uploaded = {name: self.own(input_texture(gpu, name, self.size)) for name in uploaded}
@@ -76,7 +76,7 @@ class FileInputs(Inputs):
             noise_free = PathTracedSequence.open(exact, mapping=request.mapping)
             noise_free.require(self.size, of="the input")
             self.exact = self.own(PathTracedSource(gpu, noise_free, track, settings, follow=follow))
-            self._exact_masks = MaskInputs(self, self.exact, settings, self.exact.radiance)
+            self._exact_masks = MaskPass(self, self.exact, settings, self.exact.radiance)
 
     # -------------------------------------------------------------------------------------------- what there is
     @property

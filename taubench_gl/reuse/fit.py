@@ -89,7 +89,7 @@ class Fit:
 
 
 def parse_range(text: str, method: Method) -> Range:
-    """``NAME``, ``NAME=lo:hi`` or ``NAME=lo:hi:n``; defaults: the range of the setting, DEFAULT_STEPS.
+    """The range of ``NAME``, ``NAME=lo:hi`` or ``NAME=lo:hi:n``; by default of the setting, in DEFAULT_STEPS.
 
     Raises MethodError for an unknown setting, SettingsError for an invalid range.
     """
@@ -111,7 +111,7 @@ def parse_range(text: str, method: Method) -> Range:
 
 
 def expand_methods(texts: Sequence[str]) -> list[MethodSpec]:
-    """``NAME@setting=V`` with V a value, ``lo:hi:n`` or ``a/b/c``; several of these make a grid.  In their order.
+    """Methods of texts ``NAME@setting=V``, V a value, ``lo:hi:n`` or ``a/b/c``; several of these make a grid.
 
     Every setting of a grid is checked.  Raises MethodError, SettingsError.
     """

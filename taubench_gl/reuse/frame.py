@@ -172,6 +172,7 @@ def texture_bytes(*textures: moderngl.Texture) -> int:
 
 
 _FLIP_Y = np.float32([1.0, -1.0])
+"""From offsets in pixels with y up, as in GL, to those with y down, as in arrays."""
 
 
 def read_result(texture: moderngl.Texture) -> np.ndarray:
@@ -182,7 +183,7 @@ def read_result(texture: moderngl.Texture) -> np.ndarray:
     width, height = texture.size
     out = np.empty((height, width, 4), dtype=np.float32)
     texture.read_into(out)
-    return out[::-1]
+    return out[::-1]  # GL's row 0 is at the bottom
 
 
 def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) -> dict[str, Any]:

@@ -429,6 +429,8 @@ class GlslPasses(GpuOwner):
         if not self._reporting:
             self._reporting = [self._compile(info, report=True) for info in passes]
             self._now |= {name: self._texture(REPORT_FORMAT, self._sizes["output"]) for name in self._method.reports}
+        # The histories of this frame are those of the previous one already: back, so that the passes read what they
+        # read in ``run``, and forward again.
         self._swap()
         self._run_passes(passes, self._reporting, frame, values, report=True)
         self._swap()
@@ -453,6 +455,7 @@ class GlslPasses(GpuOwner):
             self._target(name, info).bind_to_image(binding, read=False, write=True)
         program.run(*group_count(info, self._sizes[info.size], self._group))
         self.gpu.ctx.memory_barrier()
+        # A name that the pass both reads and writes has two textures: what it wrote is what the next pass reads.
         for name in info.writes:
             if name in info.reads:
                 self._now[name], self._spare[name] = self._spare[name], self._now[name]

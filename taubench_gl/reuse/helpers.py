@@ -52,7 +52,7 @@ class Helpers:
         return self.pixels() + self._of_result("motion") * self._scale()
 
     def reusable(self) -> Image:
-        """(height, width) bool: there is history, and no geometry mask discards it (reads mask)."""
+        """Pixels with a history that no geometry mask discards, (height, width) bool (reads mask)."""
         return self._without_reasons("mask", REJECT)
 
     def reusable_exact(self) -> Image:
@@ -67,7 +67,7 @@ class Helpers:
         return within & (x <= width - 1 + GUARD_PX) & (y <= height - 1 + GUARD_PX)
 
     def nearest_surface(self) -> Image:
-        """Of each input pixel: the pixel of its 3x3 neighborhood nearest to the camera, (height, width, 2) int64."""
+        """The pixel nearest to the camera in the 3x3 neighborhood of each input pixel, (height, width, 2) int64."""
         depth = self._frame["position"][..., 3:]
         at = self._own(_pixels(self.input_size).copy())
         best, nearest_depth = self._int(at), depth

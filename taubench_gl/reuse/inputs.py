@@ -34,7 +34,7 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import cycle
 from taubench_gl.reuse.contract import LIGHTS
-from taubench_gl.reuse.derived import NEEDS, ComposePass, DerivedInputs, channels_for, with_needs
+from taubench_gl.reuse.derived import NEEDS, ComposePass, SurfacePass, channels_for, with_needs
 from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, read_result, texture_bytes
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.reuse.reshade import CHANNELS_READ, RESHADED, Reshade
@@ -54,7 +54,7 @@ SHADING_PASSES = ("shadows", "direct", "indirect", "stochastic", "path tracing",
 
 
 @dataclass(frozen=True, slots=True)
-class InputRequest:
+class FrameRequest:
     """What to render or read: shared by the inputs and the reference of an evaluation.
 
     ``scene`` and ``camera`` can be None for path-traced files.  ``poser``: of ``scene``, None: a new one; ``mapping``:
@@ -108,7 +108,7 @@ class Inputs(GpuOwner):
     keeps_exact = False
     """Keep the exact masks for the sequences of other seeds, with the same frames."""
 
-    def __init__(self, request: InputRequest, reads: Collection[str], cuts: Collection[int]):
+    def __init__(self, request: FrameRequest, reads: Collection[str], cuts: Collection[int]):
         """``reads``: names of INPUTS that every frame contains, unless ``missing``; ``cuts``: frames declared to
         have no history."""
         super().__init__(request.gpu)
@@ -116,8 +116,8 @@ class Inputs(GpuOwner):
         self._cuts, self._index = frozenset(cuts), 0
         self._previous: View | None = None  # of the history
         self._last: View | None = None  # of the frame before, with which exact masks compare
-        self._masks: MaskInputs | None = None
-        self._exact_masks: MaskInputs | None = None
+        self._masks: MaskPass | None = None
+        self._exact_masks: MaskPass | None = None
         self._kept: dict[int, tuple[bytes, bytes]] = {}  # exact masks and motion by frame
 
     def begin(self, seed: int) -> None:
@@ -259,7 +259,7 @@ class RasterInputs(Inputs):
 
     def __init__(
         self,
-        request: InputRequest,
+        request: FrameRequest,
         reads: Collection[str],
         *,
         cuts: Collection[int] = (),
@@ -296,7 +296,7 @@ class RasterInputs(Inputs):
             self.missing["exact_mask"] = "exact masks compare with the last frame, the history is the other eye"
         self._open_passes()
         if needs_exact:
-            self._exact_masks = MaskInputs(self, self.exact, exact_settings, self.exact.radiance)
+            self._exact_masks = MaskPass(self, self.exact, exact_settings, self.exact.radiance)
 
     def _open_source(self, offset: Callable[[int], Array] | None, extra: Collection[str]) -> RasterSource:
         """The source of the input.  ``offset``: frame -> sub-pixel offset (2,), None: pixel centers."""
@@ -327,7 +327,7 @@ class RasterInputs(Inputs):
         self._compose = ComposePass(
             self, self.source, self.settings, rate=kind.rate, derived=derived, samples=kind.samples
         )
-        self._derived = DerivedInputs(self, self.size, derived, self.source.renderer.scene)
+        self._derived = SurfacePass(self, self.size, derived, self.source.renderer.scene)
         self._lit_by = kind.seed
         self.reshade: Reshade | None = None
         if self._reshades and self.source.light is not None and self.source.light.written:
@@ -339,7 +339,7 @@ class RasterInputs(Inputs):
             else:
                 self.scene_light = SceneLight(self, self.source, self.settings, kind.seed)
         if {"mask", "motion"} & self.reads or self.reshade is not None:
-            self._masks = MaskInputs(self, self.source, self.settings, ())
+            self._masks = MaskPass(self, self.source, self.settings, ())
 
     def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
         with self.timer.measure("compose"):
@@ -399,7 +399,7 @@ class RasterInputs(Inputs):
         return super().describe() | {"effects": source["effects"], "notes": source["notes"]}
 
 
-class MaskInputs:
+class MaskPass:
     """Computes ``mask`` and ``motion`` of the current frame of a source, without jitter."""
 
     def __init__(self, owner: GpuOwner, source: Source, settings: Settings, radiance: tuple[str, ...]):

@@ -15,7 +15,7 @@ from taubench_gl.option_groups import TrainingOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.input_kind import InputKind
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.references import FITTED, PathTracedReference, SupersampledReference, reference_samples
 from taubench_gl.settings import Settings
 
@@ -73,7 +73,7 @@ class LightPairs(GpuOwner):
         super().__init__(gpu)
         seed = settings.lighting.seed
         kind = input_kind(options, seed)
-        request = InputRequest(
+        request = FrameRequest(
             gpu, animated.scene, animated.camera, settings, kind or InputKind(seed=seed), animated.poser
         )
         self._seeds, self._channels = range(seed, seed + options.seeds), channels

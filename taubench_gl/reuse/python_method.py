@@ -83,7 +83,7 @@ class PythonSteps(GpuOwner):
             image = self._call("step", lambda: self._instance.step(arrays))
         image = self._checked(self._split(image))
         with self._timer.measure(f"{name}: upload"):
-            self._result.write(np.ascontiguousarray(image[::-1]))
+            self._result.write(np.ascontiguousarray(image[::-1]))  # GL's row 0 is at the bottom
         return self._result
 
     def _split(self, returned: object) -> object:

@@ -318,5 +318,5 @@ def warp_error(shown: Array, before: Array, motion_px: Array, reusable: Array) -
 
 
 def reusable(mask: Array) -> Array:
-    """(h, w) bool: pixels whose history no bit of the exact mask discards."""
+    """Pixels whose history no bit of the exact ``mask`` (h, w) discards, (h, w) bool."""
     return (mask & np.uint32(DISCARDS)) == 0

@@ -30,7 +30,7 @@ from taubench_gl.pathtraced.references import FEWEST, Estimate, References
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.derived import ComposePass
 from taubench_gl.reuse.frame import read_result
-from taubench_gl.reuse.inputs import InputRequest, light_settings
+from taubench_gl.reuse.inputs import FrameRequest, light_settings
 
 Array = np.ndarray
 MAX_SAMPLES = 256
@@ -79,7 +79,7 @@ class ReferenceImage:
 class SupersampledReference(GpuOwner):
     """Exact light at ``samples`` positions per pixel, the cell centers of a grid; mean of linear radiance."""
 
-    def __init__(self, request: InputRequest, samples: int):
+    def __init__(self, request: FrameRequest, samples: int):
         """Open the frames of ``request``.  Raises SettingsError for a number of samples outside 1 .. MAX_SAMPLES."""
         if not 1 <= samples <= MAX_SAMPLES:
             raise SettingsError(f"reference samples is {samples}", hint=f"give 1 to {MAX_SAMPLES}")
@@ -116,7 +116,7 @@ def emitting(source: RasterSource) -> Array:
 class FileReference:
     """Combined radiance of path-traced files ``exr:DIR`` with the frame numbers of the scene."""
 
-    def __init__(self, request: InputRequest, spec: str, size: tuple[int, int], frames: range):
+    def __init__(self, request: FrameRequest, spec: str, size: tuple[int, int], frames: range):
         """Open the files ``spec`` (``exr:DIR``).  Raises PathTracedError for another image size and missing frames."""
         self._sequence = PathTracedSequence.open(spec, mapping=request.mapping)
         self._sequence.require(size, frames, of="the input")
@@ -140,7 +140,7 @@ class PathTracedReference(GpuOwner):
 
     cuts = True
 
-    def __init__(self, request: InputRequest, samples: int, exact: bool = False):
+    def __init__(self, request: FrameRequest, samples: int, exact: bool = False):
         """Open geometry and stored light.  ``samples``, ``exact``: as of ``References.open``.  Raises SettingsError."""
         super().__init__(request.gpu)
         gpu, settings = request.gpu, request.settings

@@ -104,7 +104,7 @@ class Reshade:
         self._hazards.publish()
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the last frame, for tests, row 0 at the top, at the samples' pixels of the previous frame.
+        """What the passes computed in the last frame, at the samples' pixels of the previous frame, row 0 at the top.
 
         -> the current pixel that found the sample, (h, w) int64, column + row from the bottom * width, -1: none; its
         position in this frame, (h, w, 4) float32.

@@ -111,6 +111,7 @@ class SampleRays(GpuOwner):
         samples = {}
         for name in SAMPLE_REPORTS:
             samples[name] = reported.get(name, np.broadcast_to(np.float32(_NO_SAMPLE), (height, width, 4)))
+            # GL's row 0 is at the bottom.
             self._textures[name].write(np.ascontiguousarray(samples[name][::-1], dtype=np.float32))
         changed = [len(self._light.born), len(self._light.gone), *self._light.born, *self._light.gone]
         buffer = self.gpu.ctx.buffer(np.array(changed, dtype=np.int32).tobytes())

@@ -15,7 +15,7 @@ import numpy as np
 from taubench_gl.reuse.comparison import interval_over_seeds
 from taubench_gl.reuse.quality import history_of, reusable
 from taubench_gl.reuse.sample_rays import REASONS, Fact, SampleFrame
-from taubench_gl.reuse.scores import FrameReference
+from taubench_gl.reuse.scores import FrameTruth
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
@@ -128,7 +128,7 @@ class SampleRecord:
         self._index, self._before, self._search = 0, None, None
         self._bias.append([])
 
-    def add(self, frame: SampleFrame, result: Array, reference: FrameReference) -> None:
+    def add(self, frame: SampleFrame, result: Array, reference: FrameTruth) -> None:
         """Score one frame.  ``result`` (h, w, 3 or more): radiance, exposure applied."""
         counted, allowed = self._index >= self.warmup, reusable(reference.mask)
         valid = reference.image.valid & np.isfinite(result[..., :3]).all(axis=-1) & reference.scored

@@ -65,7 +65,7 @@ def refusal(source: RasterSource) -> str | None:
 
 
 class SceneLight:
-    """``declaration`` and ``resources`` for the passes of a method.
+    """What a pass of a method needs to light pixels itself: ``declaration`` and ``resources``.
 
     ``rest``: light that no method computes; ``born``, ``gone``: numbers of the punctual lights that were switched on or
     off since the previous frame.

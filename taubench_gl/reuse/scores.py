@@ -108,7 +108,7 @@ class Displayed:
 
 
 @dataclass(frozen=True)
-class FrameReference:
+class FrameTruth:
     """What all methods of one frame are compared with.  Arrays (h, w, ...), row 0 at the top."""
 
     frame: int
@@ -176,7 +176,7 @@ class MethodRecord:
 
     def add(
         self,
-        reference: FrameReference,
+        reference: FrameTruth,
         result: Array,
         curve: str,
         time_ms: float | None,
@@ -224,7 +224,7 @@ class MethodRecord:
         self.rows.append(row)
         return shown.colors, errors.get("flip", np.clip(4.0 * np.sqrt(errors["mse"]), 0.0, 1.0))
 
-    def _emitters(self, reference: FrameReference, error: Array) -> dict[str, float | None]:
+    def _emitters(self, reference: FrameTruth, error: Array) -> dict[str, float | None]:
         """Share of the pixels that show an emitting surface, and their mean ``error``."""
         if reference.emitters is None or not reference.emitters.any():
             return {"emitter_percent": None if reference.emitters is None else 0.0, "emitter_linear_mse": None}
@@ -232,7 +232,7 @@ class MethodRecord:
         return {"emitter_percent": _percent(reference.emitters), "emitter_linear_mse": mean}
 
     def _image_measures(
-        self, shown: Displayed, expected: Displayed, errors: dict[str, Array], reference: FrameReference
+        self, shown: Displayed, expected: Displayed, errors: dict[str, Array], reference: FrameTruth
     ) -> dict[str, Any]:
         """Measures of one image; adds the map of FLIP to ``errors``."""
         scored = reference.scored
@@ -255,7 +255,7 @@ class MethodRecord:
         return out
 
     def _temporal(
-        self, shown: Displayed, expected: Displayed, reference: FrameReference, allowed: Array, counted: bool
+        self, shown: Displayed, expected: Displayed, reference: FrameTruth, allowed: Array, counted: bool
     ) -> dict[str, float | None]:
         out: dict[str, float | None] = {}
         before, expected_before = self._previous, reference.previous

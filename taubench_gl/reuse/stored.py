@@ -126,7 +126,7 @@ def load_evaluation(folder: str | Path) -> StoredEvaluation:
 
 
 def _check_methods(summary: dict[str, Any], path: Path) -> None:
-    """Raises OutputError for a method that ran and lacks a block."""
+    """Refuse a method that ran and lacks a block.  Raises OutputError."""
     for label, method in summary["methods"].items():
         if method["failed"]:
             continue
@@ -138,7 +138,7 @@ def _check_methods(summary: dict[str, Any], path: Path) -> None:
 
 
 def _read_rows(path: Path, summary: dict[str, Any]) -> list[dict[str, Any]]:
-    """Raises OutputError for a file without the columns of the measures."""
+    """The rows of frames.csv.  Raises OutputError for a file without the columns of the measures."""
     rows = read_frames(path, _INTEGERS, texts=("method",))
     columns = rows[0] if rows else ()
     needed = ("frame", "method", *summary["measures"])

@@ -110,8 +110,11 @@ def synthetic_steps(
     seed: int = 1,
     cut_at: int | None = None,
 ) -> Iterator[Step]:
-    """``count`` frames at 24 fps.  ``noise``: standard deviation of radiance relative to itself (gamma distributed, so
-    never negative); ``cut_at``: frame at which the camera jumps, declared as a cut; ``speed`` 0: a still scene."""
+    """Frames 0 to ``count`` - 1 of the scene at 24 fps.
+
+    ``noise``: standard deviation of radiance relative to itself, gamma distributed, so never negative; ``cut_at``:
+    frame at which the camera jumps, declared as a cut; ``speed`` 0: a still scene.
+    """
     rng = np.random.default_rng(seed)
 
     def view_at(index: int) -> View:

@@ -18,7 +18,7 @@ from taubench_gl.reuse.bound import NO_HISTORY, Blended, bound_of_frame
 from taubench_gl.reuse.derived import ComposePass
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.quality import display, reusable
 from taubench_gl.reuse.references import emitting
@@ -152,7 +152,7 @@ class MethodComparison(Owner):
             message = "ghosts and the bound are compared with exact frames, which path-traced input does not have"
             raise SettingsError(message, hint="choose another input, or the result with another comparison")
         settings = feed.settings.replace(reprojection="motion", history="frame")
-        request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
+        request = FrameRequest(self._gpu, feed.scene, feed.camera, settings, kind)
         reads = (*method.reads, "motion") if method.own_light else method.reads
         inputs = self._inputs = self.own(RasterInputs(request, reads, exact=scored))
         self._reference = ComposePass(inputs, inputs.exact, inputs.settings) if scored else None

@@ -10,16 +10,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from reuse_scenes import settings as small_settings
 
 from taubench_gl.animation import choose_camera
+from taubench_gl.apps import cli
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import srgb_encode
 from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
@@ -75,7 +77,7 @@ def evaluate(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
 def open_inputs(gpu: Gpu, scene, kind="full", reads=(), *, seed=3, settings=None, **options) -> Iterator[RasterInputs]:
     """Inputs of a scene.  ``settings``: changes to ``reuse_scenes.settings``; ``options``: of ``RasterInputs``."""
     chosen = small_settings(**(settings or {}))
-    request = InputRequest(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=seed))
+    request = FrameRequest(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=seed))
     with RasterInputs(request, reads, **options) as inputs:
         yield inputs
     gpu.collect()
@@ -89,6 +91,13 @@ def arrays(frame: FrameInputs) -> dict[str, Array]:
 def display(rgb: Array) -> Array:
     """sRGB-encoded, clipped to 0 .. 1."""
     return srgb_encode(np.clip(rgb[..., :3], 0.0, 1.0))
+
+
+def run_cli(*words: object) -> int:
+    """The exit code of the command line with ``words``."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([*map(str, words)])
+    return ended.value.code
 
 
 def write_method(folder: Path, toml: str, **shaders: str) -> Path:

@@ -14,7 +14,7 @@ from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.reuse.contract import Method
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.scene.model import Scene
@@ -82,7 +82,7 @@ def opened(gpu, scene: Scene, reads, *, kind: str = "path-traced@1", size=SIZE, 
     """Inputs of ``scene`` without indirect light."""
     given = {"width": size[0], "height": size[1], "light": "auto", "bounces": 1, "exposure": 1.0} | changes
     made = resolve_lighting(scene, small_settings(**given)).settings
-    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input(kind))
+    request = FrameRequest(gpu, scene, choose_camera(scene), made, parse_input(kind))
     with RasterInputs(request, (*reads, "radiance")) as inputs:
         yield inputs
 

@@ -18,7 +18,7 @@ from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 
-SIZE = (64, 37)  # blocks at the edge are cut
+SIZE = (48, 28)  # blocks at the edge are cut
 EXPOSURE, SETTINGS = 0.5, {"levels": 2, "gradient_levels": 2}
 ROUNDING = 2e-3
 

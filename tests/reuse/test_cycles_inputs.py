@@ -16,7 +16,7 @@ from taubench_gl.pathtraced.motion import position_from_motion, position_from_sc
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.scene.model import Camera
 
 INPUT, REFERENCE = (f"exr:{FOLDER / name}" for name in ("input", "reference"))
@@ -46,13 +46,13 @@ def frames_of(gpu, made, numbers):
 
 
 def rasterized(gpu, scene):
-    request = InputRequest(gpu, scene, choose_camera(scene), chosen(), parse_input("full"))
+    request = FrameRequest(gpu, scene, choose_camera(scene), chosen(), parse_input("full"))
     return frames_of(gpu, RasterInputs(request, ("motion", "mask", "ids", "normal", "position")), FRAMES)[0]
 
 
 def from_files(gpu, scene, mapping=None, **more):
     camera = None if scene is None else choose_camera(scene)
-    request = InputRequest(gpu, scene, camera, chosen(**more), InputKind(files=INPUT), mapping=mapping)
+    request = FrameRequest(gpu, scene, camera, chosen(**more), InputKind(files=INPUT), mapping=mapping)
     reads = ("motion", "mask", "normal", "position", "base_color")
     return frames_of(gpu, FileInputs(request, reads), FRAMES)
 
@@ -102,7 +102,7 @@ def test_without_motion_the_box_is_not_followed(gpu, ours):
 
 def test_without_a_scene_the_motion_pass_is_enough(gpu, ours):
     """The camera is fitted to the passes."""
-    request = InputRequest(gpu, None, None, chosen(), InputKind(files=INPUT))
+    request = FrameRequest(gpu, None, None, chosen(), InputKind(files=INPUT))
     facts = FileInputs(request, ("motion",), exact=None)
     described = facts.describe()
     facts.release()

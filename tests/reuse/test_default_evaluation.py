@@ -8,17 +8,17 @@ from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 
 import pytest
+from reuse_tools import run_cli
 
-from taubench_gl.apps import cli
-from taubench_gl.paths import PACKAGE
+from taubench_gl.paths import ASSETS
 from taubench_gl.report.reuse import class_label, reuse_tables
 from taubench_gl.reuse.evaluate import EvaluationRequest
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
-DEMO = PACKAGE.parent / "assets" / "demo.glb"
+DEMO = ASSETS / "demo.glb"
 COMMAND = (
-    "reuse", "evaluate", str(DEMO), "--methods", "none,accumulate", "--size", "32x18", "--frames", "0:3", "--bounces",
+    "reuse", "evaluate", DEMO, "--methods", "none,accumulate", "--size", "32x18", "--frames", "0:3", "--bounces",
     "2", "--reference-time", "1", "--light", "auto", "--exposure", "1", "--metrics", "psnr,flicker", "--video", "none",
 )  # fmt: skip
 
@@ -33,9 +33,8 @@ def run(folder, name):
     out, err = StringIO(), StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.setenv("TAUBENCH_CACHE", str(folder / "cache"))
-        with pytest.raises(SystemExit) as ended:
-            cli.main([*COMMAND, "--out", str(folder / name)])
-    assert ended.value.code == 0, err.getvalue()
+        code = run_cli(*COMMAND, "--out", folder / name)
+    assert code == 0, err.getvalue()
     return json.loads((folder / name / "reuse.json").read_text()), out.getvalue(), err.getvalue()
 
 
@@ -82,9 +81,8 @@ def test_the_time_is_announced_and_the_noise_floor_printed(evaluated):
     [["--light", "raster"], ["--spp", "4"], ["--indirect", "none"], ["--reference", "max"], ["--reference-time", "0"]],
 )
 def test_what_path_traced_input_cannot_use_is_one_line(options, capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["reuse", "evaluate", str(DEMO), "--methods", "none", "--frames", "0:2", *options])
-    assert ended.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+    code = run_cli("reuse", "evaluate", DEMO, "--methods", "none", "--frames", "0:2", *options)
+    assert code == 2 and capsys.readouterr().err.count("\n") == 1
 
 
 def test_raster_input_keeps_the_exact_reference():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reuse_scenes import passing_box
-from reuse_tools import evaluate
+from reuse_tools import PLAIN_TOML, evaluate, run_cli, write_method
 
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.report.reuse import reuse_tables
@@ -46,12 +46,8 @@ def test_a_method_that_raises_anything_fails_alone_and_an_interrupt_ends_all():
 
 
 def test_failing_method_does_not_affect_others(tmp_path):
-    broken = tmp_path / "broken"
-    broken.mkdir()
-    (broken / "method.toml").write_text(
-        'title = "b"\ncite = ["x"]\nreads = ["radiance"]\n[[pass]]\nshader = "b.glsl"\nwrites = ["result"]\n'
-    )
-    (broken / "b.glsl").write_text("void reuse(ivec2 p) { write_result(p, nonsense); }\n")
+    glsl = "void reuse(ivec2 p) { write_result(p, nonsense); }\n"
+    broken = write_method(tmp_path / "broken", PLAIN_TOML, a=glsl)
     specs = ["nosuch", str(broken), "none@gamma=3", MethodSpec("nan", NanFromThree), "accumulate"]
     done = evaluate(passing_box(), specs, (0, 5))
     assert set(done.failed) == {"nosuch", "broken", "none@gamma=3", "nan"}
@@ -114,12 +110,9 @@ def test_lack_of_memory_ends_one_method_only(monkeypatch):
 @pytest.mark.parametrize(("module", "options"), [("skimage", ["--metrics", "psnr,ssim"]), ("flip_evaluator", []),
                                                  ("imageio_ffmpeg", ["--metrics", "psnr"])])  # fmt: skip
 def test_missing_package_is_one_line(tmp_path, monkeypatch, capsys, module, options):
-    from taubench_gl.apps import cli
-
     for name in ("evaluate", "evaluate_output"):
         monkeypatch.setattr(f"taubench_gl.reuse.{name}.find_spec", lambda name: None if name == module else True)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["reuse", "evaluate", "s.glb", "--methods", "none", "--out", str(tmp_path / "out"), *options])
+    code = run_cli("reuse", "evaluate", "s.glb", "--methods", "none", "--out", tmp_path / "out", *options)
     err = capsys.readouterr().err
-    assert ended.value.code == 2 and "taubench-gl[reuse]" in err and err.count("\n") == 1
+    assert code == 2 and "taubench-gl[reuse]" in err and err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

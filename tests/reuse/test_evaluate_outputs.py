@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reuse_scenes import SIZE, passing_box
-from reuse_tools import evaluate
+from reuse_tools import evaluate, run_cli
 
 import taubench_gl.reuse
 from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
+from taubench_gl.paths import ASSETS
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, finite, side_by_side
 from taubench_gl.reuse.quality import MEASURES
@@ -144,8 +145,6 @@ def test_interrupt_keeps_the_rows_of_evaluated_frames(tmp_path):
 
 
 def test_command_line_reports_files_after_an_interrupt(tmp_path, monkeypatch, capsys):
-    from taubench_gl.apps import cli
-
     def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
         def seen(frame):
             if on_frame is not None:
@@ -158,9 +157,7 @@ def test_command_line_reports_files_after_an_interrupt(tmp_path, monkeypatch, ca
     monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
     out = tmp_path / "run"
     for more, names in ((["--out", str(out), "--video", "none"], ("3", str(out / "frames.csv"))), ([], ("--out",))):
-        with pytest.raises(SystemExit) as ended:
-            cli.main(["reuse", "evaluate", "s.glb", "--methods", "none", *more])
-        assert ended.value.code == 130
+        assert run_cli("reuse", "evaluate", "s.glb", "--methods", "none", *more) == 130
         err = capsys.readouterr().err
         assert err.count("\n") == 1 and all(name in err for name in names)
 
@@ -171,16 +168,11 @@ def test_public_names():
 
 
 def test_command_line(tmp_path, capsys):
-    from taubench_gl.apps import cli
-    from taubench_gl.paths import PACKAGE
-
-    demo = PACKAGE.parent / "assets" / "demo.glb"
-    with pytest.raises(SystemExit) as ended:
-        cli.main(
-            ["reuse", "evaluate", str(demo), "--methods", "none,nosuch", "--size", "48x32", "--frames", "0:3",
-             "--indirect", "none", "--shadow-size", "64", "--reference-samples", "1", "--metrics", "flip", "--video",
-             "none", "--input", "noisy", "--out", str(tmp_path / "out")]
-        )  # fmt: skip
+    code = run_cli(
+        "reuse", "evaluate", ASSETS / "demo.glb", "--methods", "none,nosuch", "--size", "48x32", "--frames", "0:3",
+        "--indirect", "none", "--shadow-size", "64", "--reference-samples", "1", "--metrics", "flip", "--video", "none",
+        "--input", "noisy", "--out", tmp_path / "out",
+    )  # fmt: skip
     out, err = capsys.readouterr()
-    assert ended.value.code == 2 and "'nosuch'" in err and "Traceback" not in err
+    assert code == 2 and "'nosuch'" in err and "Traceback" not in err
     assert "Quality against the reference" in out and (tmp_path / "out" / "reuse.json").is_file()

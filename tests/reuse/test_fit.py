@@ -9,9 +9,11 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from reuse_scenes import passing_box, settings, still
+from reuse_tools import run_cli
 
 from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.option_groups import FitOptions
+from taubench_gl.paths import ASSETS
 from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import write_fit
 from taubench_gl.reuse.fit import (
@@ -190,34 +192,25 @@ def test_invalid_fits(ranges, more, value):
 
 @pytest.mark.filterwarnings("error")
 def test_command_line(tmp_path, capsys):
-    from taubench_gl.apps import cli
-    from taubench_gl.paths import PACKAGE
-
-    demo = PACKAGE.parent / "assets" / "demo.glb"
-    with pytest.raises(SystemExit) as ended:
-        cli.main(
-            ["reuse", "fit", str(demo), "--method", "taa_clamp", "--setting", "alpha=0.2:1:2", "--size",
-             "32x18", "--frames", "0:2", "--input", "full", "--indirect", "none",
-             "--shadow-size", "64", "--reference-samples", "1",
-             "--refine", "0", "--out", str(tmp_path / "fit")]
-        )  # fmt: skip
+    code = run_cli(
+        "reuse", "fit", ASSETS / "demo.glb", "--method", "taa_clamp", "--setting", "alpha=0.2:1:2", "--size", "32x18",
+        "--frames", "0:2", "--input", "full", "--indirect", "none", "--shadow-size", "64", "--reference-samples", "1",
+        "--refine", "0", "--out", tmp_path / "fit",
+    )  # fmt: skip
     out, _ = capsys.readouterr()
-    assert ended.value.code == 0 and "best: alpha=1" in out and (tmp_path / "fit" / "curve.png").is_file()
+    assert code == 0 and "best: alpha=1" in out and (tmp_path / "fit" / "curve.png").is_file()
 
 
 def test_output_folder_is_checked_before_the_fit(tmp_path, monkeypatch, capsys):
-    from taubench_gl.apps import cli
-
     def never(*_, **__):
         raise AssertionError("the fit began")
 
     monkeypatch.setattr("taubench_gl.reuse.fit.fit_setting", never)
     (tmp_path / "file").touch()
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(SystemExit) as ended:
-            cli.main(["reuse", "fit", "s.glb", "--method", "taa_clamp", "--setting", "alpha", "--out", str(out)])
+        code = run_cli("reuse", "fit", "s.glb", "--method", "taa_clamp", "--setting", "alpha", "--out", out)
         err = capsys.readouterr().err
-        assert ended.value.code == 2 and str(out) in err and err.count("\n") == 1
+        assert code == 2 and str(out) in err and err.count("\n") == 1
 
 
 def test_values_of_methods_make_a_grid():

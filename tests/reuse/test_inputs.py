@@ -21,7 +21,7 @@ from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import InputRequest, light_settings
+from taubench_gl.reuse.inputs import FrameRequest, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -289,7 +289,7 @@ def test_image_too_small_for_the_shading_rate(gpu):
 # ----------------------------------------------------------------------------------------------------------- reference
 def test_reference_is_the_mean_of_its_samples(gpu):
     scene, kind, chosen = looking_around("slide"), InputKind(), settings()
-    reference = SupersampledReference(InputRequest(gpu, scene, choose_camera(scene), chosen, kind), 4)
+    reference = SupersampledReference(FrameRequest(gpu, scene, choose_camera(scene), chosen, kind), 4)
     images = []
     for offset in grid_offsets(4):
         with inputs_of(gpu, scene, "jittered", reads=("radiance",), jitter=lambda _, o=offset: o) as inputs:
@@ -333,7 +333,7 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
     scene, spec = looking_around("slide"), f"exr:{exr_folder}"
     kind = InputKind(files=spec)
     made = settings(exposure=0.5, frames=(1, None))
-    request = InputRequest(gpu, scene, choose_camera(scene), made, kind)
+    request = FrameRequest(gpu, scene, choose_camera(scene), made, kind)
     files = FileInputs(request, ALL, exact=spec)
     missing = ("base_color", "ids", "emission", "prev_position", "history_ids")  # rasterized: not in the files
     reads = ("radiance", "direct", "position", "normal", "motion", "mask", *missing)
@@ -349,7 +349,7 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
     assert "exact_mask" in frame.textures
     assert all(name in files.describe()["notes"][0] for name in ("base_color", "ids", "emission"))
     assert files.describe()["motion_from"] == "rasterized"
-    bare = FileInputs(InputRequest(gpu, None, None, settings(), kind), ALL)
+    bare = FileInputs(FrameRequest(gpu, None, None, settings(), kind), ALL)
     assert set(missing).isdisjoint(bare.advance(0).textures)
     bare.release()
     reference = FileReference(request, spec, files.size, range(1, 4))
@@ -359,7 +359,7 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
 
 @pytest.mark.parametrize(("size", "frames", "value"), [((32, 24), range(2), "64x48"), (SIZE, range(2, 6), "4")])
 def test_file_reference_with_wrong_size_or_missing_frames(exr_folder, size, frames, value):
-    request = InputRequest(None, None, None, settings(), parse_input("full"))
+    request = FrameRequest(None, None, None, settings(), parse_input("full"))
     with pytest.raises(PathTracedError) as caught:
         FileReference(request, f"exr:{exr_folder}", size, frames)
     assert caught.value.where == str(exr_folder) and value in caught.value.what

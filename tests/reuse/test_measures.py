@@ -13,17 +13,17 @@ from reuse_tools import evaluate
 from taubench_gl.errors import SettingsError
 from taubench_gl.reuse import perceptual, quality
 from taubench_gl.reuse.perceptual import Perceptual, open_perceptual
-from taubench_gl.reuse.scores import BLACK, Displayed, FrameReference, MethodRecord, classify
+from taubench_gl.reuse.scores import BLACK, Displayed, FrameTruth, MethodRecord, classify
 
 H, W = 40, 50
 RNG = np.random.default_rng(4)
 
 
-def frame_of(radiance: np.ndarray, index: int, previous: Displayed | None) -> FrameReference:
+def frame_of(radiance: np.ndarray, index: int, previous: Displayed | None) -> FrameTruth:
     image = Displayed.of(radiance, np.ones(radiance.shape[:2], bool), "linear")
     mask = np.zeros(radiance.shape[:2], np.uint32)
     motion = np.zeros((*radiance.shape[:2], 2))
-    return FrameReference(index, image, previous, mask, classify(mask), motion, quality.fixed_gain(radiance))
+    return FrameTruth(index, image, previous, mask, classify(mask), motion, quality.fixed_gain(radiance))
 
 
 def record_of(pairs, metrics=("flip",), **more) -> MethodRecord:

@@ -12,14 +12,14 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 
 READS = ("radiance", "position", "normal", "motion", "mask", "history_position")
 EYES = 0.2
 
 
 def given(gpu, scene, reads=READS, camera=None, kind="full", **more):
-    request = InputRequest(gpu, scene, camera or choose_camera(scene), settings(**more), parse_input(kind, seed=3))
+    request = FrameRequest(gpu, scene, camera or choose_camera(scene), settings(**more), parse_input(kind, seed=3))
     return RasterInputs(request, reads)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from reuse_scenes import glowing, lit_room, settings, still
+from reuse_tools import arrays
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.errors import SettingsError
@@ -15,11 +16,10 @@ from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.pathtraced.references import LOBES, References
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.quality import reusable
 from taubench_gl.reuse.references import PathTracedReference
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
@@ -32,8 +32,8 @@ def _own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
 
 
-def chosen(**more):
-    return settings(**(SMALL | more))
+def chosen(**changes):
+    return settings(**(SMALL | changes))
 
 
 def source_of(gpu, scene, made, extra=()):
@@ -51,17 +51,15 @@ def test_a_reference_is_the_mean_of_its_samples(gpu):
     for lobe in LOBES:  # the scene is still and so is the pattern
         np.testing.assert_array_equal(found.lobes[lobe], again.lobes[lobe])
     traced = made.replace(light="path-traced", spp=16, pattern="independent", columns=("direct", "indirect"))
-    source = source_of(gpu, scene, traced, (*LOBES, "path_info"))
-    try:
-        halves = []
+    halves = []
+    with GpuOwner(gpu) as owner:
+        source = owner.own(source_of(gpu, scene, traced, (*LOBES, "path_info")))
         for number in (1 << 31, (1 << 31) + 1):
             source.draw(3)
             source.trace(number, 0, 16)
             halves.append({name: source.read(name)[..., :3] for name in (*LOBES, "direct", "indirect")})
             np.testing.assert_array_equal(source.read("path_info")[..., 1], 16.0)
-    finally:
-        source.release()
-        gpu.collect()
+    gpu.collect()
     for lobe in LOBES:
         np.testing.assert_allclose(found.lobes[lobe], (halves[0][lobe] + halves[1][lobe]) / 2, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(found.direct, (halves[0]["direct"] + halves[1]["direct"]) / 2, rtol=1e-5, atol=1e-6)
@@ -84,21 +82,14 @@ def test_the_noise_that_a_reference_states_is_its_error(gpu):
 
 def test_inputs_have_the_noise_of_their_samples_in_every_frame(gpu):
     scene, kind = still(), parse_input("path-traced@2", seed=4)
-    request = InputRequest(gpu, scene, choose_camera(scene), chosen(exposure=2.0), kind, Poser(scene))
-    reference = PathTracedReference(request, 64)
-    inputs = RasterInputs(request, ("mask", "motion", "exact_mask", "base_color"), exact=reference)
-    try:
-        noisy, masks = [], []
-        for frame in range(3):
-            given = inputs.advance(frame)
-            noisy.append(read_channel(given.textures["radiance"], "radiance")[..., :3].copy())
-            masks.append(read_channel(given.textures["exact_mask"], "exact_mask").copy())
+    request = FrameRequest(gpu, scene, choose_camera(scene), chosen(exposure=2.0), kind, Poser(scene))
+    reads = ("mask", "motion", "exact_mask", "base_color")
+    with PathTracedReference(request, 64) as reference, RasterInputs(request, reads, exact=reference) as inputs:
+        frames = [arrays(inputs.advance(frame)) for frame in range(3)]
         clean = reference.image(2).radiance
         described = inputs.describe()
-    finally:
-        inputs.release()
-        reference.release()
-        gpu.collect()
+    gpu.collect()
+    noisy, masks = [frame["radiance"][..., :3] for frame in frames], [frame["exact_mask"] for frame in frames]
     assert described["path_samples"] == 2 and described["seed"] == 4
     assert not np.array_equal(noisy[0], noisy[1]) and not np.array_equal(noisy[1], noisy[2])
     error = [np.abs(image - clean).mean() for image in (*noisy, np.mean(noisy, axis=0))]
@@ -108,7 +99,7 @@ def test_inputs_have_the_noise_of_their_samples_in_every_frame(gpu):
 
 def test_a_path_traced_input_needs_a_reference(gpu):
     scene = still()
-    request = InputRequest(gpu, scene, choose_camera(scene), chosen(), parse_input("path-traced@1"))
+    request = FrameRequest(gpu, scene, choose_camera(scene), chosen(), parse_input("path-traced@1"))
     with pytest.raises(SettingsError):
         RasterInputs(request, ("exact_mask",), exact=True)
 
@@ -159,20 +150,16 @@ def test_sky_and_emission_are_those_of_the_renderer(gpu, tmp_path, environment):
     b.node(mesh=b.mesh(box((0.5, 0.5, 0.5), material=glowing(b, (0.3, 0.6, 0.9)))), translation=(1.2, 1.6, 0.5))
     b.camera(translation=(0.0, 2.5, 4.0), rotation=turn_x(-12.0), yfov=np.radians(80.0), znear=0.1)
     scene, made = b.build(), chosen(environment=environment, exposure=0.5, bounces=1)
-    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input("path-traced@1"), Poser(scene))
-    reference = PathTracedReference(request, 2)
+    request = FrameRequest(gpu, scene, choose_camera(scene), made, parse_input("path-traced@1"), Poser(scene))
     every = made.replace(columns=COLUMNS, light="path-traced", pattern="independent", spp=1)
-    source = source_of(gpu, scene, every)
-    try:
+    with PathTracedReference(request, 2) as reference, GpuOwner(gpu) as owner:
+        source = owner.own(source_of(gpu, scene, every))
         image = reference.image(0).radiance
         color = reference.read("color")[..., :3]
         source.advance(0)
         surface = source.read("position")[..., 3] > 0.0
         emission, theirs = source.read("emission")[..., :3], source.read("color")[..., :3]
-    finally:
-        reference.release()
-        source.release()
-        gpu.collect()
+    gpu.collect()
     emits = surface & (emission.max(axis=-1) > 0.0)
     assert (~surface).any() and emits.any()
     np.testing.assert_allclose(color[~surface], theirs[~surface], atol=2e-3)

@@ -9,7 +9,7 @@ from references.reuse_methods import previous_px, sample_history
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.features import MASK_WORDS
 from taubench_gl.reuse import quality
-from taubench_gl.reuse.scores import CLASSES, ClassErrors, Displayed, FrameReference, MethodRecord, classify, weights
+from taubench_gl.reuse.scores import CLASSES, ClassErrors, Displayed, FrameTruth, MethodRecord, classify, weights
 
 H, W = 24, 32
 RNG = np.random.default_rng(3)
@@ -180,7 +180,7 @@ def test_invalid_pixel_has_no_temporal_error(broken_frame):
         result = np.concatenate([flat(0.5), np.ones((H, W, 1))], axis=-1)
         if frame == broken_frame:
             result[5, 6, :3] = np.nan
-        record.add(FrameReference(frame, image, previous, mask, classify(mask), motion), result, "linear", None)
+        record.add(FrameTruth(frame, image, previous, mask, classify(mask), motion), result, "linear", None)
         previous = image
     assert record.rows[1]["tpsnr_db"] is None and record.rows[1]["flicker"] == 0.0
     assert record.summary()["invalid_pixels"] == 1

@@ -12,7 +12,7 @@ from stage_tools import differing, noisy_steps
 
 from taubench_gl.reuse.loading import load_method
 
-SIZE = (64, 36)
+SIZE = (48, 27)
 SETTINGS = {"preblur_radius": 90.0, "max_radius": 90.0, "min_radius": 10.0, "fix_stride": 60.0, "clamp_sigma": 0.5,
             "fast_frames": 1, "fast_sigma": 0.5, "firefly_sigma": 1.0, "disocclusion": 0.02}  # fmt: skip
 ROUNDING = 0.01

@@ -28,7 +28,7 @@ from taubench_gl.reuse.samples import (
     outcome_colors,
     sign_test,
 )
-from taubench_gl.reuse.scores import Displayed, FrameReference, classify
+from taubench_gl.reuse.scores import Displayed, FrameTruth, classify
 
 SMALL = {"candidates": 4}
 
@@ -145,11 +145,11 @@ def test_sign_test(split, p):
     assert sign_test(*split) == pytest.approx(p)
 
 
-def reference(radiance, frame: int = 0, mask=0) -> FrameReference:
+def reference(radiance, frame: int = 0, mask=0) -> FrameTruth:
     shape = radiance.shape[:2]
     words = np.full(shape, mask, dtype=np.uint32)
     image = Displayed.of(radiance, np.full(shape, True), "linear")
-    return FrameReference(frame, image, None, words, classify(words), np.zeros((*shape, 2)))
+    return FrameTruth(frame, image, None, words, classify(words), np.zeros((*shape, 2)))
 
 
 def gray(values) -> np.ndarray:

@@ -8,9 +8,8 @@ import re
 
 import pytest
 from reuse_scenes import passing_box
-from reuse_tools import evaluate
+from reuse_tools import evaluate, run_cli
 
-from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError
 from taubench_gl.report.reuse import merged_summaries
 from taubench_gl.reuse.evaluate_output import ReuseFolder
@@ -55,9 +54,7 @@ def test_report_writes_the_same_page_again(stored, capsys):
     first = stored[0][0]
     before = (first / "report.html").read_text()
     (first / "report.html").unlink()
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["report", str(first)])
-    assert ended.value.code == 0 and (first / "report.html").read_text() == before
+    assert run_cli("report", first) == 0 and (first / "report.html").read_text() == before
     data = data_of(before)
     assert data["images"]["names"] == ["input", "none", "accumulate", "reference"]
     assert [item["n"] for item in data["images"]["items"]] == [8, 9, 10]
@@ -67,17 +64,15 @@ def test_report_writes_the_same_page_again(stored, capsys):
 
 def test_report_limits_the_images(stored, tmp_path, capsys):
     out = tmp_path / "small.html"
-    with pytest.raises(SystemExit):
-        cli.main(["report", str(stored[0][0]), "--images", "2", "--out", str(out)])
+    run_cli("report", stored[0][0], "--images", "2", "--out", out)
     assert len(data_of(out.read_text())["images"]["items"]) == 2
 
 
 def test_compare_puts_the_methods_of_the_same_frames_into_one_table(stored, capsys):
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["compare", *map(str, stored[0]), "--format", "csv"])
+    code = run_cli("compare", *stored[0], "--format", "csv")
     out = capsys.readouterr().out
     rows = {line.split(",")[1] for line in out.splitlines() if line.startswith("1,")}
-    assert ended.value.code == 0 and rows == {"first: none", "accumulate", "nosuch", "second: none"}
+    assert code == 0 and rows == {"first: none", "accumulate", "nosuch", "second: none"}
 
 
 def test_evaluations_of_other_frames_have_tables_of_their_own(stored):
@@ -89,10 +84,8 @@ def test_evaluations_of_other_frames_have_tables_of_their_own(stored):
 
 
 def test_runs_and_reuse_evaluations_are_not_mixed(stored, tmp_path, capsys):
-    for command in (["compare", str(stored[0][0]), str(tmp_path)], ["report", *map(str, stored[0])]):
-        with pytest.raises(SystemExit) as ended:
-            cli.main(command)
-        assert ended.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+    for command in (["compare", stored[0][0], tmp_path], ["report", *stored[0]]):
+        assert run_cli(*command) == 2 and capsys.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.parametrize(

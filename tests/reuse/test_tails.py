@@ -15,21 +15,21 @@ from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import Blended, BoundRecord, bound_of_frame
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.quality import MEASURES, WHITE
-from taubench_gl.reuse.scores import Displayed, FrameReference, MethodRecord, classify
+from taubench_gl.reuse.scores import Displayed, FrameTruth, MethodRecord, classify
 
 H, W = 20, 50
 RNG = np.random.default_rng(7)
 
 
-def reference_of(radiance: np.ndarray, **facts) -> FrameReference:
+def reference_of(radiance: np.ndarray, **facts) -> FrameTruth:
     h, w = radiance.shape[:2]
     mask, motion = np.zeros((h, w), np.uint32), np.zeros((h, w, 2))
-    return FrameReference(
+    return FrameTruth(
         1, Displayed.of(radiance, np.ones((h, w), bool), "linear"), None, mask, classify(mask), motion, **facts
     )
 
 
-def record_of(image: np.ndarray, reference: FrameReference) -> MethodRecord:
+def record_of(image: np.ndarray, reference: FrameTruth) -> MethodRecord:
     record = MethodRecord("a", frozenset(), True, warmup=0)
     record.begin(0)
     record.add(reference, np.concatenate([image, np.zeros((*image.shape[:2], 1))], axis=-1), "linear", None)

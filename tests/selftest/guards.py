@@ -162,9 +162,6 @@ class _OnePass(streaming.Welford):
     def add(self, value: float) -> None:
         self.values.append(value)
 
-    def add_many(self, values: Array) -> None:
-        self.values.extend(values.tolist())
-
     @property
     def variance(self) -> float:
         return one_pass_variance(np.array(self.values))

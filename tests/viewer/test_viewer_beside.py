@@ -18,7 +18,7 @@ from taubench_gl.metrics.blending import blend, nearest_weight
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import DISCARDS, display
 from taubench_gl.reuse.references import emitting
@@ -103,7 +103,7 @@ def expected(driven, method: str, kind: str, frames: range) -> list[np.ndarray]:
     """The results of a method for ``frames``, (h, w, 3) in 0 .. 255."""
     feed, gpu = driven.engine.feed, driven.viewer.gpu
     settings = feed.settings.replace(reprojection="motion")
-    request = InputRequest(gpu, feed.scene, feed.camera, settings, parse_input(kind))
+    request = FrameRequest(gpu, feed.scene, feed.camera, settings, parse_input(kind))
     with RasterInputs(request, load_method(method).reads) as inputs, MethodRunner(gpu, method, feed.size) as runner:
         results = [read_result(runner.step(inputs.advance(frame))) for frame in frames]
     return [255.0 * display(result[..., :3], settings.lighting.tone_map) for result in results]
@@ -123,7 +123,7 @@ def blended_of(driven, frames: range) -> dict[str, np.ndarray]:
     """What ``accumulate`` blended in the last of ``frames``, its pixels that the exact mask discards, and emitters."""
     feed, gpu = driven.engine.feed, driven.viewer.gpu
     settings = feed.settings.replace(reprojection="motion")
-    request = InputRequest(gpu, feed.scene, feed.camera, settings, parse_input("noisy"))
+    request = FrameRequest(gpu, feed.scene, feed.camera, settings, parse_input("noisy"))
     method = load_method("accumulate")
     with RasterInputs(request, method.reads, exact=True) as inputs, MethodRunner(gpu, method, feed.size) as runner:
         for frame in frames:
