@@ -340,7 +340,7 @@ def closed_box(w: Writer) -> Tracks:
 
 @dataclass(frozen=True, slots=True)
 class LightScene:
-    """``build``: adds the scene, returns its tracks; ``environment``: value of the setting it is made for."""
+    """A scene of lights: ``build`` adds it to a file and returns its animation; ``environment``: the setting for it."""
 
     build: Callable[[Writer], Tracks]
     environment: str | tuple[float, float, float] = "none"
@@ -365,7 +365,7 @@ SCENES = {
 
 
 def make_light_scene(scene: LightScene, path: Path, generator: str = "taubench-gl") -> None:
-    """Write a .glb."""
+    """Write ``scene`` as the binary glTF file ``path``."""
     writer = Writer(LICENSE, generator, share=True)
     writer.animation("all", *scene.build(writer))
     writer.save(path)
