@@ -100,11 +100,11 @@ def segment(
     ``times`` (K,) float64, in order, K >= 1.  Of keys at one time, the last begins what follows and holds at that time,
     and the first ends what is before.  ``resampled``: as in ``Channel``; ``t`` does not move to such a key.
     """
-    own = np.ones(len(times), dtype=bool) if resampled is None else ~resampled
+    of_file = np.ones(len(times), dtype=bool) if resampled is None else ~resampled
     bounds = np.concatenate([[-np.inf], times, [np.inf]])
     key = int(np.searchsorted(times, t, side="right"))
-    before = bounds[key] if key > 0 and own[key - 1] else -np.inf
-    after = bounds[key + 1] if key < len(times) and own[key] else np.inf
+    before = bounds[key] if key > 0 and of_file[key - 1] else -np.inf
+    after = bounds[key + 1] if key < len(times) and of_file[key] else np.inf
     t = float(time_on_key(t, before, after, fps))
     i = int(np.searchsorted(times, t, side="right")) - 1
     if i < 0 or i >= len(times) - 1:
@@ -202,7 +202,7 @@ class Timeline:
     """
 
     def __init__(self, channels: Iterable[Channel], fps: float = DEFAULT_FPS):
-        """``fps``: rate of the run, for ``time_on_key``."""
+        """Prepare ``channels``.  ``fps``: frames a second of the run, by which times move to keys (``time_on_key``)."""
         self.fps = fps
         last = {(c.target, c.index, c.path): c for c in channels}
         clocks: dict[bytes, int] = {}
@@ -211,11 +211,11 @@ class Timeline:
         groups: dict[tuple[str, str, str, int], list[tuple[Channel, Array, int]]] = {}
         for channel in last.values():
             key_times = np.ascontiguousarray(channel.times, dtype=np.float64)
-            own = np.ones(len(key_times), bool) if channel.resampled is None else ~channel.resampled
-            clock = clocks.setdefault(key_times.tobytes() + own.tobytes(), len(clocks))
+            in_file = np.ones(len(key_times), bool) if channel.resampled is None else ~channel.resampled
+            clock = clocks.setdefault(key_times.tobytes() + in_file.tobytes(), len(clocks))
             if clock == len(times):
                 times.append(key_times)
-                of_file.append(own)
+                of_file.append(in_file)
             keys = prepare_keys(channel)
             interpolation = channel.interpolation
             if channel.path == "visible":

@@ -41,7 +41,7 @@ def _early_note(first: float, frames: range, fps: float) -> list[str]:
 
 
 def _beside_note(times: np.ndarray, fps: float) -> list[str]:
-    """``times``: (K,) seconds of distinct keys."""
+    """A note on keys that lie beside the frames; none if there are none.  ``times`` (K,): seconds of distinct keys."""
     off = np.abs(times * fps - np.round(times * fps))
     tolerance = np.maximum(KEY_TOLERANCE, fps * np.spacing(np.abs(times).astype(np.float32)).astype(np.float64))
     beside = (off > tolerance) & (off < BESIDE)

@@ -177,7 +177,7 @@ class OrbitCamera:
 
     @property
     def period(self) -> float:
-        """Seconds per revolution."""
+        """Seconds that one revolution of the orbit takes."""
         return 2.0 * math.pi / self.rate
 
     def describe(self, unit_scale: float | None = None) -> str:

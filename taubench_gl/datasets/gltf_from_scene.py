@@ -66,20 +66,20 @@ def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int]
         if node in switched:
             shown = [float(nodes.visible[node])] * 3
             above = indices[node, "visible"] = w.node(f"{nodes.names[node]} visible", above, scale=shown)
-        more: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         if nodes.mesh[node] >= 0 and meshes[nodes.mesh[node]] is not None:
-            more["mesh"] = meshes[nodes.mesh[node]]
+            content["mesh"] = meshes[nodes.mesh[node]]
         if nodes.camera[node] >= 0:
-            more["camera"] = cameras[nodes.camera[node]]
+            content["camera"] = cameras[nodes.camera[node]]
         if nodes.light[node] >= 0:
-            more["extensions"] = lights[nodes.light[node]]
+            content["extensions"] = lights[nodes.light[node]]
         indices[node, ""] = w.node(
             nodes.names[node],
             above,
             translation=nodes.translation[node].tolist(),
             rotation=(nodes.rotation[node] / np.linalg.norm(nodes.rotation[node])).tolist(),
             scale=nodes.scale[node].tolist(),
-            **more,
+            **content,
         )
     return indices
 

@@ -66,7 +66,7 @@ def extend(w: Writer, material: int, extension: str, values: dict) -> None:
 
 # ------------------------------------------------------------------------------------------------------------- geometry
 def flat(shape: Shape) -> Shape:
-    """Without normals: glTF and Blender then use those of the faces."""
+    """``shape`` without normals: glTF and Blender then use those of the faces."""
     return {name: values for name, values in shape.items() if name != "NORMAL"}
 
 
@@ -90,7 +90,7 @@ def move(node: int, path: str, values) -> tuple:
 
 
 def camera(w: Writer, places, degrees, tilt: float = 0.0) -> Tracks:
-    """Moves along ``places`` while it turns by ``degrees`` about +Y, tilted by ``tilt`` degrees."""
+    """Add a camera that moves along ``places`` while it turns by ``degrees`` about +Y, tilted by ``tilt`` degrees."""
     walker = w.node("walker")
     w.node("eye", walker, camera=w.camera("eye", math.radians(50), 0.05, 100.0), rotation=turn("x", tilt).tolist())
     return [move(walker, "translation", places), move(walker, "rotation", turn("y", degrees))]
@@ -98,7 +98,7 @@ def camera(w: Writer, places, degrees, tilt: float = 0.0) -> Tracks:
 
 # --------------------------------------------------------------------------------------------------------------- lights
 def light(w: Writer, name: str, kind: str, watts: float, color=(1.0, 1.0, 1.0), *, spot=None, **where) -> int:
-    """``watts``: W/sr of a point or spot light, W/m2 of a directional one."""
+    """Add a punctual light.  ``watts``: W/sr of a point or spot light, W/m2 of a directional one.  Returns its node."""
     cone = {} if spot is None else {"spot": {"innerConeAngle": spot[0], "outerConeAngle": spot[1]}}
     extension = w.light(type=kind, name=name, color=list(color), intensity=watts * LUMENS_PER_WATT, **cone)
     return w.node(name, extensions=extension, **where)

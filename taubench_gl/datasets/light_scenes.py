@@ -25,14 +25,25 @@ from taubench_gl.datasets.light_kit import (
     tiled,
     turn,
 )
-from taubench_gl.datasets.shapes import box, join, quad, sphere
+from taubench_gl.datasets.shapes import Shape, box, join, quad, sphere
 from taubench_gl.datasets.stand_ins import LICENSE
+
+
+def surfaces(w: Writer, **colors: tuple[float, float, float]) -> list[int]:
+    """Rough dielectrics by name and base color, in this order."""
+    return [surface(w, name, color) for name, color in colors.items()]
+
+
+def leaf_card(along: np.ndarray, size: float) -> Shape:
+    """An upright square of side ``size`` that stands on the origin, parallel to the unit vector ``along``."""
+    card = quad(-0.5 * size * along, size * along, (0, size, 0))
+    card["TEXCOORD_0"] = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=float)
+    return card
 
 
 def many_lights(w: Writer) -> Tracks:
     """A hall with columns: 28 point lights, half of them moving, three spots and a sun."""
-    stone, red, blue = (surface(w, n, c) for n, c in (("stone", (0.7, 0.68, 0.65)), ("red", (0.65, 0.2, 0.15)),
-                                                      ("blue", (0.2, 0.3, 0.65))))  # fmt: skip
+    stone, red, blue = surfaces(w, stone=(0.7, 0.68, 0.65), red=(0.65, 0.2, 0.15), blue=(0.2, 0.3, 0.65))
     place(w, "floor", quad((-6, 0, 6), (12, 0, 0), (0, 0, -12)), stone)
     place(w, "back", quad((-6, 0, -5), (12, 0, 0), (0, 4, 0)), red)
     place(w, "side", quad((-5, 0, 6), (0, 0, -12), (0, 4, 0)), blue)
@@ -57,8 +68,7 @@ def many_lights(w: Writer) -> Tracks:
 
 def emitters(w: Writer) -> Tracks:
     """A closed room that only surfaces light: a ceiling panel, a ball, and a bar that moves."""
-    white, red, green = (surface(w, n, c) for n, c in (("white", (0.75,) * 3), ("red", (0.63, 0.06, 0.05)),
-                                                       ("green", (0.14, 0.45, 0.09))))  # fmt: skip
+    white, red, green = surfaces(w, white=(0.75,) * 3, red=(0.63, 0.06, 0.05), green=(0.14, 0.45, 0.09))
     place(w, "shell", box((-2, 0, -2), (2, 3, 2), inside=True, faces="yYzZ"), white)
     place(w, "left", box((-2, 0, -2), (2, 3, 2), inside=True, faces="x"), red)
     place(w, "right", box((-2, 0, -2), (2, 3, 2), inside=True, faces="X"), green)
@@ -78,8 +88,7 @@ def emitters(w: Writer) -> Tracks:
 
 def sun_and_sky(w: Writer) -> Tracks:
     """A yard with an overhang below a uniform sky, and a sun that sinks."""
-    earth, stone, brick = (surface(w, n, c) for n, c in (("earth", (0.45, 0.4, 0.33)), ("stone", (0.7, 0.68, 0.62)),
-                                                         ("brick", (0.6, 0.3, 0.2))))  # fmt: skip
+    earth, stone, brick = surfaces(w, earth=(0.45, 0.4, 0.33), stone=(0.7, 0.68, 0.62), brick=(0.6, 0.3, 0.2))
     place(w, "ground", quad((-12, 0, 12), (24, 0, 0), (0, 0, -24)), earth)
     place(w, "roof", box((-3, 2.2, -4), (3, 2.4, -1)), stone)
     place(w, "wall", box((-3, 0, -4.2), (3, 2.2, -4), uv_scale=0.25), tiled(w, brick_colors()))
@@ -102,16 +111,10 @@ def glossy_metal(w: Writer) -> Tracks:
     floor = surface(w, "floor", (0.6, 0.58, 0.55), 0.5, 0.4)
     place(w, "floor", quad((-3, 0, 3), (6, 0, 0), (0, 0, -6)), floor)
     place(w, "walls", box((-3, 0, -3), (3, 3, 3), inside=True, faces="xXYzZ"), wall)
-    colors = {
-        "gold": (0.95, 0.75, 0.35),
-        "copper": (0.9, 0.55, 0.4),
-        "silver": (0.9, 0.9, 0.88),
-        "iron": (0.55, 0.55, 0.58),
-    }
-    gold, copper, silver, iron = (
-        surface(w, name, color, 1.0, rough)
-        for (name, color), rough in zip(colors.items(), (0.3, 0.6, 0.15, 0.45), strict=True)
-    )
+    gold = surface(w, "gold", (0.95, 0.75, 0.35), 1.0, 0.3)
+    copper = surface(w, "copper", (0.9, 0.55, 0.4), 1.0, 0.6)
+    silver = surface(w, "silver", (0.9, 0.9, 0.88), 1.0, 0.15)
+    iron = surface(w, "iron", (0.55, 0.55, 0.58), 1.0, 0.45)
     ball = place(w, "ball", sphere(0.5, 16, 24), gold)
     block(w, "box", (0.8, 1.3, 0.8), copper, (1.3, 0, -0.9), 25)
     place(w, "mirror", box((-0.9, 0, -0.05), (0.9, 1.7, 0.05)), silver, translation=[-0.2, 0, -2.4],
@@ -139,13 +142,8 @@ def foliage(w: Writer) -> Tracks:
     rng = np.random.default_rng(9)
     tracks = []
     for i in range(14):
-        cards = []
-        for k in range(3):
-            angle = math.pi * k / 3
-            u = np.array([math.cos(angle), 0.0, math.sin(angle)])
-            card = quad(-0.45 * u, 0.9 * u, (0, 0.9, 0))
-            card["TEXCOORD_0"] = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=float)
-            cards.append(card)
+        angles = [math.pi * k / 3 for k in range(3)]
+        cards = [leaf_card(np.array([math.cos(a), 0.0, math.sin(a)]), 0.9) for a in angles]
         at = [rng.uniform(-2.4, 2.4), rng.uniform(0.0, 1.5), rng.uniform(-1.5, 1.2)]
         branch = place(w, f"branch {i}", join(cards), leaf, translation=at)
         start, step = rng.uniform(0, 60), rng.uniform(-40, 40)
@@ -185,8 +183,7 @@ def interior(w: Writer) -> Tracks:
 
 def punctual(w: Writer) -> Tracks:
     """A corner with steps; a point light rises, a spot turns, a third one stands."""
-    stone, ochre, teal = (surface(w, n, c) for n, c in (("stone", (0.66, 0.64, 0.6)), ("ochre", (0.7, 0.5, 0.22)),
-                                                        ("teal", (0.2, 0.5, 0.5))))  # fmt: skip
+    stone, ochre, teal = surfaces(w, stone=(0.66, 0.64, 0.6), ochre=(0.7, 0.5, 0.22), teal=(0.2, 0.5, 0.5))
     place(w, "floor", quad((-5, 0, 5), (10, 0, 0), (0, 0, -10)), stone)
     place(w, "back", quad((-5, 0, -3), (10, 0, 0), (0, 4, 0)), ochre)
     place(w, "side", quad((-3, 0, 5), (0, 0, -10), (0, 4, 0)), teal)
@@ -307,11 +304,7 @@ def thicket(w: Writer) -> Tracks:
     for i in range(16):
         angle = rng.uniform(0, np.pi)
         u = np.array([np.cos(angle), 0.0, np.sin(angle)])
-        cards = []
-        for v in (u, np.array([-u[2], 0.0, u[0]])):
-            card = quad(-0.4 * v, 0.8 * v, (0, 0.8, 0))
-            card["TEXCOORD_0"] = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype=float)
-            cards.append(card)
+        cards = [leaf_card(v, 0.8) for v in (u, np.array([-u[2], 0.0, u[0]]))]
         at = [rng.uniform(-2.2, 2.2), rng.uniform(0.0, 1.3), rng.uniform(-1.6, 1.0)]
         bush = place(w, f"bush {i}", join(cards), leaf, translation=at)
         if i % 2:
@@ -323,8 +316,7 @@ def thicket(w: Writer) -> Tracks:
 
 def closed_box(w: Writer) -> Tracks:
     """The box of Cornell with a lamp below its ceiling that moves, and a block that turns."""
-    white, red, green = (surface(w, n, c) for n, c in (("white", (0.74,) * 3), ("red", (0.62, 0.07, 0.06)),
-                                                       ("green", (0.13, 0.46, 0.1))))  # fmt: skip
+    white, red, green = surfaces(w, white=(0.74,) * 3, red=(0.62, 0.07, 0.06), green=(0.13, 0.46, 0.1))
     place(w, "shell", box((-1.4, 0, -1.4), (1.4, 2.8, 1.4), inside=True, faces="yYzZ"), white)
     place(w, "left", box((-1.4, 0, -1.4), (1.4, 2.8, 1.4), inside=True, faces="x"), red)
     place(w, "right", box((-1.4, 0, -1.4), (1.4, 2.8, 1.4), inside=True, faces="X"), green)
@@ -340,7 +332,7 @@ def closed_box(w: Writer) -> Tracks:
 
 @dataclass(frozen=True, slots=True)
 class LightScene:
-    """``build``: adds the scene, returns its tracks; ``environment``: value of the setting it is made for."""
+    """A scene of lights: ``build`` adds it to a file and returns its animation; ``environment``: the setting for it."""
 
     build: Callable[[Writer], Tracks]
     environment: str | tuple[float, float, float] = "none"
@@ -365,7 +357,7 @@ SCENES = {
 
 
 def make_light_scene(scene: LightScene, path: Path, generator: str = "taubench-gl") -> None:
-    """Write a .glb."""
+    """Write ``scene`` as the binary glTF file ``path``."""
     writer = Writer(LICENSE, generator, share=True)
     writer.animation("all", *scene.build(writer))
     writer.save(path)

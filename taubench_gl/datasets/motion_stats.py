@@ -53,7 +53,7 @@ class MotionStats:
 
     @property
     def still(self) -> bool:
-        """Whether nothing moves."""
+        """Whether the mean is 0, so that nothing moves."""
         return self.mean == 0
 
 

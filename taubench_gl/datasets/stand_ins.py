@@ -94,7 +94,7 @@ def make_stand_in(name: str, path: str | Path) -> StandIn:
 
 
 def build(recipe: StandIn) -> Writer:
-    """The complete scene."""
+    """The stand-in of ``recipe`` as a glTF file that is not yet saved."""
     w, rng, path = _begin(recipe)
     seconds = float(path.times[-1])
     events = _Events(recipe, path, rng)

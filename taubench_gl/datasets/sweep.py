@@ -63,7 +63,7 @@ class Sweep:
 
     @property
     def values(self) -> list[float]:
-        """The speeds, ascending."""
+        """The speeds of the sweep in ``unit``, ascending."""
         return np.linspace(self.low, self.high, self.count).tolist()
 
 

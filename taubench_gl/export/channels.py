@@ -87,7 +87,7 @@ EXPORTS: dict[str, ExportChannel] = {
 
 PATH_INFO = "path_info"
 RADIANCE_OF_ALL = "radiance"
-"""Of a training pair: all light, emission and background included."""
+"""Name of the channel that holds all light of a training pair, emission and background included."""
 
 
 def clean_name(lobe: str) -> str:

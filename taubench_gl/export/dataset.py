@@ -67,15 +67,15 @@ class RenderedFrames:
         ``reference`` and so on.
         """
         training = TrainingOptions(**light)
-        given = plan_scene(scene, settings.replace(columns=COLUMNS if training.wanted else settings.metrics.columns))
-        resolved = given.settings.replace(columns=settings.metrics.columns, pairs="all")
+        plan = plan_scene(scene, settings.replace(columns=COLUMNS if training.wanted else settings.metrics.columns))
+        resolved = plan.settings.replace(columns=settings.metrics.columns, pairs="all")
         names = choose_channels((*channels, "motion", "mask"))
         with (
             opened_gpu(resolved) as owner,
-            FrameSource(owner.gpu, given.animated, resolved, names, training=training) as source,
+            FrameSource(owner.gpu, plan.animated, resolved, names, training=training) as source,
         ):
-            drawn = [frame.channels for frame in source.frames(given.frames)]
-        return cls(given.frames, {name: np.stack([frame[name] for frame in drawn]) for name in drawn[0]})
+            drawn = [frame.channels for frame in source.frames(plan.frames)]
+        return cls(plan.frames, {name: np.stack([frame[name] for frame in drawn]) for name in drawn[0]})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,7 +117,7 @@ class ExportedFrames:
 
     @staticmethod
     def _dtype(name: str) -> np.dtype:
-        """Of planes, which are read as float32."""
+        """NumPy type of a channel in memory: that of unsigned integers is kept, all others are float32."""
         dtype = channel_named(name).dtype
         return dtype if dtype.kind == "u" else np.dtype(np.float32)
 

@@ -87,7 +87,7 @@ class FrameSource(GpuOwner):
         buffered: bool | None = None,
         training: TrainingOptions = NO_TRAINING,
     ):
-        """``jitter``: as in ``ExportOptions``; ``buffered``: as in ``ChannelReader``."""
+        """Open what draws ``names``.  ``jitter``: none or halton; ``buffered``: as of ``ChannelReader``."""
         super().__init__(gpu)
         self._animated = animated = animated.at_rate(settings.sequence.fps)
         self._count = frame_total(animated.scene, animated.camera, settings)

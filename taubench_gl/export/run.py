@@ -109,28 +109,27 @@ def export_scene(
     control = (overwrite, progress, announce or (lambda line: None))
     if settings.metrics.stereo:
         return _export_eyes(scene, out, settings, options, control)
-    return _locked(scene, out, settings, options, control)
+    with FolderLock(out):
+        return _export(scene, out, settings, options, control)
+
+
+Control = tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]]
+"""Whether to overwrite; what gets the progress; what gets lines of text."""
 
 
 def _export_eyes(
-    scene: str | Path, out: Path, settings: Settings, options: ExportOptions, control: tuple[Any, ...]
+    scene: str | Path, out: Path, settings: Settings, options: ExportOptions, control: Control
 ) -> ExportResult:
-    """Both eyes, with the lighting of the camera."""
-    given = plan_scene(scene, _lit(settings, options))
-    lighting = {name: given.settings.get(name) for name in ("light_unit", "exposure", "environment")}
-    eyes = both_eyes(given.animated.scene, given.animated.camera, settings.replace(**lighting))
-    done = [
-        _locked(given.animated.scene, out / name, of_eye, options, control, camera)
-        for name, (camera, of_eye) in eyes.items()
-    ]
+    """Export the left and the right eye into folders of their own, with the exposure of the camera between them."""
+    plan = plan_scene(scene, _lit(settings, options))
+    lighting = {name: plan.settings.get(name) for name in ("light_unit", "exposure", "environment")}
+    eyes = both_eyes(plan.animated.scene, plan.animated.camera, settings.replace(**lighting))
+    done = []
+    for name, (camera, of_eye) in eyes.items():
+        with FolderLock(out / name):
+            done.append(_export(plan.animated.scene, out / name, of_eye, options, control, camera))
     written, kept = (sum(getattr(result, count) for result in done) for count in ("written", "kept"))
     return dataclasses.replace(done[0], out=out, written=written, kept=kept)
-
-
-def _locked(scene: Scene | str | Path, out: Path, *how: Any) -> ExportResult:
-    """``_export`` while no other process writes into ``out``."""
-    with FolderLock(out):
-        return _export(scene, out, *how)
 
 
 def _export(
@@ -138,19 +137,20 @@ def _export(
     out: Path,
     settings: Settings,
     options: ExportOptions,
-    control: tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]],
+    control: Control,
     camera: CameraTrack | None = None,
 ) -> ExportResult:
-    """``export_scene`` of one camera.  ``control``: overwrite, progress, announce."""
+    """Export the frames of one camera into ``out``, which the caller has locked.  Raises TaubenchError."""
     overwrite, progress, announce = control
     names = exported_names(options, stereo=settings.metrics.stereo)
-    given = plan_scene(scene, _lit(settings, options), camera)
-    settings = given.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
-    frames, loaded = given.frames, given.animated.scene
-    how = {"jitter": options.jitter, "training": options.training}
+    plan = plan_scene(scene, _lit(settings, options), camera)
+    settings = plan.settings.replace(columns=settings.metrics.columns, pairs=settings.metrics.pairs)
+    frames, loaded = plan.frames, plan.animated.scene
     with (
         opened_gpu(settings) as owner,
-        FrameSource(owner.gpu, given.animated, settings, names, **how) as source,
+        FrameSource(
+            owner.gpu, plan.animated, settings, names, jitter=options.jitter, training=options.training
+        ) as source,
     ):
         exported = (*source.names, *(() if source.training is None else source.training.names))
         if not exported:

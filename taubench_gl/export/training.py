@@ -51,7 +51,7 @@ class TrainingLight(LightPairs):
     """Noisy and clean light of the frames of a scene, by the names of files."""
 
     def __init__(self, gpu: Gpu, animated: AnimatedScene, settings: Settings, options: TrainingOptions):
-        """``settings``: resolved for all columns.  Raises SettingsError."""
+        """Open input and reference of ``options``.  ``settings``: resolved for all columns.  Raises SettingsError."""
         kind = input_kind(options, settings.lighting.seed)
         every = reference_lobes(animated.scene)
         lobes = every if kind is not None and kind.path_samples else ()
@@ -66,7 +66,7 @@ class TrainingLight(LightPairs):
                 announce(estimate.text)
 
     def files(self, frame: int) -> dict[str, Array]:
-        """By the names of ``training_names``: radiance and ``path_info`` (h, w, 4), lobes (h, w, 3)."""
+        """Images of ``frame`` by ``training_names``: radiance and ``path_info`` (h, w, 4), lobes (h, w, 3)."""
         out: dict[str, Array] = {}
         if self.reference is not None:
             out[clean_name(RADIANCE_OF_ALL)] = self.clean(frame)

@@ -154,7 +154,7 @@ class PathTracedCamera(Protocol):
     """Gives the view of every frame."""
 
     def describe(self) -> str:
-        """Where the camera comes from."""
+        """Text for the summary: where the camera comes from."""
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
         """The view of frame ``number``.  Raises PathTracedError."""

@@ -185,7 +185,7 @@ class _Files:
 
     @property
     def some(self) -> PathTracedFrame:
-        """The first file."""
+        """The first file's frame: all files have the same passes."""
         return next(iter(self.frames.values()))
 
     @property
@@ -193,7 +193,7 @@ class _Files:
         return isinstance(self.camera, cams.FittedCamera)
 
     def view(self, number: int, reading: Reading) -> View | None:
-        """None: the camera has none for this file."""
+        """The camera of file ``number`` by ``reading``; None where the camera file has none for it."""
         shown = number + {"ahead": -1, "behind": 1}.get(reading.order, 0)
         if "backwards" in reading.order:
             shown = self.sequence.frames[0] + self.sequence.frames[-1] - number
@@ -209,15 +209,15 @@ class _Files:
         if reading.rows and self.view(number, Reading()) is not None:  # one of both row orders is right
             return None
         view = self.camera.view(shown, flipped(self.frames[number]) if reading.rows else self.frames[number])
-        if how := reading.matrix:
+        if reading.matrix:
             matrix = self.camera.file.matrices[shown]
-            if how == "rotation transposed":
+            if reading.matrix == "rotation transposed":
                 matrix = math3d.affine(matrix[:3, :3].T, matrix[:3, 3])
-            elif how == "y down, z forward":
+            elif reading.matrix == "y down, z forward":
                 matrix = matrix @ np.diag([1.0, -1.0, -1.0, 1.0])
             else:
-                matrix = matrix.T if "transposed" in how else matrix
-                matrix = np.linalg.inv(matrix) if "inverse" in how else matrix
+                matrix = matrix.T if "transposed" in reading.matrix else matrix
+                matrix = np.linalg.inv(matrix) if "inverse" in reading.matrix else matrix
             view = replace(view, position=matrix[:3, 3].copy(), world_from_view=math3d.orthonormal(matrix[:3, :3]))
         if reading.lens and view.camera.kind == "perspective":
             width, height = self.sequence.size
@@ -227,6 +227,7 @@ class _Files:
 
     def pixels(self, samples: _Samples, reading: Reading) -> Array:
         """Column and row, row 0 at the top, (N, 2)."""
+        # A file whose first row is the bottom one: row r of the array is row height - 1 - r of the image.
         return samples.pixels * [1, -1] + [0, self.sequence.size[1] - 1] if reading.rows else samples.pixels
 
     def points(self, samples: _Samples, reading: Reading, view: View, position: Array | None) -> Array:
@@ -389,7 +390,7 @@ class _Checked:
 
     @property
     def basis(self) -> str:
-        """That of the numbers."""
+        """What the reported shares of motion are compared with: previous positions or still surfaces."""
         return next(iter(self.bases), _BASES[1])
 
     def camera(self) -> Verdict:

@@ -58,7 +58,7 @@ class PathTracedPlan:
 
     @property
     def animated(self) -> None:
-        """None: files have no scene."""
+        """None, because files have no scene."""
 
     @property
     def light(self) -> LightPlan:
@@ -86,7 +86,7 @@ class PathTracedPlan:
             yield LobeColumns(session, session.source, self.settings, missing, lambda lobe, bounce: f"{lobe}_{bounce}")
 
     def static_summary(self, session: Session) -> dict[str, Any]:
-        """As ``evaluation.static_summary``, for files."""
+        """Blocks of the summary that do not depend on the frames: scene, lighting, camera and notes."""
         return {
             "scene": {
                 "name": self.sequence.name,
@@ -110,8 +110,8 @@ class PathTracedPlan:
         summary["settings"] |= _lighting(record)
         summary["path_traced"]["render"] = None if record is None else record.summary(self.frames)
         if self.options.second_seed is not None:
-            how = {"mapping": self.options.mapping, "layer": self.options.layer}
-            second = PathTracedSequence.open(self.options.second_seed, **how)
+            options = self.options
+            second = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
             with opened_gpu(session.settings, session) as owner:
                 floor = summary["noise_floor"] = noise_floor(owner, self, second)
             summary["notes"].append(_floor_note(floor))

@@ -48,7 +48,7 @@ def position_from_motion(position: Array, motion: Array, view: View, previous: V
 def position_from_scene(
     position: Array, rasterized: Array, rasterized_previous: Array, view: View, previous: View, tolerance: float
 ) -> Array:
-    """As ``position_from_motion``, from the previous positions of the rasterized scene.
+    """Where the surface points of a frame were, as ``position_from_motion``, but by the motion of the rasterized scene.
 
     ``rasterized`` (h, w, 4) and ``rasterized_previous`` (h, w, >= 3): its positions and previous positions.  The
     surface's displacement is added to the point of the path-traced frame.  Where the two renderers see points that are

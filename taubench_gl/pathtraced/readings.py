@@ -65,7 +65,7 @@ TEXTS: dict[str, Mapping[str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """For each convention the value that corrects the files, a key of TEXTS; "": as the mapping says."""
+    """One way to mean the files: per convention the value that corrects them, a key of TEXTS; "": as the mapping."""
 
     rows: str = ""
     up: str = ""
@@ -88,12 +88,12 @@ class Reading:
 
     @property
     def factor(self) -> float:
-        """On positions and depth."""
+        """Factor on positions and depth that gives meters of the camera."""
         over, _, under = (self.meters or "1").partition("/")
         return float(over) / float(under or 1.0)
 
     def without(self, *names: str) -> Reading:
-        """With some conventions as the mapping says."""
+        """This reading, but with the conventions ``names`` as the mapping has them."""
         return replace(self, **dict.fromkeys(names, ""))
 
 

@@ -65,7 +65,7 @@ PART = 16
 """Most samples per pixel that are traced before they are added to the sums."""
 
 SAVE_SECONDS = 60.0
-"""Between two saves of a frame that is being traced."""
+"""Seconds between two saves of a frame that is being traced."""
 
 PATTERN_FRAMES = (1 << 31, (1 << 31) + 1)
 """Frame numbers that the sample patterns of the halves use, in every frame: what stands still is exactly equal from
@@ -98,7 +98,7 @@ class Accumulated:
 
     @property
     def samples(self) -> int:
-        """Per pixel, both halves together."""
+        """Samples per pixel of both halves together."""
         return int(self.counts.sum())
 
     def add(self, half: int, count: int, means: Mapping[str, Array]) -> None:
@@ -109,13 +109,14 @@ class Accumulated:
 
     def keep(self, other: Accumulated) -> None:
         """Take each half from ``other`` that has more samples there: the fewer ones are the first of the more."""
-        more = other.counts > self.counts
-        self.counts[more], self.sums[more] = other.counts[more], other.sums[more]
+        further = other.counts > self.counts  # (HALVES,)
+        self.counts[further], self.sums[further] = other.counts[further], other.sums[further]
 
     def missing(self, samples: int) -> list[tuple[int, int, int]]:
         """(half, first sample, count) to trace until there are ``samples`` in all; the first half has the odd one."""
         targets = (samples - samples // HALVES, samples // HALVES)
-        return [(h, int(n), w - int(n)) for h, (n, w) in enumerate(zip(self.counts, targets, strict=True)) if n < w]
+        halves = enumerate(zip(self.counts.tolist(), targets, strict=True))
+        return [(half, count, target - count) for half, (count, target) in halves if count < target]
 
     def lobes(self) -> dict[str, Array]:
         """Mean radiance by lobe, (h, w, 3) float32."""
@@ -130,7 +131,7 @@ class Accumulated:
         return self.sums.sum(axis=1, dtype=np.float64) / self.counts[:, None, None, None]
 
     def noise(self) -> Noise | None:
-        """Of the mean, from the difference of the two halves; None with fewer than two samples."""
+        """Noise of the mean, from the difference of the two halves; None with fewer than two samples."""
         halves = self.halves()
         if halves is None:
             return None
@@ -212,7 +213,7 @@ class StoredReference:
 
     @property
     def folder(self) -> Path | None:
-        """None where nothing is stored: the scene is no file, so nothing identifies its content."""
+        """Folder of this reference; None for a scene that is no file, which nothing identifies: nothing is stored."""
         if self.root is None or self.about.get("sha256") is None:
             return None
         text = json.dumps(self.about, sort_keys=True)
@@ -323,7 +324,7 @@ class Tracer(Protocol):
     size: tuple[int, int]
 
     def view(self, frame: int) -> View:
-        """Of any frame, without drawing it."""
+        """The camera's view of ``frame``, which is not drawn for it."""
 
     def trace(self, frame: int, half: int, first: int, count: int) -> dict[str, Array]:
         """Means of samples ``first`` .. ``first + count - 1``: radiance (h, w, 3) by lobe."""
@@ -333,7 +334,7 @@ class SceneTracer:
     """Traces samples of a scene's frames, at pixel centers."""
 
     def __init__(self, owner: GpuOwner, animated: AnimatedScene, settings: Settings):
-        """``owner``: frees it; ``settings``: resolved.  Raises SettingsError where nothing lights the scene."""
+        """Prepare to trace ``animated`` at resolved ``settings``.  Raises SettingsError for a scene without light."""
         self._owner, self._animated, self._settings = owner, animated, reference_settings(settings)
         if not traced_sources(animated.scene, self._settings):
             raise SettingsError("no light to trace paths to", hint="give an --environment, or a scene with lights")
@@ -409,7 +410,7 @@ class Estimate:
 
     @property
     def text(self) -> str:
-        """One line."""
+        """What is left to trace, and how long it takes, as one line."""
         stored = f", {self.complete} stored" if self.complete else ""
         line = f"path-traced references: {self.frames} frames, {self.samples} samples per pixel{stored}"
         if self.seconds is None:
@@ -439,7 +440,7 @@ class References:
     def open(
         cls, owner: GpuOwner, animated: AnimatedScene, settings: Settings, samples: int, *, exact: bool = False
     ) -> References:
-        """Of a scene with resolved ``settings``; ``owner`` frees what they draw with.  Raises SettingsError.
+        """References of ``animated`` at resolved ``settings``, drawn with what ``owner`` frees.  Raises SettingsError.
 
         ``exact``: frames have ``samples`` and are stored apart, so that no other evaluation adds samples to them.
         """
@@ -504,7 +505,7 @@ class References:
 
     @property
     def worst_noise(self) -> Noise | None:
-        """Of the noisiest frame so far."""
+        """Noise of the noisiest frame that was returned so far; None before the first."""
         return self._worst
 
     def _left(self, frame: int) -> int:

@@ -42,7 +42,7 @@ class PathTracedSource:
         keep_frame: bool = False,
         follow: Follow | None = None,
     ):
-        """``lobes``: upload these lobes' radiance too.  ``keep_frame``: keep the passes read last as ``frame``.
+        """Open the textures.  ``lobes``: upload their radiance too; ``keep_frame``: keep the last passes as ``frame``.
 
         ``follow``: with motion reprojection, gives the previous positions that files without such a pass lack.
         """

@@ -26,7 +26,7 @@ MAX_SIZE = (8192, 4096)
 """Largest accepted width and height, pixels."""
 
 MAX_BYTES = 2 << 30
-"""Largest accepted file."""
+"""Bytes of the largest image file that is read."""
 
 MAX_CHANNELS = 8
 """Most channels that are decoded, those between the first and the last of R, G and B."""
@@ -47,7 +47,7 @@ class EnvironmentImage:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width, height."""
+        """(width, height) of the image in pixels."""
         return self.radiance.shape[1], self.radiance.shape[0]
 
 

@@ -10,10 +10,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Both stand-ins on disk, by name."""
-    from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
+    """The stand-ins on disk, by name; each is made when it is first asked for."""
+    from taubench_gl.datasets.stand_ins import make_stand_in
 
     folder = tmp_path_factory.mktemp("stand-ins")
-    for name in STAND_INS:
-        make_stand_in(name, folder / f"{name}.glb")
-    return {name: folder / f"{name}.glb" for name in STAND_INS}
+
+    class Made(dict[str, Path]):
+        def __missing__(self, name: str) -> Path:
+            self[name] = folder / f"{name}.glb"
+            make_stand_in(name, self[name])
+            return self[name]
+
+    return Made()

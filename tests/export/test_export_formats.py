@@ -18,7 +18,7 @@ from taubench_gl.export.channels import EXPORTS, stored_as
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, ZarrWriter
 from taubench_gl.export.sintel import SintelWriter, dpt_bytes, flo_bytes, masks_of
 from taubench_gl.pathtraced.cameras import SceneCamera, SidecarCamera
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced, open_input
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced, plan_sequence
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.pathtraced.passes import load_mapping
 from taubench_gl.pathtraced.sequence import PathTracedSequence
@@ -226,12 +226,12 @@ def test_mapping_and_camera_of_an_export_are_its_own_unless_others_are_given(tmp
     export(tmp_path, "exr", channels=("gbuffer",), frames=(7, 9), fps=12.0)
     spec, mapping_file = f"exr:{tmp_path}", tmp_path / "own.toml"
     mapping_file.write_text('up = "y"\npositions = "relative"\n[passes]\nposition = "Position"\n')
-    found = open_input(spec, Settings(), PathTracedOptions())
+    found = plan_sequence(spec, Settings(), PathTracedOptions())
     assert found.sequence.mapping == load_mapping("taubench") and found.settings.sequence.fps == 12.0
     assert isinstance(found.camera, SidecarCamera) and list(found.camera.file.views) == [7, 8]
     assert PathTracedSequence.open(spec, mapping="blender").mapping == load_mapping("blender")
     assert set(PathTracedSequence.open(spec, mapping=mapping_file).mapping.passes) == {"position"}
-    scene = open_input(spec, Settings(), PathTracedOptions(scene_file=DEMO))
+    scene = plan_sequence(spec, Settings(), PathTracedOptions(scene_file=DEMO))
     assert isinstance(scene.camera, SceneCamera)
     (tmp_path / "camera.json").unlink()
     with pytest.raises(PathTracedError) as error:

@@ -282,34 +282,6 @@ def export(path, out):
         bpy.ops.wm.usd_export(filepath=out, export_animation=True, evaluation_mode="RENDER")
 
 
-def panel(path, degrees):
-    """A 2 m x 1 m area light of 90 W between a floor and a ceiling; the camera is turned up by ``degrees``."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = 1, 2
-    gray = bpy.data.materials.new("gray")
-    gray.use_nodes = True
-    inputs = gray.node_tree.nodes["Principled BSDF"].inputs
-    inputs["Base Color"].default_value = (0.5, 0.5, 0.5, 1.0)
-    inputs["Roughness"].default_value, inputs["Specular IOR Level"].default_value = 1.0, 0.0
-    corners = [(-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0)]
-    for name, height, face in (("floor", 0, (0, 1, 2, 3)), ("ceiling", 6, (3, 2, 1, 0))):
-        item = mesh_object(name, corners, [face], (0, 0, height))
-        item.data.materials.append(gray)
-    key(item, "location", {1: (0, 0, 6), 2: (0.01, 0, 6)})
-    area = bpy.data.lights.new("panel", "AREA")
-    area.shape, area.size, area.size_y, area.energy = "RECTANGLE", 2.0, 1.0, 90.0
-    light = bpy.data.objects.new("panel", area)
-    light.location = (0, 0, 4)
-    scene.collection.objects.link(light)
-    eye = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
-    eye.data.lens = 30.0
-    eye.location, eye.rotation_euler = (0, -2.5, 3), (math.radians(float(degrees)), 0, 0)
-    scene.collection.objects.link(eye)
-    scene.camera = eye
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-
-
 def kinds(path):
     """Text, a metaball, instances of a collection and of particles, a parent; 29.97 frames a second from frame 3 on."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -349,6 +321,6 @@ def kinds(path):
 
 
 if __name__ == "__main__":
-    {"make": make, "sample": sample, "export": export, "panel": panel, "kinds": kinds}[sys.argv[1]](*sys.argv[2:])
+    {"make": make, "sample": sample, "export": export, "kinds": kinds}[sys.argv[1]](*sys.argv[2:])
     sys.stdout.flush()
     os._exit(0)

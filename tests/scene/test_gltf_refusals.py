@@ -90,8 +90,6 @@ AT = "/meshes/0/primitives/0/attributes"
 CASES: dict[str, tuple[Callable[[], Gltf], str, object]] = {
     # name: (file, JSON pointer, a number or name the message contains)
     "no-version": (scene_with(lambda j: j.update(asset={})), "/asset", "version"),
-    "version-1": (scene_with(lambda j: j["asset"].update(version="1.0")), "/asset/version", "1.0"),
-    "min-version": (scene_with(lambda j: j["asset"].update(minVersion="2.1")), "/asset/minVersion", "2.1"),
     "required": (scene_with(lambda j: j.update(extensionsRequired=["ACME_x"])), "/extensionsRequired/0", "ACME_x"),
     "basis": (scene_with(lambda j: j.update(extensionsRequired=["GOOGLE_texture_basis"])), "/extensionsRequired/0",
               "GOOGLE_texture_basis"),
@@ -99,31 +97,20 @@ CASES: dict[str, tuple[Callable[[], Gltf], str, object]] = {
     "infinite": (with_nan("inf"), "/accessors/0", 1),
     "view-range": (scene_with(lambda j: j["bufferViews"][0].update(byteOffset=1000)), "/bufferViews/0", 1000),
     "count": (scene_with(lambda j: j["accessors"][0].update(count=4)), "/accessors/0", 4),
-    "unaligned": (scene_with(lambda j: j["accessors"][0].update(byteOffset=2, count=2)), "/accessors/0", 2),
     "normalized-float": (scene_with(lambda j: j["accessors"][0].update(normalized=True)), "/accessors/0/normalized",
                          ""),
     "sparse-twice": (sparse_indices([1, 1]), "/accessors/0/sparse/indices", ""),
     "sparse-range": (sparse_indices([1, 3]), "/accessors/0/sparse/indices", 3),
     "sparse-many": (sparse_indices([0, 1, 2, 3]), "/accessors/0/sparse/count", 4),
-    "bad-buffer": (scene_with(lambda j: j["bufferViews"][0].update(buffer=7)), "/bufferViews/0/buffer", "buffers[7]"),
-    "bad-accessor": (primitive(attributes={"POSITION": 9}), f"{AT}/POSITION", "accessors[9]"),
     "same-view": (primitive(indices=0), "/meshes/0/primitives/0/indices", "SCALAR"),
     "mode": (primitive(mode=7), "/meshes/0/primitives/0/mode", 7),
     "target-base": (primitive(targets=[{"NORMAL": 0}]), "/meshes/0/primitives/0/targets/0/NORMAL", ""),
-    "node-weights": (scene_with(lambda j: j["nodes"][0].update(weights=[1]), morphing), "/nodes/0/weights",
-                     1),
-    "cycle": (scene_with(lambda j: j.update(nodes=[{}, {"children": [2]}, {"children": [1]}])), "/nodes/1", ""),
     "self": (scene_with(lambda j: j.update(nodes=[{"children": [0]}])), "/nodes/0", ""),
     "two-parents": (scene_with(lambda j: j.update(nodes=[{}, {"children": [0]}, {"children": [0]}])),
                     "/nodes/2/children/0", "nodes[0]"),
     "root-twice": (scene_with(lambda j: j.update(scenes=[{"nodes": [0, 0]}])), "/scenes/0/nodes/1", ""),
     "overflow": (scene_with(lambda j: j["nodes"][0].update(scale=[1, 1, 10**400])), "/nodes/0/scale/2", ""),
-    "skin-plain-mesh": (scene_with(lambda j: (j["nodes"][0].update(skin=0), j.update(skins=[{"joints": [0]}]))),
-                        "/nodes/0", ""),
     "joint-range": (lambda: skinned([[1, 0, 0, 0]] * 3, [[2, 0, 0, 0]] * 3), "/nodes/0", 2),
-    "no-common-root": (scene_with(lambda j: j["nodes"][1].pop("children"), lambda: skinned([[1, 0, 0, 0]] * 3)),
-                       "/skins/0/joints", ""),
-    "skeleton": (lambda: skinned([[1, 0, 0, 0]] * 3, skeleton=2), "/skins/0/skeleton", ""),
     "joint-twice": (scene_with(lambda j: j["skins"][0].update(joints=[1, 1]), lambda: skinned([[1, 0, 0, 0]] * 3)),
                     "/skins/0/joints", ""),
     "yfov": (camera(yfov=0), "/cameras/0/perspective/yfov", ""),
@@ -135,8 +122,6 @@ CASES: dict[str, tuple[Callable[[], Gltf], str, object]] = {
     "output-type": (lambda: animated("rotation"), "/animations/0/samplers/0/output", "VEC4"),
     "output-integers": (lambda: animated(values=[[0, 0, 0, 0]] * 2, path="rotation", dtype="u1"),
                         "/animations/0/samplers/0/output", "UNSIGNED_BYTE"),
-    "same-target": (scene_with(lambda j: j["animations"][0]["channels"].append(j["animations"][0]["channels"][0]),
-                               animated), "/animations/0/channels/1/target", 0),
     "pointer-light": (scene_with(lambda j: j["animations"][0]["channels"][0].update(
         target=pointer("/extensions/KHR_lights_punctual/lights/0/intensity")), animated),
         "/animations/0/channels/0/target/extensions/KHR_animation_pointer/pointer", ""),
@@ -163,43 +148,11 @@ def test_bases_of_the_cases_are_valid(tmp_path: Path) -> None:
     load_scene(gltf.save(tmp_path))
 
 
-def test_indices_out_of_range(tmp_path: Path) -> None:
-    gltf = Gltf()
-    gltf.mesh(TRIANGLE, [0, 1, 3])
-    refuse(gltf.save(tmp_path), "/meshes/0/primitives/0/indices", 3, 2)
-
-
 def test_accessor_one_component_too_long(tmp_path: Path) -> None:
     gltf = triangle_scene()
     view = gltf.view(bytes(8))
     gltf.add("accessors", {"bufferView": view, "componentType": 5126, "count": 3, "type": "SCALAR"})
     refuse(gltf.save(tmp_path), "/accessors/1", 8)
-
-
-@pytest.mark.parametrize("where", ["indices", "input", "output", "inverseBindMatrices"])
-def test_stride_is_for_vertex_attributes_only(tmp_path: Path, where: str) -> None:
-    if where == "indices":
-        gltf = triangle_scene()
-        index, stride = gltf.accessor([0, 1, 2], "u4"), 4
-        gltf.json["meshes"][0]["primitives"][0]["indices"] = index
-    elif where == "inverseBindMatrices":
-        gltf = skinned([[1, 0, 0, 0]] * 3)
-        index, stride = gltf.accessor(np.tile(np.eye(4).ravel(), (2, 1))), 64
-        gltf.json["skins"][0]["inverseBindMatrices"] = index
-    else:
-        gltf = animated()
-        index, stride = gltf.json["animations"][0]["samplers"][0][where], 4 if where == "input" else 12
-    view = gltf.json["bufferViews"][gltf.json["accessors"][index]["bufferView"]]
-    load_scene(gltf.save(tmp_path))
-    view["byteStride"] = stride
-    assert refuse(gltf.save(tmp_path), None, "byteStride").where.endswith(f"/{where}")
-
-
-def test_indices_among_attributes(tmp_path: Path) -> None:
-    gltf = Gltf()
-    gltf.mesh(TRIANGLE, [0, 1, 2])
-    gltf.json["bufferViews"][1]["target"] = 34962
-    refuse(gltf.save(tmp_path), "/meshes/0/primitives/0/indices")
 
 
 def test_scene_selection_errors(tmp_path: Path) -> None:

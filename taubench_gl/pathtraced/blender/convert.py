@@ -18,7 +18,7 @@ LIGHTING_MODE = "SPEC"
 """Mode of Blender's exporter: candela and lux at 683 lumens per watt, what ``light_unit`` expects of its files."""
 
 VERSION = 1
-"""Of what a conversion writes: files that another version wrote are not reused."""
+"""Version of the files that a conversion writes: those of another version are not reused."""
 
 _BINARY_FBX = b"Kaydara FBX Binary"
 _MAX_LOST = 40

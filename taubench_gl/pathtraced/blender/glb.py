@@ -27,7 +27,7 @@ class Glb:
         self.binary = bytearray(binary or b"")
 
     def data(self) -> bytes:
-        """The file."""
+        """The bytes of the file, with the length of its buffer."""
         if self.binary:
             self.root.setdefault("buffers", [{}])[0]["byteLength"] = len(self.binary)
         return container_bytes(json.dumps(self.root, separators=(",", ":")).encode(), bytes(self.binary) or None)

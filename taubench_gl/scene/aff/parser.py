@@ -102,7 +102,7 @@ class Tokens:
         return out
 
     def table(self, rows: int, columns: int, subject: str) -> Array:
-        """(rows, columns) float64."""
+        """The next ``rows * columns`` words as numbers, (rows, columns) float64.  Raises SceneError for other words."""
         return self.floats(rows * columns, subject).reshape(rows, columns)
 
     def integer(self, subject: str, low: int, high: int) -> int:
@@ -116,7 +116,7 @@ class Tokens:
         return value
 
     def indices(self, rows: int, columns: int, subject: str) -> Array:
-        """(rows, columns) int64."""
+        """The next ``rows * columns`` words as integers, (rows, columns) int64.  Raises SceneError for other words."""
         start = self.at
         values = self.floats(rows * columns, subject)
         bad = values != np.floor(values)

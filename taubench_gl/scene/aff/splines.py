@@ -84,7 +84,7 @@ def position_keys(times: Array, values: Array, tcb: Array, window: tuple[float, 
 
 
 def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window: tuple[float, float]) -> Keys:
-    """As ``position_keys`` for rotations of ``degrees`` (K,) about ``axes`` (K, 3); values are quaternions xyzw.
+    """Keys as of ``position_keys``, quaternions xyzw, of rotations by ``degrees`` (K,) about ``axes`` (K, 3).
 
     Axes can have any length; a zero axis is no rotation.
     """

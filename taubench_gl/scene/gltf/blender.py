@@ -49,7 +49,7 @@ def means_blender(document: Document) -> bool:
 
 
 def intensity_factor(kind: str) -> float:
-    """From the exporter's intensity keys to the unit of a light of this ``kind``: W to lux, or lm to candela."""
+    """Factor on the exporter's intensity keys that gives the unit of such a light: W to lux, lm to candela."""
     return LUMENS_PER_WATT if kind == "directional" else 1.0 / (4.0 * math.pi)
 
 

@@ -264,7 +264,7 @@ def _utf8(data: bytes | memoryview, path: Path, notes: Notes) -> bytes | memoryv
 
 
 def _decode_strictly(data: bytes | memoryview) -> schema.Root:
-    """Raises msgspec's errors."""
+    """The document by the strict schema.  Raises msgspec.ValidationError or DecodeError."""
     try:
         return _decoder.decode(data)
     except msgspec.ValidationError as e:

@@ -206,7 +206,7 @@ class Animation(Property):
 
 
 class Root(Property):
-    """The whole document."""
+    """The top level of a glTF document."""
 
     asset: Asset
     accessors: Filled[Accessor] | None = None

@@ -34,7 +34,7 @@ class Library:
         self.data: dict[Path, bytes] = {}  # contents of the libraries, in order
 
     def read(self, names: str, where: str) -> None:
-        """``mtllib``: one file name, which can contain spaces, or several.  Missing files get a note."""
+        """Read the libraries of ``mtllib``: one, whose name may have spaces, or several.  Missing ones are noted."""
         target = find_referenced(self.folder, names)
         several = [names] if isinstance(target, Path) else names.split()
         for name in several:
