@@ -6,7 +6,6 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -75,17 +74,26 @@ class GpuOwner(Owner):
         source: Source | ComparedSource,
         settings: Settings,
         *,
+        images: bool = False,
+        distances: bool = False,
+        reprojection: str | None = None,
+        radiance: tuple[str, ...] | None = None,
+        absent: bool = False,
+        both: bool = False,
         timed: bool = True,
         instead_of: PairEvaluator | None = None,
-        **options: Any,
     ) -> PairEvaluator:
         """An evaluator of the pairs of ``source``, which the owner frees.
 
-        ``timed``: its pass is measured; ``instead_of``: the evaluator that it replaces; ``options``: keywords of
-        ``PairEvaluator``.
+        ``images``, ``distances``, ``reprojection``, ``radiance``, ``absent``, ``both``: as of ``PairEvaluator``;
+        ``timed``: its pass is measured; ``instead_of``: the evaluator that it replaces.
         """
         context = self.context if timed else self.untimed
-        return self.own(PairEvaluator(context, source, settings, **options), instead_of=instead_of)
+        evaluator = PairEvaluator(
+            context, source, settings, images=images, distances=distances, reprojection=reprojection,
+            radiance=radiance, absent=absent, both=both,
+        )  # fmt: skip
+        return self.own(evaluator, instead_of=instead_of)
 
     def release(self) -> None:
         """Free everything, and what else has lost its references.  The owner can be used again."""

@@ -156,7 +156,7 @@ class ReuseStats:
 
     @property
     def pixels(self) -> int:
-        """Pixels of all pairs."""
+        """Number of pixels of all pairs together."""
         return sum(self._pixels)
 
     @property

@@ -96,20 +96,21 @@ class PixelMasks:
 
     @classmethod
     def blank(cls, words: Array, names: Sequence[str], halves: int) -> PixelMasks:
-        """Of pixels with ``words`` (n,) and distances of 0."""
+        """Masks of pixels with reason ``words`` (n,) and distances of 0."""
         count = len(words)
         distances = ({name: np.zeros(shape) for name in names} for shape in (count, (count, halves)))
         return cls(words.copy(), next(distances), np.repeat(words[:, None], halves, axis=1), next(distances))
 
     def put(self, rows: Array, values: PixelMasks) -> None:
-        """Replace those of ``rows`` by ``values``."""
+        """Replace the masks of the pixels ``rows`` (k,), indices, by ``values``."""
         self.words[rows], self.half_words[rows] = values.words, values.half_words
-        for own, of in ((self.distances, values.distances), (self.half_distances, values.half_distances)):
-            for name, array in of.items():
-                own[name][rows] = array
+        for name, distances in values.distances.items():
+            self.distances[name][rows] = distances
+        for name, distances in values.half_distances.items():
+            self.half_distances[name][rows] = distances
 
     def take(self, rows: Array) -> PixelMasks:
-        """Those of ``rows``."""
+        """The masks of the pixels ``rows`` (k,), indices."""
         distances = ({n: of[rows] for n, of in each.items()} for each in (self.distances, self.half_distances))
         return PixelMasks(self.words[rows], next(distances), self.half_words[rows], next(distances))
 
@@ -175,7 +176,7 @@ class Visit:
     samples: int  # of all pixels, of each of the two frames
 
     def record(self) -> dict[str, Any]:
-        """JSON values, without loss."""
+        """The estimate as JSON values, from which it is read back without loss."""
         out = {name: getattr(self, name) for name in self.__slots__}
         arrays = {name: out[name].tolist() for name in _KINDS}
         return out | arrays | {"curves": {column: curve.tolist() for column, curve in self.curves.items()}}
@@ -331,7 +332,7 @@ class LightEstimate:
 
     @property
     def positions(self) -> list[int]:
-        """Of the pairs whose preview is known, ascending."""
+        """Positions of the pairs whose preview is known, ascending."""
         return sorted(self._known)
 
     def intervals(self, sample: PairSample) -> dict[tuple[str, ...], Interval]:
@@ -371,7 +372,7 @@ class LightEstimate:
 
     @property
     def samples(self) -> int:
-        """Of all pixels, of both frames."""
+        """Number of light samples of all pixels in both frames."""
         return 2 * sum(visit.samples for visits in self.visits.values() for visit in visits)
 
     def amend(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:

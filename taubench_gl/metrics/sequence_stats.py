@@ -53,7 +53,7 @@ class SequenceStats:
         self.pairs = 0
 
     def add(self, counted: Counts) -> dict[str, int | None]:
-        """Add one pair; its raw counts, ``None`` where a feature was not measured."""
+        """Add the raw counts of one pair, None where a feature was not measured."""
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.reuse.add(counted.mask_histogram)
         other: dict[str, int | None] = dict.fromkeys(RATES)
