@@ -131,7 +131,7 @@ def gallery_numbers(work: Path) -> dict[str, str]:
     numbers do not depend on.
     """
     geometry = {"columns": "frustum,position,normal", "light": "preview"}
-    taubench(*gallery_command("mask.png", **geometry, frames="21:23", out=work / "masks"))
+    taubench(*gallery_command("mask.png", **geometry, frames="33:35", out=work / "masks"))
     (row,) = csv.DictReader((work / "masks" / "frames.csv").read_text(encoding="utf-8").splitlines())
     legend = {"off-screen": "outside", "disoccluded": "disoccluded", "newly occluding": "occluding", "normal": "normal"}
     parts = (f"{label} {100 * int(row[name]) / int(row['pixels']):.2f} %" for label, name in legend.items())

@@ -143,7 +143,9 @@ class DecidedPixels:
         self._settings, self.columns = settings, tuple(columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
         traced = decided_light(settings)
-        self._sources = tuple(variant(traced, pixel_list=True) for _ in range(2))  # previous, current
+        # Neither needs the place of a point in another frame: ``PreviewPair.at_px`` tells where its history is.
+        without = ("previous_pose",)
+        self._sources = tuple(variant(traced, pixel_list=True, without=without) for _ in range(2))  # previous, current
         of_lobes = (name.split("_") for name in self._sources[0].listed_lobes)
         self._lobes = {
             place: (bounce, lobe_distance(bounce, lobe))

@@ -91,6 +91,15 @@ def both_sentence(
     return text + _reasons_text(percent, shares, f"by {chosen} reprojection ") + _sky_text(sky_percent)
 
 
+def pair_sentence(rates: Mapping[str, float], shares: Mapping[str, float], rate: str, sky_percent: float) -> str:
+    """The sentence of one pair.  ``rates``: reprojection -> percent, the chosen one first, and the other if counted."""
+    chosen, percent = next(iter(rates.items()))
+    if len(rates) == 1:
+        return sentence(percent, shares, rate, sky_percent)
+    texts = {mode: percent_text(each) for mode, each in rates.items()}
+    return both_sentence(texts, chosen, percent, shares, rate, sky_percent)
+
+
 def headline(summary: Summary) -> str:
     """``camera reprojection: 81.3 % of surface ...``: the reprojection mode and ``reusable_sentence``.
 

@@ -31,7 +31,7 @@ from taubench_gl.metrics.reuse_rate import (
     reusable_pixels,
     unmeasured_rates,
 )
-from taubench_gl.report.reusable import both_sentence, percent_text, sentence
+from taubench_gl.report.reusable import pair_sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
 from taubench_gl.viewer.controls import IMAGE, MASKS
@@ -686,12 +686,10 @@ class ViewerEngine:
             return "surface", None, f"reusable pixels are unknown: {why}"
         percent = 100.0 * self.counts[f"reusable_{rate}"] / surface
         shares = {name: 100.0 * count / surface for name, count in self.reasons[rate].items()}
-        sky, chosen = 100.0 * (pixels - surface) / pixels, self.source.reprojection
-        if self.other_counts is None:
-            return rate, percent, sentence(percent, shares, rate, sky)
-        other = 100.0 * self.other_counts[rate] / surface
-        texts = {chosen: percent_text(percent), OTHER_REPROJECTION[chosen]: percent_text(other)}
-        return rate, percent, both_sentence(texts, chosen, percent, shares, rate, sky)
+        sky, rates = 100.0 * (pixels - surface) / pixels, {self.source.reprojection: percent}
+        if self.other_counts is not None:
+            rates[OTHER_REPROJECTION[self.source.reprojection]] = 100.0 * self.other_counts[rate] / surface
+        return rate, percent, pair_sentence(rates, shares, rate, sky)
 
     def release(self) -> None:
         self._owner.release()

@@ -40,7 +40,7 @@ FACTS = {"scene": {"name": "made", "sha256": "x"}, "census": {}, "lighting": {},
 REPORT = {
     "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []}, "brightness": {}, "depths": [],
     "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
-    "provenance": {"host": "h"}, "passes_ms": {}, "added": [], "reprojection": "camera",
+    "provenance": {"host": "h"}, "passes_ms": {}, "added": [], "reprojection": "camera", "other": "equal",
 }  # fmt: skip
 
 

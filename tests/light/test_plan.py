@@ -204,7 +204,7 @@ def test_costs_are_what_a_frame_loses_without_the_effect():
     assert costs["shadows"]["textures"] == ["indirect buffers", "shadow atlas"]
     assert costs["previous_pose"] == {
         "on": False,
-        "reason": "the reprojection is 'camera'",
+        "reason": "no surface moves by itself",
         "passes": [],
         "textures": ["prev_position"],
         "shaders": costs["previous_pose"]["shaders"],

@@ -36,6 +36,8 @@ def test_percentages_are_those_of_evaluate(drive, reprojection):
         assert shares["reusable_surface"] == expected > 0 and shares["reusable_shading"] is None  # no light
         rate, share, words = driven.engine.reusable()
         assert (rate, share) == ("surface", expected) and f"{share:.1f} %" in words
+        other = 100.0 * row["other_reusable_surface"] / (row["pixels"] - row["sky"])
+        assert other != expected and f"{other:.1f} %" in words
         assert f"{percent(row, 'sky'):.1f} %" in words
 
 
