@@ -9,7 +9,7 @@ import pytest
 from hit_tools import HEAD, opened
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.frame.raytracing.atlas import atlas_pixels, plan_atlas, reduced_pixels
+from taubench_gl.frame.raytracing.atlas import plan_atlas, reduced_pixels
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Image, Sampler, Texture
 from taubench_gl.srgb import srgb_decode, srgb_encode
@@ -49,14 +49,6 @@ def test_smaller_images_keep_their_light() -> None:
     plain = reduced_pixels(pixels, (12, 16), color=False)
     assert np.abs(plain - pixels.reshape(16, 4, 12, 4, 4).mean(axis=(1, 3))).max() <= 0.51
     assert reduced_pixels(pixels, (48, 64), color=True) is pixels
-
-
-def test_texels_arrive_at_their_place() -> None:
-    images = {0: np.full((2, 3, 4), 7, np.uint8), 5: np.full((4, 1, 4), 9, np.uint8)}
-    plan = plan_atlas({k: v.shape[1::-1] for k, v in images.items()}, 64)
-    parts = list(atlas_pixels(plan, images.__getitem__, ()))
-    assert {(w, h) for (_, _, w, h), _ in parts} == {(3, 2), (1, 4)}
-    assert all(texels.shape == (viewport[3], viewport[2], 4) for viewport, texels in parts)
 
 
 TAPS = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ray_tools import compare, some_rays, traced, visible_triangles
+from repeated import few
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.paths import ASSETS
@@ -24,6 +25,8 @@ SCENES = {
     "khronos/NegativeScaleTest/NegativeScaleTest.glb": 0.0,
     "khronos/CesiumMilkTruck/CesiumMilkTruck.glb": 0.5,
 }
+
+
 SHORT = ("demo", "khronos/CesiumMan/CesiumMan.glb", "khronos/CesiumMilkTruck/CesiumMilkTruck.glb")
 
 
@@ -37,8 +40,9 @@ def path_of(name, request):
     return found[0]
 
 
-def check(gpu, path, time, count):
-    scene = load_scene(path)
+@pytest.mark.parametrize(("name", "count"), few([*((n, 100_000) for n in SHORT), *((n, 1_000_000) for n in SCENES)], 3))
+def test_rays_as_embree(gpu, request, name, count):
+    scene, time = load_scene(path_of(name, request)), SCENES[name]
     with traced(gpu, scene, choose_camera(scene)) as t:
         t.at(time)
         triangles = visible_triangles(t.renderer)
@@ -58,15 +62,3 @@ def check(gpu, path, time, count):
     assert len(found.rays) <= 6e-4 * count, len(found.rays)
     assert len(found.theirs) <= 1e-5 * count + 1, found.theirs[:10]
     assert np.mean(mine >= 0) > 0.01
-    return found
-
-
-@pytest.mark.parametrize("name", SHORT)
-def test_a_hundred_thousand_rays_as_embree(gpu, request, name):
-    check(gpu, path_of(name, request), SCENES[name], 100_000)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", SCENES)
-def test_a_million_rays_as_embree(gpu, request, name):
-    check(gpu, path_of(name, request), SCENES[name], 1_000_000)

@@ -49,7 +49,11 @@ ALPHA = leaves()
 MATERIALS = {
     "plain": {},
     "low cutoff": {"alpha_cutoff": 0.2},
-    "base color factor": {"alpha_cutoff": 0.4, "base_color": (0.5, 0.5, 0.5, 0.6)},
+    "factors": {  # of the material and of vertices
+        "alpha_cutoff": 0.4,
+        "base_color": (0.5, 0.5, 0.5, 0.75),
+        "vertex": 0.8,
+    },
     "blended": {"alpha_mode": "BLEND"},
 }
 
@@ -62,7 +66,8 @@ def coverage(material: dict, first: float = 0.0, last: float = 1.0, points: int 
         low = np.floor(at * TEXELS - 0.5).astype(int)
         f = (at * TEXELS - 0.5 - low)[:, None]
         alpha = (alpha[low % TEXELS] * (1 - f) + alpha[(low + 1) % TEXELS] * f).T
-    return float((alpha * material.get("base_color", (1.0,))[-1] >= material.get("alpha_cutoff", 0.5)).mean())
+    alpha = alpha * material.get("base_color", (1.0,))[-1] * material.get("vertex", 1.0)
+    return float((alpha >= material.get("alpha_cutoff", 0.5)).mean())
 
 
 def sheet(tiles: float, *materials: dict, below: bool = False, wrap: int = REPEAT, turn: float = 0.0) -> Scene:
@@ -77,10 +82,12 @@ def sheet(tiles: float, *materials: dict, below: bool = False, wrap: int = REPEA
     texture = Texture(0, Sampler(wrap_s=wrap, wrap_t=wrap))
     for i, fields in enumerate(materials):
         given = {"alpha_mode": "MASK", "double_sided": True, "metallic": 0.0, "base_color_texture": texture} | fields
+        vertex = given.pop("vertex", 1.0)
         card = quad(2.0 / len(materials), 2.0, material=b.material(**given))
         turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         uv = (tiles * card.positions[:, :2] @ turned / (2 * HALF)).astype(np.float32)
-        card = dataclasses.replace(card, texcoords=(uv, None))
+        colors = np.tile(np.float32([1, 1, 1, vertex]), (len(uv), 1))
+        card = dataclasses.replace(card, texcoords=(uv, None), colors=colors)
         x = -2.0 + (2 * i + 1) * 2.0 / len(materials)
         b.node(mesh=b.mesh(card), translation=(x, HEIGHT, 0), rotation=FLAT)
     b.light(rotation=facing((0.0, -1.0, 0.0)), kind="directional", intensity=3.0)
@@ -103,7 +110,7 @@ def test_the_image_keeps_it(gpu, name):
 
 
 def test_materials_that_share_a_texture_keep_their_own(gpu):
-    low, factor = MATERIALS["low cutoff"], MATERIALS["base color factor"]
+    low, factor = MATERIALS["low cutoff"], MATERIALS["factors"]
     found = drawn(gpu, sheet(71.3, low, factor, turn=0.4), columns=("position",))
     for half, fields in zip(np.split(found, 2, axis=1), (low, factor), strict=True):
         assert half.mean() == pytest.approx(coverage(fields, points=8 * TEXELS), rel=TOLERANCE)
@@ -130,7 +137,7 @@ def test_the_parts_of_an_atlas_keep_theirs(gpu):
         assert found == pytest.approx(coverage({}, 0.63, 0.87), rel=EXACT), tiles
 
 
-@pytest.mark.parametrize("name", ["plain", "base color factor"])
+@pytest.mark.parametrize("name", ["plain", "factors"])
 @pytest.mark.parametrize("map_size", few([256, 1024]))
 def test_shadow_maps_keep_it(gpu, name, map_size):
     """The mean over distances: a map's texels are not evenly spaced points of the texture."""
@@ -143,7 +150,7 @@ def test_shadow_maps_keep_it(gpu, name, map_size):
     assert np.mean(shares) == pytest.approx(coverage(MATERIALS[name], points=8 * TEXELS), rel=TOLERANCE)
 
 
-@pytest.mark.parametrize("name", ["plain", "base color factor"])
+@pytest.mark.parametrize("name", ["plain", "factors"])
 def test_rays_keep_it_and_meet_what_the_image_shows(gpu, name):
     expected = coverage(MATERIALS[name])
     at = (np.arange(PIXELS) + 0.5) / PIXELS * 2 * HALF - HALF
