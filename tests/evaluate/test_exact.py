@@ -13,7 +13,7 @@ from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.evaluation.exact import Reasons, misregistered
 from taubench_gl.metrics.exact_rates import CLASSES, exact_summary
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import FRAMES_FILE, load_run, read_frames
+from taubench_gl.run import load_run
 from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -90,21 +90,6 @@ def lit(lamp_to):
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=1.0, znear=0.05)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.2), (0.9, 0.0, 1.2)])
     return b.build()
-
-
-def test_an_interrupted_run_keeps_the_exact_columns(tmp_path):
-    seen = []
-
-    def stop_at_second(pair):
-        seen.append({name: pair.row[name] for name in EXACT_COLUMNS})
-        if len(seen) == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        evaluate_scene(DEMO, settings(frames=(20, 24), exact=True), Observers(on_pair=stop_at_second), out=tmp_path)
-    rows = read_frames(tmp_path / FRAMES_FILE)
-    assert [{name: row[name] for name in EXACT_COLUMNS} for row in rows] == seen
-    assert len(rows) == 2 and all(row["visible"] > 0 for row in rows)
 
 
 def test_light_of_the_same_points():

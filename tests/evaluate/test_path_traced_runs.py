@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from taubench_gl.evaluation import evaluate_scene, plan_scene, resolve_lighting
+from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
@@ -61,12 +61,6 @@ def test_all_methods_and_seeds_are_metered_alike():
     assert len(found) == 1 and found.pop() != 1.0
 
 
-def test_the_default_number_of_samples_is_resolved():
-    resolved = [plan_scene(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
-    assert resolved == [None, 4, 4, 256]
-    assert plan_scene(lamp(), Settings(light="preview", spp=3, **SMALL)).settings.lighting.spp == 3
-
-
 def test_what_raster_leaves_out_is_noted():
     raster, auto = (run(lamp(), light=light, spp=1)["notes"] for light in ("raster", "auto"))
     assert any("1 emissive surface lights nothing" in note for note in raster)
@@ -85,6 +79,7 @@ def test_still_pairs_change_only_with_independent_numbers(light, pattern):
     assert discard["position"]["mean_percent"] == 0.0
 
 
+@pytest.mark.long
 def test_effects_forced_on_change_no_count():
     own = SMALL | {"width": 16, "height": 9, "frames": (0, 2), "bounces": 2, "light": "path-traced", "spp": 1}
     needed, every = (evaluate_scene(lamp(lights=1), Settings(effects=e, **own)).frames for e in ("auto", "all"))
