@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from shader_tools import rows_glsl, with_main
 
-from taubench_gl.animation import CameraTrack, pose_vertices
+from taubench_gl.animation import CameraTrack
 from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES
 from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
@@ -197,27 +197,9 @@ def look(hits: Hits, time: float = 0.0) -> Seen:
     first = np.searchsorted(triangles.record, np.arange(1, len(renderer.draws) + 1), side="left")
     local = picked - first[draws]
     weights = found.weights[rows][:, 1:].copy()
-    swap = _swapped(renderer, now, triangles, first)[picked]
+    swap = triangles.swapped[picked]
     weights[swap] = weights[swap][:, ::-1]
     _, directions = pixel_rays(view, (w, h), at[rows].astype(np.float64))
     directions = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     surfaces = hits.surfaces(draws, local, weights, directions)
     return Seen(at[rows], {n: c[rows] for n, c in flat.items()}, surfaces, draws, local, int((depth > 0).sum()))
-
-
-def _swapped(renderer: Renderer, state, triangles, first: Array) -> Array:
-    """Triangles whose second and third corner the ray caster has exchanged.  (T,) bool."""
-    out = np.zeros(len(triangles.record), dtype=bool)
-    counters: dict[tuple[int, int], int] = {}
-    for i, d in enumerate(renderer.draws):
-        instance = None
-        if d.local is not None:
-            instance = counters.get((d.node, d.primitive), 0)
-            counters[d.node, d.primitive] = instance + 1
-        if not state.visible[d.node]:
-            continue
-        primitive = renderer.scene.meshes[d.mesh].primitives[d.primitive]
-        corners = pose_vertices(renderer.scene, state, d.node, primitive, instance)[primitive.triangles]
-        rows = slice(first[i], first[i] + len(corners))
-        out[rows] = (triangles.corners[rows, 1] != corners[:, 1]).any(axis=-1)
-    return out

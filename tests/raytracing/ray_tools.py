@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+from ray_caster import gather
 from ray_query import Hits, RayQuery
 
-from taubench_gl.animation import pose_vertices
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
@@ -53,11 +53,10 @@ def traced(
 
 @dataclass(frozen=True)
 class TriangleList:
-    """All visible triangles of a frame, camera-relative, in scene order."""
+    """All visible triangles of a frame, camera-relative, in scene order; those under a mirror wind the other way."""
 
     corners: Array  # (T, 3, 3) float64
     draw: Array  # (T,)
-    triangle: Array  # (T,)
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -72,19 +71,9 @@ class TriangleList:
 
 def visible_triangles(renderer: Renderer) -> TriangleList:
     """From the float64 pose, independent of the structure."""
-    state, view, scene = renderer.frame.state, renderer.frame.view, renderer.scene
-    parts, seen = [], {}
-    for row, draw in enumerate(renderer.draws):
-        key = draw.node, draw.primitive
-        instance = None if draw.local is None else seen.get(key, 0)
-        seen[key] = seen.get(key, 0) + 1
-        if not state.visible[draw.node]:
-            continue
-        primitive = scene.meshes[draw.mesh].primitives[draw.primitive]
-        world = pose_vertices(scene, state, draw.node, primitive, instance)
-        corners = world[primitive.triangles] - view.position
-        parts.append((corners, np.full(len(corners), row), np.arange(len(corners))))
-    return TriangleList(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+    state = renderer.frame.state
+    found = gather(renderer.scene, state, state)
+    return TriangleList(found.corners - renderer.frame.view.position, found.record - 1)
 
 
 def directions(count: int, seed: int = 1) -> Array:

@@ -11,6 +11,7 @@ from references.significance import holm_rejected
 from repeated import few
 from scipy import stats
 from shader_tools import map_rows, rows_glsl, with_main
+from test_brdf_sampling import sphere_grid, view
 
 from taubench_gl.lobes import SCENE_LOBES, lobe_channels, lobe_macros
 from taubench_gl.math3d import normalize
@@ -23,10 +24,6 @@ from taubench_gl.selftest.scenes import sky_file
 
 Array = np.ndarray
 ETAS = (1.5, 1.0 / 1.5, 1.1, 2.4)
-
-
-def view(n_v: float) -> Array:
-    return np.array([np.sqrt(1.0 - n_v**2), 0.0, n_v])
 
 
 def test_fresnels_equations_at_known_angles():
@@ -48,11 +45,7 @@ def test_samples_are_distributed_as_the_lobes_say(thick: bool, n_v: float, eta: 
     glass, count, v = Glass(0.6, eta, thick), 200_000, view(n_v)
     to_light, weight = glass.sample(np.broadcast_to(v, (count, 3)), np.random.default_rng(4).random((count, 3)))
     rows, columns, inside = 20, 12, 24
-    z = (np.arange(rows * inside) + 0.5) / (rows * inside) * 2.0 - 1.0
-    phi = 2.0 * np.pi * (np.arange(columns * inside) + 0.5) / (columns * inside)
-    z, phi = np.meshgrid(z, phi, indexing="ij")
-    r = np.sqrt(1.0 - z * z)
-    grid = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+    grid = sphere_grid(rows * inside, columns * inside)
     value = np.sum(glass.evaluate(v, grid), axis=0).reshape(rows, inside, columns, inside).sum(axis=(1, 3))
     expected = value.ravel() * 4.0 * np.pi / (rows * columns * inside**2)
     used = weight > 0
@@ -153,11 +146,7 @@ def test_the_shader_is_the_reference(gpu, thick: bool) -> None:
 def test_the_density_of_glass_integrates_to_one(gpu) -> None:
     """Densities over all directions, and samples on the wrong side: 1, of surfaces that are part diffuse too."""
     side, cases = 256, 6
-    z = (np.arange(side) + 0.5) / side * 2.0 - 1.0
-    phi = 2.0 * np.pi * (np.arange(side) + 0.5) / side
-    z, phi = np.meshgrid(z, phi, indexing="ij")
-    r = np.sqrt(1.0 - z * z)
-    grid = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1).reshape(-1, 3)
+    grid = sphere_grid(side, side).reshape(-1, 3)
     program = with_main(gpu, "common/brdf_sampling.glsl", MAIN, GLASS)
     rows, _ = glass_rows(len(grid) * cases, np.full(len(grid) * cases, 0.95), 11, (1.5, 1.0 / 1.5, 2.4))
     rows = rows.reshape(cases, len(grid), 5, 4)

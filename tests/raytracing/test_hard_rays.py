@@ -10,6 +10,7 @@ from frame_tools import make_scene, primitive, quad, room, still_camera
 from ray_tools import directions, traced, visible_triangles
 
 from taubench_gl.frame.raytracing import structure
+from taubench_gl.scene import builder
 from taubench_gl.scene.model import Camera, Channel
 
 Array = np.ndarray
@@ -17,15 +18,9 @@ Array = np.ndarray
 
 def floor_and_wall(scale: float = 1.0):
     """A floor and a wall that share the edge x in [-1, 1], y = z = 0, as two draws of many triangles."""
-    n = 7
-    x = np.linspace(-1.0, 1.0, n + 1) * scale
-    grid = np.array([(a, b * scale) for b in np.linspace(0.0, 1.0, n + 1) for a in x])
-    i = np.arange(n)[:, None] * (n + 1) + np.arange(n)
-    faces = np.stack([i, i + 1, i + n + 2, i, i + n + 2, i + n + 1], -1).reshape(-1, 3)
-    zero = np.zeros(len(grid))
-    return primitive(np.column_stack([grid[:, 0], zero, grid[:, 1]]), faces), primitive(
-        np.column_stack([grid[:, 0], grid[:, 1], zero]), faces
-    )
+    wall = builder.quad(1.0, 0.5, cells=(7, 7))
+    p = scale * (wall.positions + (0.0, 0.5, 0.0))
+    return tuple(primitive(corners, wall.triangles) for corners in (p[:, [0, 2, 1]], p))
 
 
 def rays_at(points: Array, origin: Array) -> tuple[Array, Array]:

@@ -110,8 +110,11 @@ def scene_of(b: SceneBuilder, *images: Array) -> Scene:
     return replace(b.build(), images=tuple(picture(i) for i in images))
 
 
-def camera_at(b: SceneBuilder, z: float = 4.0) -> None:
+def seen_from(z: float = 4.0) -> SceneBuilder:
+    """A scene with a camera at ``z``, which looks along -z."""
+    b = SceneBuilder()
     b.camera(translation=(0.0, 0.0, z), znear=0.01, yfov=0.8)
+    return b
 
 
 def seen(gpu, scene: Scene, time: float = 0.0, options: HitOptions | None = None) -> Seen:
@@ -120,8 +123,7 @@ def seen(gpu, scene: Scene, time: float = 0.0, options: HitOptions | None = None
 
 
 def test_both_uv_sets_transforms_and_all_slots(gpu) -> None:
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     turned = np.array([[0.8, -0.3, 0.2], [0.4, 1.1, -0.1]])
     m = b.material(
         base_color_texture=Texture(0, uv_transform=turned), metallic_roughness_texture=Texture(1, texcoord=1),
@@ -148,8 +150,7 @@ def test_both_uv_sets_transforms_and_all_slots(gpu) -> None:
 
 def test_the_mapped_normal_turns_with_the_pose(gpu) -> None:
     """Skinned and morphed surfaces with a normal map: tangents come from the deform pass."""
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     m = b.material(normal_texture=Texture(0), base_color=(0.5, 0.5, 0.5, 1.0), double_sided=True)
     p = quad(1.0, 1.0, cells=(4, 4))
     joint = b.node(rotation=turn((0, 0, 1), 40.0), scale=(1.0, 1.0, -1.0))
@@ -166,8 +167,7 @@ def test_the_mapped_normal_turns_with_the_pose(gpu) -> None:
 
 
 def test_instances_mirrors_and_uneven_scales(gpu) -> None:
-    b = SceneBuilder()
-    camera_at(b, 9.0)
+    b = seen_from(9.0)
     rng = np.random.default_rng(4)
     places = np.tile(np.eye(4), (30, 1, 1))
     for place in places:
@@ -183,8 +183,7 @@ def test_instances_mirrors_and_uneven_scales(gpu) -> None:
 
 def test_masks_and_blended_surfaces_are_there_where_the_rasterizer_draws(gpu) -> None:
     """That rays pass where it does not is in test_masked_coverage."""
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     for i, mode in enumerate(({"alpha_mode": "MASK", "alpha_cutoff": 0.35}, {"alpha_mode": "BLEND"})):
         m = b.material(base_color_texture=Texture(0), base_color=(1.0, 1.0, 1.0, 0.9), double_sided=True, **mode)
         colors = np.ones((4, 4), np.float32)
@@ -197,8 +196,7 @@ def test_masks_and_blended_surfaces_are_there_where_the_rasterizer_draws(gpu) ->
 
 
 def test_missing_coordinates_and_the_default_material(gpu) -> None:
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     m = b.material(base_color_texture=Texture(0), normal_texture=Texture(0), metallic=0.2)
     b.node(mesh=b.mesh(quad(0.8, 0.8)), translation=(-0.9, 0.0, 0.0))
     b.node(mesh=b.mesh(quad(0.8, 0.8, material=m)), translation=(0.9, 0.0, 0.0))
@@ -212,8 +210,7 @@ def test_missing_coordinates_and_the_default_material(gpu) -> None:
 
 
 def test_a_file_without_maps_compiles_nothing_for_them(gpu) -> None:
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     b.node(mesh=b.mesh(box((0.5, 0.5, 0.5))))
     with opened(gpu, b.build(), choose_camera(b.build()), SIZE) as hits:
         from taubench_gl.gpu.declare import ComputePass
@@ -226,8 +223,7 @@ def test_a_file_without_maps_compiles_nothing_for_them(gpu) -> None:
 
 def test_many_instances_and_materials(gpu) -> None:
     """10,000 copies of a primitive, 2,000 materials."""
-    b = SceneBuilder()
-    camera_at(b, 80.0)
+    b = seen_from(80.0)
     side = np.arange(100) - 49.5
     places = np.tile(np.eye(4), (10_000, 1, 1))
     places[:, :3, 3] = np.stack([*np.meshgrid(side, side), np.zeros((100, 100))], axis=-1).reshape(-1, 3)
@@ -253,8 +249,7 @@ def test_many_instances_and_materials(gpu) -> None:
 
 def test_far_vertices_keep_their_digits(gpu) -> None:
     """Vertices 10^6 m from the origin of their node, which lies as far on the other side."""
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     rng = np.random.default_rng(8)
     far = np.array([1e6, -2e6, 5e5])
     # Corners that float32 holds there: multiples of 1/4 m.
@@ -271,16 +266,14 @@ def test_far_vertices_keep_their_digits(gpu) -> None:
 
 
 def test_an_empty_scene(gpu) -> None:
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     with opened(gpu, b.build(), choose_camera(b.build()), (16, 9)) as hits:
         hits.at(0.0)
         assert len(hits.attributes.emitters) == 0 and hits.attributes.memory["tables of ray hits"] > 0
 
 
 def test_degenerate_triangles_and_zero_normals_give_finite_surfaces(gpu) -> None:
-    b = SceneBuilder()
-    camera_at(b)
+    b = seen_from()
     line = np.float32([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
     b.node(mesh=b.mesh(Primitive(line, np.uint32([[0, 1, 2]]), normals=np.zeros((3, 3), np.float32))))
     b.node(mesh=b.mesh(Primitive(line, np.uint32([[0, 1, 2]]))))

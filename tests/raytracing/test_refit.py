@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from frame_tools import make_scene, primitive
+from frame_tools import make_scene
 from ray_caster import cast, gather
 from ray_tools import traced
 
 from taubench_gl.frame.raytracing.texels import LEAF_BIT, ROW_BITS, TRIANGLE_TEXELS
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Channel, MorphTarget
 
 ROW_BYTES = 16 << ROW_BITS
@@ -17,16 +20,12 @@ ROW_BYTES = 16 << ROW_BITS
 
 def sheet(n: int, target_z: float, bad: bool = False):
     """A sheet of 2 n^2 triangles that bends away by a morph target; ``bad``: one vertex goes to infinity."""
-    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
-    p = np.stack([x, y, np.full_like(x, -2.0)], -1).reshape(-1, 3)
-    i = np.arange(n)[:, None] * (n + 1) + np.arange(n)
-    faces = np.stack([i, i + 1, i + n + 2, i, i + n + 2, i + n + 1], -1).reshape(-1, 3)
-    move = np.zeros(p.shape, np.float32)
+    flat = quad(cells=(n, n))
+    p, move = flat.positions - np.float32([0, 0, 2]), np.zeros(flat.positions.shape, np.float32)
     move[:, 2] = target_z * p[:, 0] ** 2
     if bad:
         move[0] = 3e38
-    normals = np.tile(np.float32([0, 0, 1]), (len(p), 1))
-    return primitive(p, faces, targets=(MorphTarget(move),), normals=normals)
+    return replace(flat, positions=p, targets=(MorphTarget(move),))
 
 
 def bending(*primitives):
