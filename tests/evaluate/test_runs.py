@@ -12,7 +12,7 @@ import pytest
 from taubench_gl.animation import OrbitCamera
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
-from taubench_gl.features import COLUMNS, MASK_WORDS
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, Run, load_run, read_frames
@@ -159,22 +159,6 @@ def test_an_interrupt_keeps_the_finished_pairs(tmp_path: Path, demo_run: Run) ->
     # The next run in the same process is not affected.
     assert evaluate_scene(DEMO, settings(), out=tmp_path / "run").frames == demo_run.frames
     assert load_run(tmp_path / "run").frames == demo_run.frames
-
-
-def test_masks_of_on_pair_match_the_row() -> None:
-    from taubench_gl.metrics.counts import counts_of
-
-    def compare(pair) -> None:
-        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=MASK_WORDS))
-        for name in ("frustum", "position", "normal", "comparable", "sky", "disoccluded"):
-            assert counts[name] == pair.row[name]
-        assert pair.motion.shape == (54, 96, 2) and np.isfinite(pair.motion).all()
-        assert pair.source.read("base_color").shape == (54, 96, 4)
-        seen.append(pair.frame)
-
-    seen = []
-    evaluate_scene(DEMO, settings(), Observers(on_pair=compare, channels=("base_color",)))
-    assert seen == [1, 2, 3, 4, 5]
 
 
 def test_a_still_camera_that_is_requested_has_one_frame_and_no_pair(data: Path) -> None:

@@ -278,35 +278,33 @@ def test_light_through_a_ball_turns_as_snell_says(gpu):
     np.testing.assert_allclose(measured, expected, rtol=2e-2, atol=4e-3)
 
 
-@pytest.mark.parametrize(("roughness", "angle"), [(0.5, 60.0), *few([(0.3, 0.0), (0.8, 30.0)], 0)])
-def test_rough_slabs_are_those_of_random_walks(gpu, roughness, angle):
-    """z-tests of 32 seeds against 400,000 float64 walks: reflected, then through; Holm at 1e-3 for the two."""
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("roughness", "angle", "thick"), [(0.5, 60.0, True), (0.3, 0.0, True), (0.8, 30.0, True), (0.6, 45.0, False)]
+)
+def test_rough_glass_is_that_of_random_walks(gpu, roughness, angle, thick):
+    """z-tests of 32 seeds against 400,000 float64 walks: reflected, then through; Holm at 1e-3 for the two.
+
+    A slab of two faces with all its bounces, and a thin wall, which loses no more than the masking of its one sample.
+    """
+    absorbs = {"attenuation_color": (0.5,) * 3, "attenuation_distance": 4.0} if thick else {"thick": False}
+    own = {"environment": (1.0, 1.0, 1.0), "spp": 8, "bounces": 12 if thick else 1, "pattern": "independent"}
     with Bench(gpu, SIZE) as bench:
-        scene = pane(bench, angle, depths=(0.0, 2.0), roughness=roughness, attenuation_color=(0.5,) * 3,
-                     attenuation_distance=4.0)  # fmt: skip
-        own = {"environment": (1.0, 1.0, 1.0), "spp": 8, "bounces": 12, "pattern": "independent"}
+        scene = pane(bench, angle, depths=(0.0, 2.0) if thick else (0.0,), roughness=roughness, **absorbs)
         runs = [traced(bench, scene, seed=seed, **own) for seed in range(32)]
-    n_v = np.cos(np.radians(angle))
-    mean, error = rough_slab(Glass(roughness, IOR), n_v, 0.5 * np.log(2.0), 400_000, 3, most=11)
-    expected = np.array([mean[0], mean[1] + mean[2]]), np.array([error[0], np.hypot(error[1], error[2])])
-    values = np.array([[run["direct_glossy"], run["indirect_transmission"]] for run in runs])
+    through = "indirect_transmission" if thick else "direct_transmission"
+    values = np.array([[run["direct_glossy"], run[through]] for run in runs])
+    glass, n_v, count = Glass(roughness, IOR, thick), np.cos(np.radians(angle)), 400_000
+    if thick:
+        mean, error = rough_slab(glass, n_v, 0.5 * np.log(2.0), count, 3, most=11)
+        mean, error = np.array([mean[0], mean[1] + mean[2]]), np.array([error[0], np.hypot(error[1], error[2])])
+    else:
+        to_light, weight = glass.sample(
+            np.broadcast_to(view(n_v), (count, 3)), np.random.default_rng(2).random((count, 3))
+        )
+        walks = weight * np.stack([to_light[:, 2] > 0, to_light[:, 2] < 0])
+        mean, error = walks.mean(axis=1), walks.std(axis=1) / np.sqrt(count)
     own_error = values.std(axis=0, ddof=1) / np.sqrt(len(values))
-    z = (values.mean(axis=0) - expected[0]) / np.hypot(own_error, expected[1])
-    assert not holm_rejected(2.0 * stats.norm.sf(np.abs(z)), 1e-3).any(), (z, values.mean(axis=0), expected)
+    z = (values.mean(axis=0) - mean) / np.hypot(own_error, error)
+    assert not holm_rejected(2.0 * stats.norm.sf(np.abs(z)), 1e-3).any(), (z, values.mean(axis=0), mean)
     assert own_error.max() < 0.01
-
-
-def test_thin_rough_walls_lose_no_more_than_their_masking(gpu):
-    """A thin wall in a uniform sky: direct light of both lobes against 400,000 float64 samples, z-test at 1e-3."""
-    roughness, angle = 0.6, 45.0
-    with Bench(gpu, SIZE) as bench:
-        scene = pane(bench, angle, roughness=roughness, thick=False)
-        own = {"environment": (1.0, 1.0, 1.0), "spp": 8, "bounces": 1, "pattern": "independent"}
-        runs = [traced(bench, scene, seed=seed, **own) for seed in range(16)]
-    v = np.broadcast_to(view(np.cos(np.radians(angle))), (400_000, 3))
-    to_light, weight = Glass(roughness, IOR, thick=False).sample(v, np.random.default_rng(2).random((400_000, 3)))
-    walks = np.stack([weight * (to_light[:, 2] > 0), weight * (to_light[:, 2] < 0)])
-    values = np.array([[run["direct_glossy"], run["direct_transmission"]] for run in runs])
-    error = np.hypot(values.std(axis=0, ddof=1) / 4.0, walks.std(axis=1) / np.sqrt(walks.shape[1]))
-    z = (values.mean(axis=0) - walks.mean(axis=1)) / error
-    assert not holm_rejected(2.0 * stats.norm.sf(np.abs(z)), 1e-3).any(), z

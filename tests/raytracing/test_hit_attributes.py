@@ -209,18 +209,6 @@ def test_missing_coordinates_and_the_default_material(gpu) -> None:
     assert np.allclose(of_default, (default.metallic, default.roughness, default.specular))
 
 
-def test_a_file_without_maps_compiles_nothing_for_them(gpu) -> None:
-    b = seen_from()
-    b.node(mesh=b.mesh(box((0.5, 0.5, 0.5))))
-    with opened(gpu, b.build(), choose_camera(b.build()), SIZE) as hits:
-        from taubench_gl.gpu.declare import ComputePass
-
-        p = hits.attributes.declare(ComputePass("test", ("",)))
-        assert not any(value for name, value in p.defines.items() if name.startswith("HIT_"))
-        assert {u.name for u in p.uses} == {"hit_static", "hit_draws"}
-        assert not hits.attributes.notes and "textures of ray hits" not in hits.attributes.memory
-
-
 def test_many_instances_and_materials(gpu) -> None:
     """10,000 copies of a primitive, 2,000 materials."""
     b = seen_from(80.0)
