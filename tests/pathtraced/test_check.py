@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -307,7 +308,7 @@ def test_an_unrelated_camera_is_wrong(exported, tmp_path):
 
 def test_a_fitted_camera_shows_rows_but_no_axes(exported, tmp_path):
     sequence, frames, camera = exported
-    mapping = replace(sequence.mapping, positions="world")
+    mapping = msgspec.structs.replace(sequence.mapping, positions="world")
     matrices = {int(n): np.array(e["world_from_view"]) for n, e in camera["frames"].items()}
     frames, _ = MISTAKES["world"][0](frames, matrices)
     frames = {n: replace(f, relative=False, prev_position=None) for n, f in frames.items() if n in (40, 41)}

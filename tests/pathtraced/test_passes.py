@@ -15,7 +15,6 @@ from taubench_gl.pathtraced.passes import (
     ChannelIndex,
     load_mapping,
     missing_columns,
-    parse_mapping,
     presets,
     read_frame,
 )
@@ -192,10 +191,11 @@ def test_files_of_game_engines(tmp_path, program):
 @pytest.mark.parametrize(
     ("values", "key"),
     [
-        ([], "passes"),
+        ({"up": "y"}, "passes"),
+        ([], "the file"),
         ({"passes": {"hue": "x"}}, "hue"),
         ({"passes": {"position": {"channels": ["x"]}}}, "position"),
-        ({"passes": {"position": 3}}, "position"),
+        ({"passes": {"position": 3}}, "passes.position"),
         ({"up": "x", "passes": {}}, "up"),
         ({"motion": {"unit": "m"}, "passes": {}}, "motion.unit"),
         ({"rows": "down", "passes": {}}, "rows"),
@@ -204,10 +204,12 @@ def test_files_of_game_engines(tmp_path, program):
         ({"motion": {"zero": "1"}, "passes": {}}, "motion.zero"),
     ],
 )
-def test_faulty_mappings_name_the_key(values, key):
+def test_faulty_mappings_name_the_key(tmp_path, values, key):
+    path = tmp_path / "m.json"
+    path.write_text(json.dumps(values))
     with pytest.raises(PathTracedError) as error:
-        parse_mapping(values, "m.toml")
-    assert error.value.where == "m.toml" and key in error.value.what
+        load_mapping(path)
+    assert error.value.where == str(path) and key in error.value.what and "\n" not in str(error.value)
 
 
 def test_an_unknown_preset_is_refused(tmp_path):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-
 import numpy as np
 import OpenEXR
 import pytest
 from references.shading_rate import nearest_shaded, shaded
 from repeated import few
 from reuse_scenes import SIZE, looking_around, passing_box, settings, still
+from reuse_tools import arrays, open_inputs
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.jitter import grid_offsets, halton_jitter
@@ -17,13 +16,12 @@ from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.shading_rate import RATES, cycle
 from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs, light_settings
+from taubench_gl.reuse.inputs import InputRequest, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -32,20 +30,8 @@ ALL = tuple(INPUTS)
 MASKS = ("mask", "exact_mask", "motion")
 
 
-@contextmanager
-def inputs_of(gpu, scene, kind="full", reads=ALL, **more):
-    chosen = settings(**more.pop("settings", {}))
-    request = InputRequest(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=3))
-    made = RasterInputs(request, reads, **more)
-    try:
-        yield made
-    finally:
-        made.release()
-        gpu.collect()
-
-
-def arrays(frame) -> dict[str, np.ndarray]:
-    return {name: read_channel(texture, name).copy() for name, texture in frame.textures.items()}
+def inputs_of(gpu, scene, kind="full", reads=ALL, **options):
+    return open_inputs(gpu, scene, kind, reads, **options)
 
 
 # --------------------------------------------------------------------------------------------------------------- kinds
