@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lamp_scenes import matte_room
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.animation.eyes import other_eye
@@ -230,18 +231,13 @@ def test_decisions_of_two_histories_are_those_of_the_better_one_and_of_the_rarer
 
 def test_exact_reasons_of_the_other_eye_have_no_change_of_light():
     """A moving lamp brightens a matte room since the last frame, and nothing between the eyes."""
-    b = SceneBuilder()
-    matte = b.material(metallic=0.0, roughness=1.0, specular=0.0)
-    b.node(mesh=b.mesh(box((2.0, 1.5, 2.0), inside=True, material=matte)))
-    b.node(mesh=b.mesh(box((0.3, 0.3, 0.3), material=matte)), translation=(0.1, -0.4, -0.2))
-    lamp = b.light(translation=(0.0, 1.0, 0.0), intensity=40.0)
-    b.animate(lamp, "translation", [0.0, 1.0], [(0.0, 1.0, 0.0), (0.7, 1.0, 0.0)])
-    b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
     chosen = settings(
         columns=(*GEOMETRIC, "direct"), exact=True, fps=1.0, size=(48, 27), light="raster", indirect="none",
         shadow_lights=0, **FIXED_LIGHTING,
     )  # fmt: skip
-    frame, eye = (evaluate_scene(b.build(), chosen.replace(history=h)).frames[0] for h in ("frame", "eye"))
+    frame, eye = (
+        evaluate_scene(matte_room((0.7, 1.0, 0.0)), chosen.replace(history=h)).frames[0] for h in ("frame", "eye")
+    )
     assert frame["brightened"] > 100 and frame["occluded"] == 0
     assert eye["brightened"] == eye["darkened"] == eye["view_dependent"] == 0 < eye["occluded"]
     assert eye["exact_new"] == 0 < eye["exact_outside"]

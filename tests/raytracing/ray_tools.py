@@ -10,6 +10,7 @@ import numpy as np
 from ray_caster import gather
 from ray_query import Hits, RayQuery
 
+from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
@@ -27,11 +28,14 @@ class Traced:
     renderer: Renderer
     structure: SceneStructure
     query: RayQuery
+    attributes: HitAttributes | None  # of a structure that tests alpha
 
     def at(self, time: float, previous: float | None = None) -> Traced:
         """Draw and update the frame at ``time``."""
         self.renderer.draw(time, time if previous is None else previous)
         self.structure.update(self.renderer.frame)
+        if self.attributes is not None:
+            self.attributes.update(self.renderer.frame)
         return self
 
 
@@ -47,7 +51,9 @@ def traced(
         context = owner.own(GpuContext(gpu))
         renderer = owner.own(Renderer(context, scene, camera or still_camera(Camera()), size, channels))
         structure = owner.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
-        yield Traced(renderer, structure, owner.own(RayQuery(context, structure))).at(0.0)
+        attributes = owner.own(HitAttributes(renderer)) if alpha_test else None
+        query = owner.own(RayQuery(context, structure, attributes))
+        yield Traced(renderer, structure, query, attributes).at(0.0)
     gpu.collect()
 
 

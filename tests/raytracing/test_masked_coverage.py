@@ -10,12 +10,10 @@ import dataclasses
 import numpy as np
 import pytest
 from light_tools import FLAT, facing, floor, lambert, look_down, picture
-from ray_query import RayQuery
 from ray_tools import traced
 from repeated import few
 from shadow_tools import on_plane, visibility
 
-from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 
@@ -158,14 +156,9 @@ def test_rays_keep_it_and_meet_what_the_image_shows(gpu, name):
     for tiles in (3, 37):
         scene = sheet(tiles, MATERIALS[name])
         with traced(gpu, scene, alpha_test=True) as t:
-            attributes = HitAttributes(t.renderer)
-            query = RayQuery(t.renderer.context, t.structure, attributes)
-            attributes.update(t.renderer.frame)
             origins = np.column_stack([x, np.full_like(x, 8.0), z]).astype(np.float32)
-            hits = query(origins, np.tile(np.float32([0, -1, 0]), (len(x), 1)))
+            hits = t.query(origins, np.tile(np.float32([0, -1, 0]), (len(x), 1)))
             met = hits.t < 7.5
-            for item in (query, attributes):
-                item.release()
         assert met.mean() == pytest.approx(expected, rel=EXACT), tiles
         # The rest is texture filtering in 8 bits at the edges of leaves.
         assert np.mean(met.reshape(PIXELS, PIXELS) != drawn(gpu, scene, columns=("position",))) < 0.01
