@@ -31,9 +31,9 @@ NO_LIGHT = (
     ),
 )
 OWN_LIGHT = (
-    "khronos/LightsPunctualLamp/LightsPunctualLamp.gltf",
     "tauray_test/test.glb",
     "playcanvas/Lights/Lights.glb",
+    "khronos/LightsPunctualLamp/LightsPunctualLamp.gltf",
 )
 
 

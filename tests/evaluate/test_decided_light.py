@@ -72,12 +72,6 @@ def test_the_diffuse_lobe_of_a_diffuse_scene_has_its_columns():
         assert summary["lobes"]["glossy"][bounce]["mean_percent"] < max(whole, 1.0)
 
 
-def test_images_are_compared_where_a_number_of_samples_is_given():
-    settings = Settings(**TRACED | {"frames": (0, 2), "width": 12, "height": 7, "spp": 2})
-    summary = evaluate_scene(lamp_over_floor(), settings, sampled=True).summary
-    assert "decided_light" not in summary and summary["settings"]["spp"] == 2
-
-
 @pytest.mark.parametrize("changes", [{"spp": 2}, {"exact": True}, {"samples_per_pixel": 2}, {"columns": ("position",)}])
 def test_what_compares_images_decides_no_pixels(changes):
     settings = Settings(**TRACED)

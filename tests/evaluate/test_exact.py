@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from lamp_scenes import matte_room
 
 from taubench_gl import evaluate
 from taubench_gl.conventions import Reason, Visibility
@@ -13,9 +14,9 @@ from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.evaluation.exact import Reasons, misregistered
 from taubench_gl.metrics.exact_rates import CLASSES, exact_summary
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import FRAMES_FILE, load_run, read_frames
+from taubench_gl.run import load_run
 from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
-from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
+from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -80,40 +81,16 @@ def test_columns_are_counts_of_channel_and_mask(tmp_path):
     assert row.values[3] is None and row.reasons[3]  # no light was measured
 
 
-def lit(lamp_to):
-    """A matte room, a camera that moves, and a lamp that stays or moves."""
-    b = SceneBuilder()
-    matte = b.material(metallic=0.0, roughness=1.0)
-    b.node(mesh=b.mesh(box((2.0, 1.5, 2.0), inside=True, material=matte)))
-    lamp = b.light(translation=(0.0, 1.0, 0.0), intensity=40.0)
-    b.animate(lamp, "translation", [0.0, 1.0], [(0.0, 1.0, 0.0), lamp_to])
-    camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=1.0, znear=0.05)
-    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.2), (0.9, 0.0, 1.2)])
-    return b.build()
-
-
-def test_an_interrupted_run_keeps_the_exact_columns(tmp_path):
-    seen = []
-
-    def stop_at_second(pair):
-        seen.append({name: pair.row[name] for name in EXACT_COLUMNS})
-        if len(seen) == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        evaluate_scene(DEMO, settings(frames=(20, 24), exact=True), Observers(on_pair=stop_at_second), out=tmp_path)
-    rows = read_frames(tmp_path / FRAMES_FILE)
-    assert [{name: row[name] for name in EXACT_COLUMNS} for row in rows] == seen
-    assert len(rows) == 2 and all(row["visible"] > 0 for row in rows)
-
-
 def test_light_of_the_same_points():
     """Diffuse light of a still lamp is that of the point: all discards are misregistration; of a moving one few."""
     chosen = settings(
         columns=("frustum", "color", "position", "normal", "direct"), fps=4.0, frames=(0, 3), shadow_lights=0,
         thresholds={"direct": 0.005, "color": 0.02}, exact=True, **(FIXED_LIGHTING | {"exposure": 0.1}),
     )  # fmt: skip
-    still, moving = (evaluate_scene(lit(to), chosen).summary for to in ((0.0, 1.0, 0.0), (1.6, 0.0, 0.0)))
+    still, moving = (
+        evaluate_scene(matte_room(to, (0.9, 0.0, 1.2), empty=True), chosen).summary
+        for to in ((0.0, 1.0, 0.0), (1.6, 0.0, 0.0))
+    )
     assert still["discard"]["direct"]["mean_percent"] > 0.1
     assert still["exact"]["misregistered"]["direct"]["share_percent"] == 100.0
     assert still["exact"]["misregistered"]["color"]["share_percent"] > 99.0

@@ -11,11 +11,9 @@ from taubench_gl import Settings
 from taubench_gl.animation import choose_camera
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.lighting import MAX_LIGHT, require_float32, resolve_lighting
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Channel, Material
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
@@ -72,18 +70,3 @@ def test_emission_and_environment_count(demo):
         with pytest.raises(SettingsError) as caught:
             require(demo, bright)
         assert caught.value.setting == "environment"
-
-
-@pytest.mark.long
-def test_ten_thousand_copies_of_a_lit_mesh_are_counted():
-    """One mesh, 10,000 nodes: instances share their vertices, so memory stays bounded."""
-    count, side = 10_000, 100
-    b = SceneBuilder()
-    mesh = b.mesh(quad(0.5, 0.5))
-    for i in range(count):
-        b.node(mesh=mesh, translation=(i % side, i // side, 0.0))
-    b.light(translation=(0.5 * side, 0.5 * side, 20.0), intensity=1e4)
-    camera = b.camera(yfov=np.radians(60.0), translation=(0.5 * side, 0.5 * side, 90.0))
-    b.animate(camera, "translation", [0.0, 1.0], [(0.5 * side, 0.5 * side, 90.0), (0.5 * side, 0.5 * side, 80.0)])
-    run = evaluate_scene(b.build(), Settings(**LIT | {"columns": ("frustum", "direct")}, exposure=1.0, frames=(0, 2)))
-    assert run.frames[0]["pixels"] == 32 * 18 and run.frames[0]["sky"] < 32 * 18

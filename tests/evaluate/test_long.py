@@ -16,8 +16,8 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.paths import ASSETS
-from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.settings import MAX_FRAMES, Settings
 
@@ -103,30 +103,22 @@ def test_overflow_of_a_drawn_node_is_a_scene_error(scale: float):
 
 @pytest.mark.filterwarnings("error")
 def test_overflow_of_a_node_that_is_not_drawn_is_noted():
-    scene = load_scene(DEMO)
-    nodes, more = scene.nodes, {}
-    for column, value in (
-        ("translation", 0.0),
-        ("rotation", (0.0, 0.0, 0.0, 1.0)),
-        ("scale", 1e200),
-        ("matrix", np.eye(4)),
-    ):
-        old = getattr(nodes, column)
-        more[column] = np.concatenate([old, np.broadcast_to(np.asarray(value), (2, *old.shape[1:]))])
-    for column, value in (("has_matrix", False), ("mesh", -1), ("skin", -1), ("camera", -1), ("light", -1),
-                          ("visible", True), ("in_scene", True)):  # fmt: skip
-        old = getattr(nodes, column)
-        more[column] = np.append(old, np.full(2, value, old.dtype))
-    more |= {"parent": np.append(nodes.parent, [-1, len(nodes)]), "names": (*nodes.names, "above", "below")}
-    huge = replace(scene, nodes=replace(nodes, **more))
-    run: Run = evaluate_scene(huge, SMALL.replace(frames=(0, 2)))
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0))))
+    camera = b.camera(translation=(0.0, 0.0, 5.0))
+    b.animate(camera, "translation", (0.0, 1.0), ((0.0, 0.0, 5.0), (0.1, 0.0, 5.0)))
+    scene = b.build()
+    above = b.node(name="above", scale=(1e200,) * 3)
+    b.node(above, name="below", scale=(1e200,) * 3)
+    huge = b.build()
+    run = evaluate_scene(huge, SMALL.replace(frames=(0, 2)))
     plain = evaluate_scene(scene, SMALL.replace(frames=(0, 2)))
     notes = [note for note in run.summary["notes"] if "overflow" in note]
     assert len(notes) == 1 and "'above'" in notes[0]
     assert run.frames == plain.frames and run.summary["census"] == plain.summary["census"]
     # Scaled to nothing until 0.1 s and from 1 s on: only a run that begins in between has it in its first frame.
     sizes = np.repeat([[0.0], [1e200], [0.0]], 3, axis=1)
-    keys = Channel("node", len(scene.nodes), "scale", "STEP", np.array([0.0, 0.1, 1.0]), sizes)
+    keys = Channel("node", above, "scale", "STEP", np.array([0.0, 0.1, 1.0]), sizes)
     moving = replace(huge, channels=(*scene.channels, keys))
     for first, noted in ((0, 0), (5, 1)):
         run = evaluate_scene(moving, SMALL.replace(frames=(first, first + 2)))

@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
+from lamp_scenes import lamp_over_floor
 
-from taubench_gl.evaluation import evaluate_scene, plan_scene, resolve_lighting
+from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 SMALL = {"width": 32, "height": 18, "frames": (0, 3), "bounces": 3}
+lamp = partial(lamp_over_floor, emits=5.0)
 METHODS = ("raster", "auto", "preview", "path-traced")
-
-
-def lamp(strength: float = 5.0, *, lights: int = 0, moves: bool = True):
-    """A floor and an emissive box above it, which moves."""
-    b = SceneBuilder()
-    gray = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0)
-    glow = b.material(emissive=(strength, strength, 0.5 * strength), emissive_strength=strength)
-    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
-    b.node(mesh=b.mesh(box((0.5, 1.5, 0.5), material=gray)), translation=(-0.6, 0.4, 0.0))
-    mover = b.node(mesh=b.mesh(box((0.4, 0.4, 0.4), material=glow)), translation=(0.5, 1.0, 0.0))
-    end = (1.1, 1.0, 0.0) if moves else (0.5, 1.0, 0.0)
-    b.animate(mover, "translation", [0.0, 0.125], [(0.5, 1.0, 0.0), end])
-    for _ in range(lights):
-        b.light(translation=(1.0, 2.0, 1.0), kind="point", intensity=5.0)
-    b.camera(translation=(0.0, 1.5, 4.0), rotation=turn_x(-15.0))
-    return b.build()
 
 
 def run(scene, **settings):
@@ -61,12 +47,6 @@ def test_all_methods_and_seeds_are_metered_alike():
     assert len(found) == 1 and found.pop() != 1.0
 
 
-def test_the_default_number_of_samples_is_resolved():
-    resolved = [plan_scene(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
-    assert resolved == [None, 4, 4, 256]
-    assert plan_scene(lamp(), Settings(light="preview", spp=3, **SMALL)).settings.lighting.spp == 3
-
-
 def test_what_raster_leaves_out_is_noted():
     raster, auto = (run(lamp(), light=light, spp=1)["notes"] for light in ("raster", "auto"))
     assert any("1 emissive surface lights nothing" in note for note in raster)
@@ -85,6 +65,7 @@ def test_still_pairs_change_only_with_independent_numbers(light, pattern):
     assert discard["position"]["mean_percent"] == 0.0
 
 
+@pytest.mark.long
 def test_effects_forced_on_change_no_count():
     own = SMALL | {"width": 16, "height": 9, "frames": (0, 2), "bounces": 2, "light": "path-traced", "spp": 1}
     needed, every = (evaluate_scene(lamp(lights=1), Settings(effects=e, **own)).frames for e in ("auto", "all"))

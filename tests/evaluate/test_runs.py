@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 
 from taubench_gl.animation import OrbitCamera
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
-from taubench_gl.features import COLUMNS, MASK_WORDS
+from taubench_gl.features import COLUMNS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, Run, load_run, read_frames
@@ -162,36 +161,6 @@ def test_an_interrupt_keeps_the_finished_pairs(tmp_path: Path, demo_run: Run) ->
     assert load_run(tmp_path / "run").frames == demo_run.frames
 
 
-def test_memory_does_not_grow_with_frames() -> None:
-    """Ten times the frames, the same memory: only numbers are stored per pair."""
-    process, at = psutil.Process(), {}
-
-    def watch(progress) -> None:
-        if progress.done in (40, 400):
-            at[progress.done] = process.memory_info().rss
-
-    tiny = settings(width=32, height=18, fps=160.4, frames=(None, None), pairs="all")
-    run = evaluate_scene(DEMO, tiny, Observers(progress=watch))
-    assert len(run.frames) == 401
-    assert at[400] - at[40] < 4 * 2**20, f"{(at[400] - at[40]) / 2**20:.1f} MiB in 360 frames"
-
-
-def test_masks_of_on_pair_match_the_row() -> None:
-    from taubench_gl.metrics.counts import counts_of
-
-    def compare(pair) -> None:
-        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=MASK_WORDS))
-        for name in ("frustum", "position", "normal", "comparable", "sky", "disoccluded"):
-            assert counts[name] == pair.row[name]
-        assert pair.motion.shape == (54, 96, 2) and np.isfinite(pair.motion).all()
-        assert pair.source.read("base_color").shape == (54, 96, 4)
-        seen.append(pair.frame)
-
-    seen = []
-    evaluate_scene(DEMO, settings(), Observers(on_pair=compare, channels=("base_color",)))
-    assert seen == [1, 2, 3, 4, 5]
-
-
 def test_a_still_camera_that_is_requested_has_one_frame_and_no_pair(data: Path) -> None:
     run = evaluate_scene(data / "tauray_test" / "test.glb", settings(frames=(None, None), camera=0))
     assert run.summary["pairs"] == 0 and run.frames == []
@@ -209,14 +178,6 @@ def test_a_still_scene_with_a_camera_is_seen_from_an_orbit(data: Path) -> None:
     assert run.summary["camera"]["position"]["mean"] == pytest.approx(step)
     assert f"{step:.4g} m" in run.summary["camera"]["source"]
     assert run.summary["discard"]["frustum"]["mean_percent"] > 0
-
-
-def test_the_frustum_column_under_the_orbit_depends_on_the_shape(data: Path) -> None:
-    wide = settings(width=640, height=360, frames=(0, 4), columns=("frustum",))
-    samples = [data / "khronos" / name for name in ("Duck/Duck.glb", "BoxVertexColors/BoxVertexColors.glb",
-                                                    "OrientationTest/OrientationTest.glb")]  # fmt: skip
-    shares = [evaluate_scene(path, wide).summary["discard"]["frustum"]["mean_percent"] for path in samples]
-    assert len({round(share, 2) for share in shares}) == len(shares) and min(shares) > 0
 
 
 def test_a_zero_length_animation_is_still(data: Path) -> None:

@@ -97,8 +97,3 @@ def test_a_view_of_the_sky_has_no_scale():
 def test_real_files(data, path, expected):
     settings = {"size": "64x36", "frames": "0:4", "columns": "frustum,position"}
     assert options(evaluate(data / path, **settings).summary["notes"]) == expected
-
-
-def test_the_fox_in_centimeters(data):
-    fox = data / "khronos/Fox/Fox.gltf"
-    assert options(evaluate(fox, size="64x36", columns="frustum,position", unit_scale=100.0).summary["notes"]) == []

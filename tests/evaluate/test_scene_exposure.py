@@ -79,26 +79,14 @@ def test_the_cache_is_read(cache, expected):
     assert exposure(changed) == pytest.approx(0.5 * expected, rel=2e-3)
 
 
-def test_other_defaults_of_the_metering_have_a_file_of_their_own(cache):
-    """As of a newer version, or of a test that changes them."""
+def test_files_of_the_cache(cache):
+    """Other defaults of the metering have one of their own; none: a scene made in memory, a camera of the caller."""
     scene = load_scene(DEMO)
     metering = _metering(Settings(light_unit="candela", environment="none"))
     camera = camera_of_run(scene, metering.sequence)
-    files = {
-        _cache_file(scene, m, camera) for m in (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
-    }
-    assert len(files) == 3
-
-
-def test_what_has_no_content_hash_has_no_file(cache):
-    """A scene made in memory, and a camera that only the caller knows."""
-    scene = load_scene(DEMO)
-    metering = _metering(Settings(light_unit="candela", environment="none"))
-    camera, own = (
-        camera_of_run(scene, metering.sequence),
-        MovingCamera(lambda time: View(np.zeros(3), np.eye(3), Camera())),
-    )
-    assert _cache_file(scene, metering, camera) is not None
+    own = MovingCamera(lambda time: View(np.zeros(3), np.eye(3), Camera()))
+    changed = (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
+    assert len({_cache_file(scene, m, camera) for m in changed} - {None}) == 3
     assert _cache_file(dataclasses.replace(scene, sha256=None), metering, camera) is None
     assert _cache_file(scene, metering, own) is None
 

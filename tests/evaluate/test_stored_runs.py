@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import copy
-import csv
-import io
 import json
 import random
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -49,40 +45,6 @@ def folder(stored, tmp_path) -> Path:
     return shutil.copytree(stored, tmp_path / "run")
 
 
-def numbers(value: Any, at: tuple = ()) -> Iterator[tuple]:
-    """Paths of all numbers of a JSON value."""
-    if isinstance(value, dict | list):
-        for key, below in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from numbers(below, (*at, key))
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        yield at
-
-
-def changed(value: float, rng: random.Random) -> float:
-    """Another number of the same type: a digit, a factor, a sign, another power of ten, or noise in the last digits."""
-    if isinstance(value, int):
-        return value + rng.choice([-1, 1, 2, 10, 1000])
-    return rng.choice([value + 1.0, value * 10.0 + 0.5, -value - 1.0, value * (1 + 1e-12) + 1e-12])
-
-
-def edited_summary(summary: dict, at: tuple, rng: random.Random) -> dict:
-    out = copy.deepcopy(summary)
-    block = out
-    for key in at[:-1]:
-        block = block[key]
-    block[at[-1]] = changed(block[at[-1]], rng)
-    return out
-
-
-def edited_rows(text: str, rng: random.Random) -> str:
-    rows = list(csv.reader(io.StringIO(text)))
-    cells = [(r, c) for r in range(1, len(rows)) for c in range(len(rows[r])) if rows[r][c]]
-    row, column = rng.choice(cells)
-    old = rows[row][column]
-    rows[row][column] = repr(changed(float(old) if "." in old or "e" in old else int(old), rng))
-    return "".join(",".join(row) + "\n" for row in rows)
-
-
 def write_json(folder: Path, summary: dict) -> None:
     (folder / SUMMARY_FILE).write_text(json.dumps(summary, indent=2))
 
@@ -95,19 +57,14 @@ def refusal(folder: Path) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("seed", few(range(2)))
-def test_random_edits_of_numbers_are_refused(folder, seed):
-    rng = random.Random(seed)
-    summary, text = json.loads((folder / SUMMARY_FILE).read_text()), (folder / FRAMES_FILE).read_text()
-    blocks = {key: list(numbers(summary[key], (key,))) for key in summary}
-    blocks = {key: places for key, places in blocks.items() if places}  # equal shares: curves have most numbers
-    for number in range(EDITS):
-        (folder / FRAMES_FILE).write_text(edited_rows(text, rng) if number % 3 == 0 else text)
-        at = rng.choice(blocks[rng.choice(list(blocks))])
-        write_json(folder, summary if number % 3 == 0 else edited_summary(summary, at, rng))
+@pytest.mark.parametrize("name", [SUMMARY_FILE, FRAMES_FILE])
+def test_a_changed_digit_is_refused(folder, name):
+    text = (folder / name).read_text()
+    digits = [at for at, letter in enumerate(text) if letter.isdigit()]
+    for at in random.Random(1).sample(digits, EDITS):
+        (folder / name).write_text(f"{text[:at]}{(int(text[at]) + 5) % 10}{text[at + 1 :]}")
         refusal(folder)
-    write_json(folder, summary)
-    (folder / FRAMES_FILE).write_text(text)
+    (folder / name).write_text(text)
     load_run(folder)
 
 
@@ -125,16 +82,6 @@ def test_rows_that_are_empty_doubled_swapped_or_missing(folder):
     for name, rows in cases.items():
         (folder / FRAMES_FILE).write_text("".join(rows))
         assert FRAMES_FILE in refusal(folder), name
-
-
-def test_compare_refuses_a_changed_number_in_one_line(folder, capsys):
-    summary = json.loads((folder / SUMMARY_FILE).read_text())
-    summary["discard"]["normal"]["mean_percent"] = 1234.5
-    write_json(folder, summary)
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["compare", str(folder)])
-    printed = capsys.readouterr()
-    assert ended.value.code == 2 and not printed.out and len(printed.err.strip().splitlines()) == 1
 
 
 def test_values_without_checksums_are_read_as_they_are(folder):
@@ -162,16 +109,6 @@ def test_missing_files_are_named(folder, stored, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(["reference", "compare", str(folder), str(stored)])
     assert ended.value.code == 2 and "mask_00002.npz" in capsys.readouterr().err
-
-
-def test_files_that_vanish_during_a_run(tmp_path):
-    def on_pair(pair):
-        if pair.frame == 2:
-            (tmp_path / "masks" / "mask_00001.npz").unlink()
-
-    with pytest.raises(OutputError, match="mask_00001"):
-        evaluate(DEMO, out=tmp_path, frames=range(4), save="masks", on_pair=on_pair, columns="position,normal", **SMALL)
-    assert not (tmp_path / SUMMARY_FILE).exists()
 
 
 @pytest.mark.parametrize("kind", few(KINDS, 3))

@@ -44,21 +44,13 @@ def assert_summary(summary: dict, pairs: int) -> None:
     """Every key that summary.json must have, in valid JSON."""
     assert json.loads(json.dumps(summary, allow_nan=False, default=lambda x: x.tolist()))
     assert summary["schema"] == SUMMARY_SCHEMA
-    assert {"name", "path", "sha256"} <= summary["scene"].keys()
-    settings = {"width", "height", "fps", "first_frame", "last_frame", "reprojection", "sampling", "thresholds"}
-    assert settings <= summary["settings"].keys()
-    assert set(summary["settings"]["thresholds"]) == {"color", "position", "normal", "direct", "indirect"}
     assert summary["pairs"] == pairs
-    census = {"dynamic_rigid_objects", "static_rigid_objects", "armatures", "bones", "static_point_lights",
-              "dynamic_point_lights", "morphs"}  # fmt: skip
-    assert census <= summary["census"].keys()
     for quantity in ("position", "yaw", "pitch", "roll", "angle"):
         values = summary["camera"][quantity]
         assert values.keys() >= STATISTICS
         for name in STATISTICS:
             assert values[name] is None if pairs == 0 else math.isfinite(values[name])
     assert summary["camera"]["fps"] == summary["settings"]["fps"] and summary["camera"]["samples"] == pairs
-    assert isinstance(summary["camera"]["cuts"], list)
     assert set(summary["discard"]) == set(COLUMNS)
     for column, entry in summary["discard"].items():
         assert {"mean_percent", "comparable_mean_percent", "max_percent"} <= entry.keys()
@@ -68,8 +60,6 @@ def assert_summary(summary: dict, pairs: int) -> None:
             assert 0 <= entry["mean_percent"] <= entry["max_percent"] <= 100
     for effect in summary["effects"].values():
         assert isinstance(effect["on"], bool) and isinstance(effect["reason"], str)
-    provenance = {"version", "command", "backend", "renderer", "driver", "clock", "git"}
-    assert provenance <= summary["provenance"].keys()
 
 
 def test_every_scene(sampled_scene: Path, tmp_path) -> None:

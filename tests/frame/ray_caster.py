@@ -27,6 +27,7 @@ class Triangles:
     record: Array  # (T,) 1 + number of the draw, in the order nodes and primitives have in the file
     material: Array  # (T,) 1 + material index, 0 for the default
     culled_back: Array  # (T,) bool
+    swapped: Array  # (T,) bool: the second and third corner are exchanged, so that all wind as seen from outside
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,9 @@ def gather(scene: Scene, state: FrameState, before: FrameState) -> Triangles:
     swap = np.sum(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * face, axis=-1) < 0
     order = np.where(swap[:, None], [0, 2, 1], [0, 1, 2])
     pick = np.arange(len(corners))[:, None]
-    return Triangles(corners[pick, order], then[pick, order], normals[pick, order], record_of, material_of, culled)
+    return Triangles(
+        corners[pick, order], then[pick, order], normals[pick, order], record_of, material_of, culled, swap
+    )
 
 
 def pixel_rays(view: View, size: tuple[int, int], at: Array) -> tuple[Array, Array]:

@@ -8,15 +8,14 @@ from __future__ import annotations
 import json
 import os
 import signal
-import struct
 import tracemalloc
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.data_files import MAX_VALUES, read_json, read_toml, stored_arrays
@@ -179,14 +178,7 @@ def test_stored_arrays_are_limited_and_hold_no_objects(tmp_path, monkeypatch):
 
 def png(path: Path, side: int) -> Path:
     """A valid gray image of ``side`` squared pixels, a thousandth of its size."""
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    packed = zlib.compressobj(1)
-    rows = b"".join(packed.compress(bytes(side + 1)) for _ in range(side)) + packed.flush()
-    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b""))
+    Image.new("L", (side, side)).save(path, compress_level=1)
     return path
 
 

@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+from ray_caster import gather
 from ray_query import Hits, RayQuery
 
-from taubench_gl.animation import pose_vertices
+from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
@@ -27,11 +28,14 @@ class Traced:
     renderer: Renderer
     structure: SceneStructure
     query: RayQuery
+    attributes: HitAttributes | None  # of a structure that tests alpha
 
     def at(self, time: float, previous: float | None = None) -> Traced:
         """Draw and update the frame at ``time``."""
         self.renderer.draw(time, time if previous is None else previous)
         self.structure.update(self.renderer.frame)
+        if self.attributes is not None:
+            self.attributes.update(self.renderer.frame)
         return self
 
 
@@ -47,17 +51,18 @@ def traced(
         context = owner.own(GpuContext(gpu))
         renderer = owner.own(Renderer(context, scene, camera or still_camera(Camera()), size, channels))
         structure = owner.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
-        yield Traced(renderer, structure, owner.own(RayQuery(context, structure))).at(0.0)
+        attributes = owner.own(HitAttributes(renderer)) if alpha_test else None
+        query = owner.own(RayQuery(context, structure, attributes))
+        yield Traced(renderer, structure, query, attributes).at(0.0)
     gpu.collect()
 
 
 @dataclass(frozen=True)
 class TriangleList:
-    """All visible triangles of a frame, camera-relative, in scene order."""
+    """All visible triangles of a frame, camera-relative, in scene order; those under a mirror wind the other way."""
 
     corners: Array  # (T, 3, 3) float64
     draw: Array  # (T,)
-    triangle: Array  # (T,)
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -72,19 +77,9 @@ class TriangleList:
 
 def visible_triangles(renderer: Renderer) -> TriangleList:
     """From the float64 pose, independent of the structure."""
-    state, view, scene = renderer.frame.state, renderer.frame.view, renderer.scene
-    parts, seen = [], {}
-    for row, draw in enumerate(renderer.draws):
-        key = draw.node, draw.primitive
-        instance = None if draw.local is None else seen.get(key, 0)
-        seen[key] = seen.get(key, 0) + 1
-        if not state.visible[draw.node]:
-            continue
-        primitive = scene.meshes[draw.mesh].primitives[draw.primitive]
-        world = pose_vertices(scene, state, draw.node, primitive, instance)
-        corners = world[primitive.triangles] - view.position
-        parts.append((corners, np.full(len(corners), row), np.arange(len(corners))))
-    return TriangleList(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+    state = renderer.frame.state
+    found = gather(renderer.scene, state, state)
+    return TriangleList(found.corners - renderer.frame.view.position, found.record - 1)
 
 
 def directions(count: int, seed: int = 1) -> Array:

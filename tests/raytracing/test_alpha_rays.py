@@ -6,10 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 from frame_tools import make_scene, picture, quad, still_camera
-from ray_query import RayQuery
 from ray_tools import directions, traced
 
-from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
 
@@ -30,24 +28,19 @@ def stripes(sheets: int):
 def test_rays_pass_where_alpha_is_below_the_cutoff(gpu):
     """Column c is stopped by the sheet of its lowest set bit; column 0 reaches the wall."""
     with traced(gpu, stripes(3), alpha_test=True) as t:
-        attributes = HitAttributes(t.renderer)
-        query = RayQuery(t.renderer.context, t.structure, attributes)
-        attributes.update(t.renderer.frame)
         rng = np.random.default_rng(2)
         column = rng.integers(8, size=4000)
         x = -1 + (column + rng.uniform(0.2, 0.8, len(column))) / 4
         o = np.column_stack([x, rng.uniform(-0.9, 0.9, len(x)), 0 * x]).astype(np.float32)
         d = np.tile(np.float32([0, 0, -1]), (len(x), 1))
         expected = np.select([column & 1 > 0, column & 2 > 0, column & 4 > 0], [0, 1, 2], 3)
-        hits = query(o, d)
+        hits = t.query(o, d)
         np.testing.assert_array_equal(hits.draw, expected)
         np.testing.assert_allclose(hits.t, np.where(expected == 3, 3.0, 2 + 0.1 * expected), rtol=1e-6)
         # Up to before the wall: only column 0 gets there.
-        np.testing.assert_array_equal(query(o, d, 2.9, any_hit=True).draw >= 0, column > 0)
-        np.testing.assert_array_equal(query(o, d, 2.05, any_hit=True).draw >= 0, column & 1 > 0)
+        np.testing.assert_array_equal(t.query(o, d, 2.9, any_hit=True).draw >= 0, column > 0)
+        np.testing.assert_array_equal(t.query(o, d, 2.05, any_hit=True).draw >= 0, column & 1 > 0)
         assert t.structure.unfinished_rays == 0
-        for item in (query, attributes):
-            item.release()
     with traced(gpu, stripes(3)) as t:  # without the effect all of them are opaque
         assert (t.query(o, d).draw == 0).all()
 

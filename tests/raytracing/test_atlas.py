@@ -9,9 +9,9 @@ import pytest
 from hit_tools import HEAD, opened
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.frame.raytracing.atlas import atlas_pixels, plan_atlas, reduced_pixels
+from taubench_gl.frame.raytracing.atlas import plan_atlas, reduced_pixels
 from taubench_gl.scene.builder import SceneBuilder, quad
-from taubench_gl.scene.model import Image, Sampler, Texture
+from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 from taubench_gl.srgb import srgb_decode, srgb_encode
 
 Array = np.ndarray
@@ -51,14 +51,6 @@ def test_smaller_images_keep_their_light() -> None:
     assert reduced_pixels(pixels, (48, 64), color=True) is pixels
 
 
-def test_texels_arrive_at_their_place() -> None:
-    images = {0: np.full((2, 3, 4), 7, np.uint8), 5: np.full((4, 1, 4), 9, np.uint8)}
-    plan = plan_atlas({k: v.shape[1::-1] for k, v in images.items()}, 64)
-    parts = list(atlas_pixels(plan, images.__getitem__, ()))
-    assert {(w, h) for (_, _, w, h), _ in parts} == {(3, 2), (1, 4)}
-    assert all(texels.shape == (viewport[3], viewport[2], 4) for viewport, texels in parts)
-
-
 TAPS = (
     HEAD
     + """
@@ -92,16 +84,19 @@ def reference(pixels: Array, uv: Array, wrap: int) -> Array:
     return out
 
 
+def textured(images: list[Array], **textures: Texture) -> Scene:
+    """A square of one material before a camera."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(material=b.material(**textures))))
+    b.camera(translation=(0, 0, 5))
+    return replace(b.build(), images=tuple(Image("x", x.shape[1::-1], lambda x=x: x) for x in images))
+
+
 def sampled(gpu, sampler: Sampler, pixels: Array, points: Array, taps: int) -> Array:
     """One texel, the bilinear value and, in the first two, a color decoded: (points, taps, 3, 4)."""
     rng = np.random.default_rng(3)
     other = rng.integers(0, 256, (9, 3, 4)).astype(np.uint8)
-    b = SceneBuilder()
-    m = b.material(base_color_texture=Texture(0, sampler), metallic_roughness_texture=Texture(1))
-    b.node(mesh=b.mesh(quad(material=m)))
-    b.camera(translation=(0, 0, 5))
-    images = tuple(Image("x", x.shape[1::-1], lambda x=x: x) for x in (pixels, other))
-    scene = replace(b.build(), images=images)
+    scene = textured([pixels, other], base_color_texture=Texture(0, sampler), metallic_roughness_texture=Texture(1))
     rows = np.zeros((len(points) * taps, 4))
     rows[:, :2] = np.repeat(points, taps, axis=0)
     rows[:, 2] = np.floor(rng.random(len(rows)) * 2**24) / 2**24
@@ -151,11 +146,7 @@ def test_colors_are_decoded_as_on_the_cpu(gpu) -> None:
 
 
 def test_a_small_budget_is_announced(gpu) -> None:
-    b = SceneBuilder()
-    b.node(mesh=b.mesh(quad(material=b.material(base_color_texture=Texture(0)))))
-    b.camera(translation=(0, 0, 5))
-    pixels = np.full((64, 64, 4), 200, np.uint8)
-    scene = replace(b.build(), images=(Image("x", (64, 64), lambda: pixels),))
+    scene = textured([np.full((64, 64, 4), 200, np.uint8)], base_color_texture=Texture(0))
     with opened(gpu, scene, choose_camera(scene), (16, 9), atlas_bytes=4096) as hits:
         assert len(hits.attributes.notes) == 1 and hits.attributes.atlas.reduced == (0,)
         assert hits.attributes.memory["textures of ray hits"] <= 4096

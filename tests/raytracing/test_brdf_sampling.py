@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from references.brdf_sampling import basis_around, brdf_pdf, glossy_share, sample_brdf
+from references.lobes import table_lookup
 from repeated import few
 from scipy import stats
 from shader_tools import map_rows, rows_glsl, with_main
@@ -31,14 +32,17 @@ def numbers(count: int, seed: int = 1) -> Array:
     return np.random.default_rng(seed).random((count, 3))
 
 
+def sphere_grid(rows: int, columns: int, lowest: float = -1.0) -> Array:
+    """Midpoints of equal solid angles with z from ``lowest`` to 1: (rows, columns, 3) unit."""
+    z = lowest + (np.arange(rows) + 0.5) / rows * (1.0 - lowest)
+    z, phi = np.meshgrid(z, 2.0 * np.pi * (np.arange(columns) + 0.5) / columns, indexing="ij")
+    r = np.sqrt(1.0 - z * z)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+
+
 def cells(rows: int, columns: int, inside: int) -> tuple[Array, float]:
     """Midpoints in equal solid angles: (rows, columns, inside^2, 3) unit, and the solid angle of each."""
-    z = (np.arange(rows * inside) + 0.5) / (rows * inside)
-    phi = 2.0 * np.pi * (np.arange(columns * inside) + 0.5) / (columns * inside)
-    z, phi = np.meshgrid(z, phi, indexing="ij")
-    r = np.sqrt(1.0 - z * z)
-    d = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
-    d = d.reshape(rows, inside, columns, inside, 3).swapaxes(1, 2)
+    d = sphere_grid(rows * inside, columns * inside, 0.0).reshape(rows, inside, columns, inside, 3).swapaxes(1, 2)
     return d.reshape(rows, columns, inside * inside, 3), 2.0 * np.pi / (rows * columns * inside * inside)
 
 
@@ -96,7 +100,7 @@ def test_the_estimate_of_the_albedo_is_that_of_quadrature(kind: str, roughness: 
     diffuse, glossy = evaluate_brdf(m, UP, v, to_light)
     weight = np.where(pdf > 0, 1.0 / np.where(pdf > 0, pdf, 1.0), 0.0)[:, None]
     assert np.isfinite(weight).all() and np.max((diffuse + glossy) * weight) < 4.0  # no sample of a large weight
-    fresnel_low, fresnel_high, taken = table_at(roughness, n_v)
+    fresnel_low, fresnel_high, taken = table_lookup(albedo_table(), np.array(roughness), np.array(n_v))
     metallic, specular = KINDS[kind]
     base = np.array(m.base_color)
     dielectric = specular * (0.04 * fresnel_low + fresnel_high)
@@ -105,16 +109,6 @@ def test_the_estimate_of_the_albedo_is_that_of_quadrature(kind: str, roughness: 
     for got, expected in ((diffuse * weight, expected_diffuse), (glossy * weight, expected_glossy)):
         error = 5.0 * got.std(axis=0) / np.sqrt(count) + 0.012
         assert np.all(np.abs(got.mean(axis=0) - expected) <= error)
-
-
-def table_at(roughness: float, n_v: float) -> Array:
-    table = albedo_table().astype(np.float64)[..., :3]
-    at = np.array([roughness, n_v]) * (len(table) - 1)
-    i, j = np.minimum(at.astype(int), len(table) - 2)
-    a, b = at - (i, j)
-    return (1 - a) * ((1 - b) * table[i, j] + b * table[i, j + 1]) + a * (
-        (1 - b) * table[i + 1, j] + b * table[i + 1, j + 1]
-    )
 
 
 def test_the_basis_is_orthonormal_everywhere() -> None:

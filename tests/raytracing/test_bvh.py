@@ -59,25 +59,3 @@ def test_a_tree_is_a_pure_function_of_its_boxes():
     a, b = build(low, high), build(low.copy(), high.copy())
     for name in ("low", "high", "right", "first", "count", "order"):
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
-
-
-def test_the_heuristic_beats_halving():
-    """Area of all nodes, relative to the root's: what a random line visits."""
-    rng = np.random.default_rng(1)
-    centers = np.concatenate([rng.normal(size=(1000, 3)) * 0.05 + c for c in rng.normal(size=(8, 3)) * 4])
-
-    def cost(tree: Tree) -> float:
-        x, y, z = (tree.high - tree.low).T
-        area = x * y + y * z + z * x
-        return float(area.sum() / area[0])
-
-    tree = build(centers, centers + 0.01)
-    halved = np.argsort(centers[:, 0])
-    low, high = centers[halved], centers[halved] + 0.01
-    areas = []
-    for size in (2**k for k in range(2, 14)):
-        for first in range(0, len(low), size):
-            x, y, z = high[first : first + size].max(axis=0) - low[first : first + size].min(axis=0)
-            areas.append(x * y + y * z + z * x)
-    x, y, z = high.max(axis=0) - low.min(axis=0)
-    assert cost(tree) < 0.5 * sum(areas) / (x * y + y * z + z * x)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from frame_tools import make_scene, quad, room, still_camera
 from ray_tools import TriangleList, some_rays, traced, visible_triangles
 
@@ -59,10 +58,9 @@ def test_a_primitive_with_many_copies_is_stored_once(monkeypatch):
     assert len(table.rigid) == 50 and table.merged[0].draws.tolist() == [50]
 
 
-@pytest.mark.parametrize("name", ["demo.glb"])
-def test_two_levels_answer_as_one(gpu, monkeypatch, name):
+def test_two_levels_answer_as_one(gpu, monkeypatch):
     """Every draw an instance of its own, against all of them in one tree: the same primitives at the same distances."""
-    scene = load_scene(ASSETS / name)
+    scene = load_scene(ASSETS / "demo.glb")
     answers = []
     for most in (instances.MERGED_TRIANGLES, -1):
         monkeypatch.setattr(instances, "MERGED_TRIANGLES", most)
@@ -157,10 +155,3 @@ def test_posed_draws_of_the_frame_before(gpu):
     same = (before.draw == now.draw) & (before.triangle == now.triangle)
     assert same.mean() > 0.998
     assert np.isclose(before.t[same], now.t[same], rtol=1e-4, atol=1e-5).mean() > 0.9995
-
-
-def test_a_structure_of_two_frames_needs_the_previous_pose(gpu):
-    with pytest.raises(ValueError), traced(gpu, make_scene(WALL)) as t:
-        from taubench_gl.frame.raytracing.structure import SceneStructure
-
-        SceneStructure(t.renderer, keep_previous=True)

@@ -10,12 +10,10 @@ import dataclasses
 import numpy as np
 import pytest
 from light_tools import FLAT, facing, floor, lambert, look_down, picture
-from ray_query import RayQuery
 from ray_tools import traced
 from repeated import few
 from shadow_tools import on_plane, visibility
 
-from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Image, Sampler, Scene, Texture
 
@@ -49,7 +47,11 @@ ALPHA = leaves()
 MATERIALS = {
     "plain": {},
     "low cutoff": {"alpha_cutoff": 0.2},
-    "base color factor": {"alpha_cutoff": 0.4, "base_color": (0.5, 0.5, 0.5, 0.6)},
+    "factors": {  # of the material and of vertices
+        "alpha_cutoff": 0.4,
+        "base_color": (0.5, 0.5, 0.5, 0.75),
+        "vertex": 0.8,
+    },
     "blended": {"alpha_mode": "BLEND"},
 }
 
@@ -62,7 +64,8 @@ def coverage(material: dict, first: float = 0.0, last: float = 1.0, points: int 
         low = np.floor(at * TEXELS - 0.5).astype(int)
         f = (at * TEXELS - 0.5 - low)[:, None]
         alpha = (alpha[low % TEXELS] * (1 - f) + alpha[(low + 1) % TEXELS] * f).T
-    return float((alpha * material.get("base_color", (1.0,))[-1] >= material.get("alpha_cutoff", 0.5)).mean())
+    alpha = alpha * material.get("base_color", (1.0,))[-1] * material.get("vertex", 1.0)
+    return float((alpha >= material.get("alpha_cutoff", 0.5)).mean())
 
 
 def sheet(tiles: float, *materials: dict, below: bool = False, wrap: int = REPEAT, turn: float = 0.0) -> Scene:
@@ -77,10 +80,12 @@ def sheet(tiles: float, *materials: dict, below: bool = False, wrap: int = REPEA
     texture = Texture(0, Sampler(wrap_s=wrap, wrap_t=wrap))
     for i, fields in enumerate(materials):
         given = {"alpha_mode": "MASK", "double_sided": True, "metallic": 0.0, "base_color_texture": texture} | fields
+        vertex = given.pop("vertex", 1.0)
         card = quad(2.0 / len(materials), 2.0, material=b.material(**given))
         turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         uv = (tiles * card.positions[:, :2] @ turned / (2 * HALF)).astype(np.float32)
-        card = dataclasses.replace(card, texcoords=(uv, None))
+        colors = np.tile(np.float32([1, 1, 1, vertex]), (len(uv), 1))
+        card = dataclasses.replace(card, texcoords=(uv, None), colors=colors)
         x = -2.0 + (2 * i + 1) * 2.0 / len(materials)
         b.node(mesh=b.mesh(card), translation=(x, HEIGHT, 0), rotation=FLAT)
     b.light(rotation=facing((0.0, -1.0, 0.0)), kind="directional", intensity=3.0)
@@ -103,7 +108,7 @@ def test_the_image_keeps_it(gpu, name):
 
 
 def test_materials_that_share_a_texture_keep_their_own(gpu):
-    low, factor = MATERIALS["low cutoff"], MATERIALS["base color factor"]
+    low, factor = MATERIALS["low cutoff"], MATERIALS["factors"]
     found = drawn(gpu, sheet(71.3, low, factor, turn=0.4), columns=("position",))
     for half, fields in zip(np.split(found, 2, axis=1), (low, factor), strict=True):
         assert half.mean() == pytest.approx(coverage(fields, points=8 * TEXELS), rel=TOLERANCE)
@@ -130,7 +135,7 @@ def test_the_parts_of_an_atlas_keep_theirs(gpu):
         assert found == pytest.approx(coverage({}, 0.63, 0.87), rel=EXACT), tiles
 
 
-@pytest.mark.parametrize("name", ["plain", "base color factor"])
+@pytest.mark.parametrize("name", ["plain", "factors"])
 @pytest.mark.parametrize("map_size", few([256, 1024]))
 def test_shadow_maps_keep_it(gpu, name, map_size):
     """The mean over distances: a map's texels are not evenly spaced points of the texture."""
@@ -143,7 +148,7 @@ def test_shadow_maps_keep_it(gpu, name, map_size):
     assert np.mean(shares) == pytest.approx(coverage(MATERIALS[name], points=8 * TEXELS), rel=TOLERANCE)
 
 
-@pytest.mark.parametrize("name", ["plain", "base color factor"])
+@pytest.mark.parametrize("name", ["plain", "factors"])
 def test_rays_keep_it_and_meet_what_the_image_shows(gpu, name):
     expected = coverage(MATERIALS[name])
     at = (np.arange(PIXELS) + 0.5) / PIXELS * 2 * HALF - HALF
@@ -151,14 +156,9 @@ def test_rays_keep_it_and_meet_what_the_image_shows(gpu, name):
     for tiles in (3, 37):
         scene = sheet(tiles, MATERIALS[name])
         with traced(gpu, scene, alpha_test=True) as t:
-            attributes = HitAttributes(t.renderer)
-            query = RayQuery(t.renderer.context, t.structure, attributes)
-            attributes.update(t.renderer.frame)
             origins = np.column_stack([x, np.full_like(x, 8.0), z]).astype(np.float32)
-            hits = query(origins, np.tile(np.float32([0, -1, 0]), (len(x), 1)))
+            hits = t.query(origins, np.tile(np.float32([0, -1, 0]), (len(x), 1)))
             met = hits.t < 7.5
-            for item in (query, attributes):
-                item.release()
         assert met.mean() == pytest.approx(expected, rel=EXACT), tiles
         # The rest is texture filtering in 8 bits at the edges of leaves.
         assert np.mean(met.reshape(PIXELS, PIXELS) != drawn(gpu, scene, columns=("position",))) < 0.01

@@ -7,22 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from frame_tools import looking_at, make_scene, primitive, quad, still_camera
+from frame_tools import looking_at, make_scene, quad, still_camera
 from ray_tools import traced
 
 from taubench_gl.frame.raytracing.texels import FAR_SLACK, HALF_GRID
+from taubench_gl.scene.builder import sphere
 from taubench_gl.scene.model import Camera, Channel
 
 Array = np.ndarray
-
-
-def ball(n: int = 24, m: int = 12):
-    """A convex polyhedron of 2 n (m - 1) triangles around the unit sphere's points."""
-    theta, phi = np.linspace(0, np.pi, m + 1)[:, None], np.linspace(0, 2 * np.pi, n, endpoint=False)
-    p = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.sin(phi)], -1).reshape(-1, 3)
-    i, k = np.arange(m)[:, None] * n + np.arange(n), np.arange(m)[:, None] * n + (np.arange(n) + 1) % n
-    faces = np.concatenate([np.stack([i, k, i + n], -1)[1:], np.stack([k, k + n, i + n], -1)[:-1]]).reshape(-1, 3)
-    return primitive(p, faces)
+BALL = replace(sphere(1.0, 12), normals=None)
+"""Convex."""
 
 
 def surface(t, size: int) -> tuple[Array, Array]:
@@ -51,7 +45,7 @@ def grazing(n: Array, seed: int) -> Array:
 def test_convex_shapes_never_shade_themselves(gpu, scale, offset, moving):
     center = np.full(3, offset)
     matrix = np.diag([-scale, 0.7 * scale, scale, 1.0])
-    scene = make_scene(ball(), matrices=[matrix], origin=tuple(center))
+    scene = make_scene(BALL, matrices=[matrix], origin=tuple(center))
     if moving:
         keys = np.stack([center, center + scale])
         scene = replace(scene, channels=(Channel("node", 0, "translation", "LINEAR", np.array([0.0, 1.0]), keys),))
@@ -92,7 +86,7 @@ def test_wide_terrain_does_not_shade_itself(gpu, tilt):
     plane = quad((-side, -tilt * side - 3, -side), (0, 0, 2 * side), (2 * side, 2 * tilt * side, 0))
     eye = np.array([1.0, 0.7, 5.0])
     camera = still_camera(Camera(znear=0.01), eye, looking_at(eye, np.array([0.5, -1.5, 0.0])))
-    with traced(gpu, make_scene(ball(), plane), camera, size=(96, 96)) as t:
+    with traced(gpu, make_scene(BALL, plane), camera, size=(96, 96)) as t:
         assert len(t.structure.table.merged) == 2
         p, n = surface(t, 4000)
         terrain = t.query(p + 0.1 * n, -n).draw == 1
@@ -118,7 +112,7 @@ def test_a_far_wall_is_missed_within_the_rounding_of_its_coordinates(gpu, axis, 
     p = np.random.default_rng(2).uniform(-0.5, 0.5, (200, 3)) * half
     d = np.zeros_like(p)
     d[:, axis] = -side
-    with traced(gpu, make_scene(ball(), *walls)) as t:
+    with traced(gpu, make_scene(BALL, *walls)) as t:
         for behind, first in ((0.6 * slack, opposite), (2.0 * slack, wall)):
             p[:, axis] = side * (half + behind)
             assert (t.query(p, d).draw == first).all()

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from frame_tools import make_scene, primitive
+from frame_tools import make_scene
 from ray_caster import cast, gather
-from ray_tools import some_rays, traced, visible_triangles
+from ray_tools import traced
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.frame.raytracing.texels import LEAF_BIT, ROW_BITS, TRIANGLE_TEXELS
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Channel, MorphTarget
 
 ROW_BYTES = 16 << ROW_BITS
@@ -18,16 +20,12 @@ ROW_BYTES = 16 << ROW_BITS
 
 def sheet(n: int, target_z: float, bad: bool = False):
     """A sheet of 2 n^2 triangles that bends away by a morph target; ``bad``: one vertex goes to infinity."""
-    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
-    p = np.stack([x, y, np.full_like(x, -2.0)], -1).reshape(-1, 3)
-    i = np.arange(n)[:, None] * (n + 1) + np.arange(n)
-    faces = np.stack([i, i + 1, i + n + 2, i, i + n + 2, i + n + 1], -1).reshape(-1, 3)
-    move = np.zeros(p.shape, np.float32)
+    flat = quad(cells=(n, n))
+    p, move = flat.positions - np.float32([0, 0, 2]), np.zeros(flat.positions.shape, np.float32)
     move[:, 2] = target_z * p[:, 0] ** 2
     if bad:
         move[0] = 3e38
-    normals = np.tile(np.float32([0, 0, 1]), (len(p), 1))
-    return primitive(p, faces, targets=(MorphTarget(move),), normals=normals)
+    return replace(flat, positions=p, targets=(MorphTarget(move),))
 
 
 def bending(*primitives):
@@ -52,35 +50,6 @@ def test_a_bending_sheet_against_float64(gpu, time):
         found = (hits.draw >= 0) & (reference.triangle >= 0) & sure
         assert ((hits.draw >= 0) == (reference.triangle >= 0))[sure].mean() > 0.999 and found.sum() > 1000
         np.testing.assert_allclose(hits.t[found], reference.depth[found], rtol=1e-5)
-
-
-def rebuilt(gpu, scene, time, o, d):
-    """Hits on a still copy of the pose, built for it."""
-    with traced(gpu, scene, choose_camera(scene)) as t:
-        triangles = visible_triangles(t.at(time).renderer)
-    copy = make_scene(primitive(triangles.corners.reshape(-1, 3), np.arange(3 * len(triangles.corners))))
-    with traced(gpu, copy) as t:
-        return t.query(o, d)
-
-
-@pytest.mark.parametrize("name", ["CesiumMan", "Fox"])
-def test_refitted_trees_answer_as_rebuilt_ones(gpu, data, name):
-    folder = data / "khronos" / name
-    path = next(iter(sorted(folder.rglob("*.gl*"))), None)
-    if path is None:
-        pytest.skip(f"{name} is not there")
-    scene = load_scene(path)
-    time = 0.6 * scene.duration
-    with traced(gpu, scene, choose_camera(scene)) as t:
-        triangles = visible_triangles(t.at(time).renderer)
-        o, d = some_rays(triangles, 20_000)
-        hits = t.query(o, d)
-        mine = triangles.index(hits)
-    other = rebuilt(gpu, scene, time, o, d)
-    size = np.abs(triangles.corners).max()
-    same = mine == other.triangle
-    close = (mine >= 0) & (other.triangle >= 0) & (np.abs(hits.t - other.t) <= 2e-5 * size)
-    assert np.mean(same | close) > 0.999 and np.mean(mine >= 0) > 0.05
 
 
 def test_bounds_hold_after_a_refit(gpu):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from references.brdf_sampling import basis_around
 from taubench_gl.metrics.lighting import MIN_ALPHA
 
 Array = np.ndarray
@@ -156,75 +155,3 @@ def rough_slab(glass: Glass, n_v: float, optical_depth: float, count: int, seed:
         to_light, at_back, alive = local, np.where(stays, ~at_back, at_back), stays
     out[alive, 3] = weight[alive]
     return np.stack([out.mean(axis=0), out.std(axis=0) / np.sqrt(count)])
-
-
-@dataclass(frozen=True)
-class BallOnFloor:
-    """A rough glass ball above a diffuse floor y = 0 of 8 x 8 m, and a lamp: light of several bounces."""
-
-    glass: Glass  # from the outside
-    center: Array
-    radius: float
-    lamp: Array
-    intensity: float
-    albedo: float
-
-    def hit(self, origin: Array, direction: Array) -> tuple[Array, Array]:
-        """Distance (n,), inf without a hit, and whether the ball is hit, of rays (n, 3)."""
-        to_ball = origin - self.center
-        half, rest = np.sum(to_ball * direction, axis=1), np.sum(to_ball**2, axis=1) - self.radius**2
-        root = np.sqrt(np.maximum(half**2 - rest, 0.0))
-        near = np.where(-half - root > 1e-9, -half - root, -half + root)
-        ball = np.where((half**2 > rest) & (near > 1e-9), near, np.inf)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            floor = np.where(direction[:, 1] != 0, -origin[:, 1] / direction[:, 1], np.inf)
-        floor = np.where(floor > 1e-9, floor, np.inf)
-        at = origin + np.where(np.isfinite(floor), floor, 0.0)[:, None] * direction
-        floor = np.where((np.abs(at[:, [0, 2]]) <= 4.0).all(axis=1), floor, np.inf)
-        return np.minimum(ball, floor), ball < floor
-
-    def indirect(self, point: Array, count: int, bounces: int, rng: np.random.Generator) -> tuple[float, float]:
-        """Indirect radiance of the floor at ``point`` and its standard error."""
-        up = np.broadcast_to([0.0, 1.0, 0.0], (count, 3))
-        origin, direction = point + 1e-7 * up, _cosine(up, rng)
-        left, total, alive = np.full(count, self.albedo), np.zeros(count), np.ones(count, bool)
-        for _ in range(1, bounces):
-            distance, ball = self.hit(origin, direction)
-            alive &= np.isfinite(distance)
-            at = origin + np.where(alive, distance, 0.0)[:, None] * direction
-            outward = np.where(ball[:, None], (at - self.center) / self.radius, up)
-            inside = ball & (np.sum(outward * direction, axis=1) > 0)
-            n = np.where(np.sum(outward * direction, axis=1, keepdims=True) > 0, -outward, outward)
-            to_lamp = self.lamp - at
-            far = np.linalg.norm(to_lamp, axis=1)
-            to_lamp /= far[:, None]
-            shadow = at + 1e-7 * n * np.sign(np.sum(n * to_lamp, axis=1))[:, None]
-            seen = self.hit(shadow, to_lamp)[0] > far
-            v, lamp = _local(-direction, n), _local(to_lamp, n)
-            scattered, following = self.albedo / np.pi * np.maximum(lamp[:, 2], 0.0), _cosine(n, rng)
-            weight = np.full(count, self.albedo)
-            for side, eta in ((ball & ~inside, self.glass.eta), (inside, 1.0 / self.glass.eta)):
-                face = Glass(self.glass.roughness, eta)
-                scattered[side] = np.sum(face.evaluate(v[side], lamp[side]), axis=0)
-                local, weight[side] = face.sample(v[side], rng.random((int(side.sum()), 3)))
-                following[side] = _world(local, n[side])
-            total += np.where(alive & seen, left * scattered * self.intensity / far**2, 0.0)
-            left, alive = left * weight, alive & (weight > 0)
-            direction = following / np.linalg.norm(following, axis=1, keepdims=True)
-            origin = at + 1e-7 * n * np.sign(np.sum(n * direction, axis=1))[:, None]
-        return float(total.mean()), float(total.std() / np.sqrt(count))
-
-
-def _local(direction: Array, n: Array) -> Array:
-    return np.stack([np.sum(direction * axis, axis=-1) for axis in (*basis_around(n), n)], axis=-1)
-
-
-def _world(local: Array, n: Array) -> Array:
-    x, y = basis_around(n)
-    return local[:, :1] * x + local[:, 1:2] * y + local[:, 2:] * n
-
-
-def _cosine(n: Array, rng: np.random.Generator) -> Array:
-    u = rng.random((len(n), 2))
-    r, around = np.sqrt(u[:, 0]), 2.0 * np.pi * u[:, 1]
-    return _world(np.stack([r * np.cos(around), r * np.sin(around), np.sqrt(1.0 - u[:, 0])], axis=-1), n)

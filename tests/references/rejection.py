@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from references.reuse_methods.history import shifted
+
 Array = np.ndarray
 
 
@@ -91,25 +93,23 @@ def smaller_change(values: Array, surface: Array, axis: int) -> Array:
     """
     best = np.full(values.shape, np.inf)
     for side in (1, -1):
-        shift = -side if axis == 1 else side  # up is towards row 0
-        other, there = np.roll(values, shift, axis), np.roll(surface, shift, axis)
-        edge = [slice(None)] * 2
-        edge[axis] = -1 if shift < 0 else 0
-        there = there.copy()
-        there[tuple(edge)] = False
+        other, there = _beside(values, surface, axis, side)
         change = side * (other - values)
-        better = there & (np.abs(change) < np.abs(best))
-        best = np.where(better, change, best)
+        best = np.where(there & (np.abs(change) < np.abs(best)), change, best)
     return np.where(np.isfinite(best), best, 0.0)
+
+
+def _beside(values: Array, surface: Array, axis: int, side: int) -> tuple[Array, Array]:
+    """``values`` of the next pixel up (axis 0; -``side``: down) or right, and whether that is a surface (h, w)."""
+    offset = (side, 0) if axis == 1 else (0, -side)  # up is towards row 0
+    (other, exists), (there, _) = shifted(values, *offset), shifted(surface, *offset)
+    return other, there & exists
 
 
 def smaller_turn(normal: Array, surface: Array, axis: int) -> Array:
     """As ``smaller_change``, of the distance between unit normals (h, w, 3).  (h, w)."""
     best = np.full(surface.shape, np.inf)
-    for shift in (1, -1):
-        other, there = np.roll(normal, shift, axis), np.roll(surface, shift, axis).copy()
-        edge = [slice(None)] * 2
-        edge[axis] = -1 if shift < 0 else 0
-        there[tuple(edge)] = False
+    for side in (1, -1):
+        other, there = _beside(normal, surface, axis, side)
         best = np.where(there, np.minimum(best, _distance(other, normal)), best)
     return np.where(np.isfinite(best), best, 0.0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from references.reuse_methods.history import inside, neighbors, shifted
+from references.reuse_methods.history import inside, nearest_surface, neighbors, shifted
 from references.reuse_methods.taa import rgb_from_ycocg, ycocg_from_rgb
 from taubench_gl.srgb import LUMINANCE
 
@@ -116,16 +116,7 @@ def fsr2_dilate(depth: Array, values: Mapping[str, Array]) -> dict[str, Array]:
 
     Ties: the pixel itself, then rows from the bottom, then columns from the left.
     """
-    h, w = depth.shape
-    best, found = np.where(depth > 0, depth, 1e30), pixels((w, h)).astype(np.int64)
-    own = found.copy()
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            at = np.clip(own + [dx, dy], 0, [w - 1, h - 1])
-            other = fetch(depth, at)
-            nearer = (other > 0) & (other < best)
-            best = np.where(nearer, other, best)
-            found[nearer] = at[nearer]
+    found = nearest_surface(depth[::-1])[::-1] * [1, -1] + [0, len(depth) - 1]
     return {name: fetch(value, found) for name, value in {**values, "depth": depth}.items()}
 
 
