@@ -16,11 +16,10 @@ import numpy as np
 from taubench_gl import __version__
 from taubench_gl.data_files import read_bytes
 from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
-from taubench_gl.demos.lecture import Part, minutes_text
 from taubench_gl.demos.lessons import find_demo
-from taubench_gl.demos.opening import opening_settings, pair_text
 from taubench_gl.demos.sheet import WIDTH, as_bytes
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
+from taubench_gl.demos.texts import LecturePart, minutes_text
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.glossary import label_of
@@ -52,7 +51,7 @@ class Shown:
 def open_pair(stage: Stage, demo: Demo) -> LitPair:
     """The pair of frames that the page and the viewer open at."""
     frame = demo.opening.frame
-    return stage.evaluate(demo.scene(), frames=(frame - 1, frame + 1), **opening_settings(demo))[1][0]
+    return stage.evaluate(demo.scene(), frames=(frame - 1, frame + 1), **demo.opening_settings())[1][0]
 
 
 @contextmanager
@@ -78,7 +77,7 @@ def run_demos(
     out: str | Path,
     *,
     index: bool = False,
-    lecture: Sequence[Part] = (),
+    lecture: Sequence[LecturePart] = (),
     on_demo: Callable[[Shown], None] | None = None,
 ) -> list[Shown]:
     """Run demos in order and write the figures and the page of each to the folder ``out``.
@@ -101,7 +100,9 @@ def run_demos(
     return shown
 
 
-def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[Part] = ()) -> str:
+def demo_page(
+    demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[LecturePart] = ()
+) -> str:
     """The page of one demo.
 
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
@@ -111,7 +112,7 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
     parameter, findings, screens = result.parameter, result.findings, _screens(demo, result, pair)
     bar = parameter.bar and _gradient(parameter.bar)
     page = Page(
-        f"{demo.number}. {demo.title}", f"demo {demo.number}, {demo.name}", heading="",
+        f"{demo.number}. {demo.text.title}", f"demo {demo.number}, {demo.name}", heading="",
         tools=tag("button", "Lecture", id="lecture", type="button",
                   title="One step per screen; arrow keys change it, Escape ends it"),
         intro=(macro("head", DEMO)(demo),), styles=("demo.css",), scripts=("demo.js",),
@@ -133,10 +134,10 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
     step("idea", "", "idea", demo, screens)
     own = result.screens
     key = [] if own else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
-    about = ("", own.note) if own else (pair_text(demo), "")
+    about = ("", own.note) if own else (demo.pair_text(), "")
     step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
-    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.look_for)
+    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.text.look_for)
     size = parameter.picture(0).shape[1::-1]
     step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]
@@ -147,10 +148,10 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
 def _screens(demo: Demo, result: Result, pair: LitPair) -> list[tuple[str, str, float]]:
     """Name, image and width / height of the previous frame, the current frame, and the answer."""
     own = result.screens
-    frames = (own and own.frames) or tuple(as_bytes(frame["color"][..., :3]) for frame in (pair.before, pair.now))
+    frames = (own and own.frames) or tuple(frame["color"][..., :3] for frame in (pair.before, pair.now))
     answer = own.answer if own else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
     images = zip(("previous", "current", "answer"), (*frames, answer))
-    return [(name, data_uri(_webp(image), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
+    return [(name, data_uri(_webp(as_bytes(image)), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
 
 
 def _gradient(bar: ColorBar) -> str:
@@ -164,12 +165,12 @@ def _gradient(bar: ColorBar) -> str:
 
 def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
     """The data of the guess; infinite ends of the expected range are those of the guess."""
-    asked, expected = demo.question, finding.expected
-    digits = max(0, 2 - math.floor(math.log10(asked.high - asked.low)))
+    (low, high), expected = demo.text.guess, finding.expected
+    digits = max(0, 2 - math.floor(math.log10(high - low)))
     return {
-        "low": asked.low, "high": asked.high, "guess_digits": min(digits, 3), "unit": finding.unit,
+        "low": low, "high": high, "guess_digits": min(digits, 3), "unit": finding.unit,
         "measured": finding.number, "text": finding.text, "meaning": finding.meaning,
-        "expected": [max(expected.low, asked.low), min(expected.high, asked.high)],
+        "expected": [max(expected.low, low), min(expected.high, high)],
         "theory": f"{finding.expected_text} ({expected.source})",
     }  # fmt: skip
 
@@ -203,7 +204,7 @@ def png_bytes(image: Array) -> bytes:
     return buffer.getvalue()
 
 
-def index_page(shown: Sequence[Shown], lecture: Sequence[Part] = ()) -> str:
+def index_page(shown: Sequence[Shown], lecture: Sequence[LecturePart] = ()) -> str:
     """One card per demo with a link to its page in the same folder, in a ``lecture`` with its minutes."""
     good = sum(s.result.as_expected for s in shown)
     lead = (
@@ -237,13 +238,13 @@ def _links(around: Around) -> list[dict[str, str]]:
     """Links to the previous demo, the index and the next demo."""
     if around is None:
         return []
+    links = [("", INDEX_FILE, "all demos")]
     before, after = around
-    links = [{"rel": "", "file": INDEX_FILE, "text": "all demos"}]
     if before is not None:
-        links.insert(0, {"rel": "prev", "file": f"{before.stem}.html", "text": f"← {before.number}. {before.title}"})
+        links.insert(0, ("prev", f"{before.stem}.html", f"← {before.number}. {before.text.title}"))
     if after is not None:
-        links.append({"rel": "next", "file": f"{after.stem}.html", "text": f"{after.number}. {after.title} →"})
-    return links
+        links.append(("next", f"{after.stem}.html", f"{after.number}. {after.text.title} →"))
+    return [dict(zip(("rel", "file", "text"), link)) for link in links]
 
 
 def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SIZE) -> Path:
@@ -253,11 +254,11 @@ def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SI
     import nbformat
     from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-    look = "\n".join(f"- {item}" for item in demo.look_for)
+    look = "\n".join(f"- {item}" for item in demo.text.look_for)
     cells = [
         new_markdown_cell(
-            f"# {demo.number}. {demo.title}\n\n{demo.idea}\n\n**What to look for**\n\n{look}\n\n"
-            f"**Guess first.** {demo.question.text}"
+            f"# {demo.number}. {demo.text.title}\n\n{demo.text.idea}\n\n**What to look for**\n\n{look}\n\n"
+            f"**Guess first.** {demo.text.question}"
         ),
         new_code_cell(_RUN.format(name=demo.name, width=size[0], height=size[1])),
         new_markdown_cell("## Measured numbers and theory"),

@@ -240,6 +240,12 @@ def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Arra
     return image[top : top + height, left : left + width]
 
 
+def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
+    """``image`` (h, w, 3) resampled with its nearest pixels to ``shape`` = (height, width)."""
+    rows, columns = (np.arange(n) * m // n for n, m in zip(shape, image.shape[:2]))
+    return image[rows][:, columns]
+
+
 def enlarged_frames(pair: LitPair, *part: int) -> tuple[Array, Array]:
     """A part of the previous and of the current image.  (h, w, 3) uint8 each."""
     before, now = (as_bytes(enlarged(frame["color"][..., :3], *part)) for frame in (pair.before, pair.now))

@@ -8,7 +8,7 @@ import pytest
 
 from taubench_gl.demos.demo import Demo, Result
 from taubench_gl.demos.gallery import Shown, open_pair, run_demos
-from taubench_gl.demos.lessons import demos
+from taubench_gl.demos.lessons import DEMOS
 from taubench_gl.demos.stage import LitPair, Stage
 
 SIZE = (160, 90)
@@ -56,6 +56,7 @@ def runs(tmp_path_factory) -> Runs:
 SLOW = ("cost", "lock", "reservoirs", "samples")
 
 
-@pytest.fixture(params=[pytest.param(d.name, marks=pytest.mark.long if d.name in SLOW else ()) for d in demos()])
+@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.long if name in SLOW else ()) for name in DEMOS])
 def demo(request) -> Demo:
-    return next(d for d in demos() if d.name == request.param)
+    """Each demo in turn."""
+    return DEMOS[request.param]

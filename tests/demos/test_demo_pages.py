@@ -13,9 +13,10 @@ from PIL import Image
 
 from taubench_gl.demos.demo import Demo
 from taubench_gl.demos.gallery import demo_page, index_page
-from taubench_gl.demos.lecture import LECTURE
-from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.lessons import DEMOS, find_demo
+from taubench_gl.demos.texts import TEXTS
 
+LECTURE = TEXTS.lecture
 WINDOWS = ((1280, 720), (1920, 1080), (390, 844))
 QUICK = ("thresholds",)
 """A parameter that repaints a mask."""
@@ -95,17 +96,17 @@ def check_slide(page: Any, where: str) -> None:
 
 def drive_question(demo: Demo, result: Any, page: Any) -> None:
     """Before the guess neither text, name of an image nor key shows the number, its theory or the answer's image."""
-    asked, first = demo.question, result.findings[0]
-    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.look_for]
+    (low, high), first = demo.text.guess, result.findings[0]
+    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.text.look_for]
     before, tree = page.locator("body").inner_text(), page.locator("body").aria_snapshot()
     assert [s for s in secrets if s in before or s in tree] == []
-    assert asked.low < asked.high and asked.low <= first.number <= asked.high
+    assert low < high and low <= first.number <= high
     assert [s.get_attribute("id") for s in page.locator(".step").all() if s.is_visible()] == ["idea", "question"]
     page.keyboard.press("3")
     page.locator("#guess").focus()
     page.keyboard.press("End")
     assert seen_images(page) == ["current"] and first.text not in page.locator("body").inner_text()
-    assert float(page.locator("#guessed").inner_text().split()[0]) == pytest.approx(asked.high)
+    assert float(page.locator("#guessed").inner_text().split()[0]) == pytest.approx(high)
     page.click("#reveal")
     words = page.locator("#answer").inner_text()
     assert first.text in words and first.expected_text in words and page.locator(".guessmark").count() == 1
@@ -155,7 +156,7 @@ def test_lesson(name, runs, gpu, opened):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [d.name for d in demos() if d.name not in QUICK])
+@pytest.mark.parametrize("name", [name for name in DEMOS if name not in QUICK])
 def test_every_lesson(name, runs, gpu, opened):
     drive(find_demo(name), runs, gpu, opened)
 

@@ -13,7 +13,7 @@ from PIL import Image
 from repeated import few
 
 from taubench_gl.demos.gallery import index_page
-from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.lessons import DEMOS, find_demo
 from taubench_gl.demos.stage import Stage
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.masks import pair_masks
@@ -80,14 +80,14 @@ def test_pages_are_self_contained(demo, runs, gpu):
     own = re.sub(r"data:[^'\"]*", "", page).replace("http://www.w3.org/2000/svg", "")
     assert not re.search(r"https?:|url\(|<script src|@import", own)
     text = " ".join(parser.texts)
-    for expected in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].text):
+    for expected in (demo.text.title, demo.text.look_for[0], runs.of(demo, gpu).findings[0].text):
         assert " ".join(expected.split()) in " ".join(text.split())
     assert parser.open == [], "tags left open"
 
 
-@pytest.mark.parametrize("count", few([6, len(demos())]))
+@pytest.mark.parametrize("count", few([6, len(DEMOS)]))
 def test_index_links_every_page(runs, gpu, count):
-    shown = [runs.shown(d, gpu) for d in demos()[:count]]
+    shown = [runs.shown(d, gpu) for d in list(DEMOS.values())[:count]]
     page = index_page(shown)
     assert re.findall(r'<a href="([^"]+)"', page) == [f"{s.demo.stem}.html" for s in shown]
     assert [s.demo.name for s in shown if s.result.findings[0].text in page] == []
@@ -124,13 +124,12 @@ class Texts(HTMLParser):
 
 
 def test_numbers_and_names_are_in_order():
-    every = demos()
-    assert [d.number for d in every] == list(range(1, 20))
-    assert len({d.name for d in every}) == len(every)
+    every = list(DEMOS.values())
+    assert [d.number for d in every] == list(range(1, len(every) + 1))
     for one in every:
         assert find_demo(one.name) is find_demo(str(one.number)) is one
-        assert len(one.look_for) >= 2 and one.idea.count(".") >= 2
-        missing = [page for _, page in one.see_also if not (DOCS / page).is_file()]
+        assert len(one.text.look_for) >= 2 and one.text.idea.count(".") >= 2
+        missing = [page for _, page in one.text.see_also if not (DOCS / page).is_file()]
         assert not missing
 
 

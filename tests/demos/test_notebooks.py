@@ -12,7 +12,7 @@ from PIL import Image
 from taubench_gl.demos import gallery as module
 from taubench_gl.demos.explore import explore
 from taubench_gl.demos.gallery import write_notebook
-from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.lessons import DEMOS, find_demo
 from taubench_gl.errors import SettingsError
 
 nbformat = pytest.importorskip("nbformat")
@@ -45,7 +45,7 @@ def test_one_notebook_runs(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [d.name for d in demos() if d.name != "thresholds"])
+@pytest.mark.parametrize("name", [name for name in DEMOS if name != "thresholds"])
 def test_every_notebook_runs(name, tmp_path):
     check(find_demo(name), tmp_path)
 
@@ -78,7 +78,7 @@ def test_notebooks_are_reproducible(tmp_path):
     one = find_demo("half")
     first = write_notebook(one, tmp_path).read_text(encoding="utf-8")
     assert write_notebook(one, tmp_path).read_text(encoding="utf-8") == first
-    assert one.idea.split(".")[0] in first and "assert result.as_expected" in first
+    assert one.text.idea.split(".")[0] in first and "assert result.as_expected" in first
 
 
 def test_without_nbformat_is_an_error_that_names_the_extra(tmp_path, monkeypatch):

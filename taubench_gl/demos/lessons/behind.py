@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
@@ -54,28 +54,9 @@ def without_the_test(stage: Stage) -> Reprojected:
     return reproject(pair, images.current["position"].astype(np.float64))
 
 
-@demo(
-    3,
-    "behind",
-    "Why w <= 0 must be tested before dividing",
-    idea="Reprojection ends with a division by w, the depth along the view axis. A point behind the previous camera "
-    "has a negative w, and the division mirrors it through the image center, well inside the image. After the "
-    "division it looks like any visible point, so w must be tested first.",
-    look_for=(
-        "Bottom left: without the test every pixel has history, although the camera turned by 180 degrees.",
-        "The false history is the previous image upside down.",
-        "Bottom right: with the test no pixel is reused.",
-    ),
-    question=Question(
-        "The camera turns by 180 degrees between two frames: nothing that it sees now was in the previous "
-        "image. For which share of the pixels does reprojection without the test of w find a history?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening((Reason.BEHIND, Reason.OUTSIDE)),
-    scene=scene,
-    see_also=(("the self-test cases turn-180 and w-exactly-zero", "hard-cases.md"),),
-)
+OPENING = Opening((Reason.BEHIND, Reason.OUTSIDE))
+
+
 def run(stage: Stage) -> Result:
     lit = stage.pair(scene(), columns=("frustum", "color"))
     naive = without_the_test(stage)

@@ -12,13 +12,12 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
-from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
+from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
+from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Stage
 from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
-from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 Size = tuple[int, int]
@@ -40,11 +39,6 @@ class Point:
     samples: int
     percent: float
     milliseconds: float
-
-
-def scene() -> Scene:
-    """The moving ball of demo 2: its masks have a closed form at any resolution."""
-    return moving_ball()
 
 
 def discarded(size: Size, pair: int) -> Array:
@@ -76,31 +70,9 @@ def slack(size: Size, samples: int = 1) -> float:
     return 600.0 * deviation / (samples * size[0] * size[1]) + FACETS
 
 
-@demo(
-    11,
-    "cost",
-    "Accuracy against time",
-    idea="Every number here is measured with pixels, and pixels cost time. Fewer pixels are faster and less exact; "
-    "several samples per pixel are slower and more exact. The configurations that no other one beats in both form "
-    "the Pareto front. Along it, each further digit costs more time than the one before.",
-    look_for=(
-        "Top: the same edge of the same mask with a sixteenth, a quarter and all of the pixels.",
-        "Below: each dot is one configuration: its error against the exact area of the mask, and its time here.",
-        "The line is the Pareto front: no dot lies to the left of it and below.",
-    ),
-    question=Question(
-        "A mask is counted with a sixteenth of the pixels: a quarter of the width and of the height. By how "
-        "many percentage points does its share differ from the exact area?",
-        0.0,
-        1.0,
-    ),
-    opening=Opening((Reason.POSITION,), frame=2, settings={"fps": FPS}),
-    scene=scene,
-    see_also=(
-        ("what light costs: the command cost", "commands/cost.md"),
-        ("cost studies", "cost.md"),
-    ),
-)
+OPENING = Opening((Reason.POSITION,), frame=2, settings={"fps": FPS})
+
+
 def run(stage: Stage) -> Result:
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
@@ -140,12 +112,6 @@ def run(stage: Stage) -> Result:
     )  # fmt: skip
     screens = Screens(masks[0], "The mask with a sixteenth of the pixels. Blue: discarded by position.")
     return Result(tuple(findings), sheet, caption, parameter, screens=screens)
-
-
-def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
-    """``image`` (h, w, 3) with the nearest pixels at ``shape`` = (height, width)."""
-    rows, columns = (np.arange(n) * m // n for n, m in zip(shape, image.shape[:2]))
-    return image[rows][:, columns]
 
 
 def measured(stage: Stage) -> list[Point]:

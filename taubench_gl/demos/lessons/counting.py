@@ -6,9 +6,8 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, with_value
-from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
-from taubench_gl.demos.lessons.thresholds import scene as keys
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, with_value
+from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances, scene
 from taubench_gl.demos.sheet import (
     BLUE,
     GREEN,
@@ -23,7 +22,6 @@ from taubench_gl.demos.sheet import (
 )
 from taubench_gl.demos.stage import LitPair, Stage
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
-from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 
@@ -72,30 +70,9 @@ def curve_at(distance: Array, threshold: float, bits: int) -> float:
     return float(np.interp(threshold, edges(bits), discarded_above(counts)))
 
 
-def scene() -> Scene:
-    """The keys of demo 9: each moves by its own step, 1 cm to 128 cm."""
-    return keys()
+OPENING = Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0})
 
 
-@demo(
-    12,
-    "counting",
-    "Float32 sums and coarse histograms",
-    idea="A table is a sum of pixel counts, and a curve is a histogram of distances. Both are easy to get wrong: a "
-    "large float32 sum ignores single pixels and rounds every pair of a long run, and a coarse "
-    "histogram cannot tell a threshold from its neighbors. Runs count in exact integers, with 8 bins per octave.",
-    look_for=(
-        "Bottom left: the float32 sum is exact up to 2^24 pixels; its error changes where its steps double.",
-        "The compensated float32 sum stays below one rounding error, 2^-24; the integer sum is exact.",
-        "Bottom right: at the dashed threshold the curve with 1 bin per octave is too high: no key moved that far.",
-    ),
-    question=Question(
-        "A float32 number counts the discarded pixels one by one. At how many million does it stop growing?", 0.0, 40.0
-    ),
-    opening=Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0}),
-    scene=scene,
-    see_also=(("what a run records", "formats.md"),),
-)
 def run(stage: Stage) -> Result:
     pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
                       shadow_lights=0)  # fmt: skip

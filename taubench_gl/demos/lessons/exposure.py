@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import Sheet, as_bytes, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
@@ -57,28 +57,9 @@ def change(size: Size) -> Array:
     return np.sqrt(3.0) * np.abs(wall_radiance(size, PLACES[1]) - wall_radiance(size, PLACES[0]))
 
 
-@demo(
-    14,
-    "exposure",
-    "Light units and exposure",
-    idea="Files give lights in candela, so radiance is in cd/m2: tens for a lamp in a room, thousands outdoors. A "
-    "threshold is a number without such a unit. It compares radiance times exposure, and the exposure decides what "
-    "counts as a change. It is metered once, so that the average of a scene is middle gray, whatever its lights are.",
-    look_for=(
-        "Top left: with an exposure of 1 a lamp of 100 cd makes the wall white, and most pixels count as changed.",
-        "Top right: with the metered exposure the wall is gray, and discarded is where the light changed visibly.",
-        "The plot: the discard rate depends on the exposure as much as on the scene. The line is a closed form.",
-    ),
-    question=Question(
-        "A lamp of 100 candela hangs 1 m in front of a wall that reflects 80 %. Which luminance does the "
-        "brightest point of the wall have?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening(SHOWN, settings={"exposure": "auto"}),
-    scene=scene,
-    see_also=(("units and exposure", "light.md"),),
-)
+OPENING = Opening(SHOWN, settings={"exposure": "auto"})
+
+
 def run(stage: Stage) -> Result:
     columns = ("frustum", "direct")
     metered = float(

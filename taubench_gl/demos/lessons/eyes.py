@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result
 from taubench_gl.demos.sheet import Sheet, overlay, reason_entries
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
@@ -32,29 +32,9 @@ def scene() -> Scene:
     return b.build()
 
 
-@demo(
-    18,
-    "eyes",
-    "History from the other eye",
-    idea="A headset draws two images of the same moment. The image of one eye can be the history of the other: between "
-    "them nothing has moved and no light has changed. What remains is parallax. Each eye sees a part of the "
-    "background that an edge hides from the other, and a part of the image ends earlier in the other.",
-    look_for=(
-        "The left eye sees a strip of the wall beside the board that the right eye does not see.",
-        "The board moves, so the last frame has no history on its other side. The other eye is not affected.",
-        "With either history, nearly every pixel can be reused: the two strips lie on different sides.",
-    ),
-    question=Question(
-        "The eyes of a headset are 64 mm apart. A board is 0.8 m away, a wall behind it 3 m. The image is 50 degrees "
-        "high. How many pixels wide is the strip of the wall that the left eye sees and the board hides from the "
-        "right eye?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OUTSIDE), settings={"history": "eye", "eyes": EYES}),
-    scene=scene,
-    see_also=(("the other eye", "conventions.md"),),
-)
+OPENING = Opening((Reason.DISOCCLUDED, Reason.OUTSIDE), settings={"history": "eye", "eyes": EYES})
+
+
 def run(stage: Stage) -> Result:
     eye, frame, both = (stage.pair(scene(), columns=COLUMNS, history=h, eyes=EYES) for h in ("eye", "frame", "both"))
     converged = stage.pair(scene(), columns=COLUMNS, history="eye", eyes=EYES, convergence=FAR)

@@ -11,7 +11,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, threshold_parameter
 from taubench_gl.demos.sheet import Sheet, as_bytes, gray_image, inset, letter, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
 from taubench_gl.scene.builder import IDENTITY, turn, turn_x, turn_y
@@ -61,7 +61,8 @@ def aim(direction: Array) -> Array:
     return math3d.normalize(np.array([y, -x, 0.0, 1.0 - z]))
 
 
-def moving_ball() -> Scene:
+def scene() -> Scene:
+    """A ball that moves in front of the wall; the scene of the first panel."""
     b = _stage()
     ball = b.ball(BALL, BRICK, 64)
     b.animate(ball, "translation", TIMES, BALL_AT)
@@ -213,7 +214,7 @@ class Column:
 
 
 def _position(stage: Stage) -> Column:
-    pair = stage.pair(moving_ball(), columns=("frustum", "position", "color"))
+    pair = stage.pair(scene(), columns=("frustum", "position", "color"))
     measured = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
     expected = expected_ball(pair.mask.shape[::-1])
     source = "ray intersections with ball and walls, float64"
@@ -258,29 +259,9 @@ def _indirect(stage: Stage) -> Column:
 COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _indirect)
 
 
-@demo(
-    2,
-    "features",
-    "Which feature detects which change",
-    idea="Reuse fails for different reasons, and each needs its own test. Position detects disocclusion and occlusion, "
-    "normal detects rotated surfaces, direct detects moving lights and shadows, indirect detects changes elsewhere in "
-    "the scene. A mask compares one feature of the two frames at every pixel.",
-    look_for=(
-        "Position, a and b: the pixels that the ball left have no history; those that it covers have that of the wall.",
-        "Normal, c: no point leaves its plane, yet half of the fan is shaded differently.",
-        "Direct, d to g: light that appears and disappears on the ball, and its shadow on the floor.",
-        "Indirect, h: red light on a floor that did not change.",
-    ),
-    question=Question(
-        "A ball with a radius of 75 cm moves by 1.2 m, 4 m in front of the camera. Which share of the image "
-        "does it uncover?",
-        0.0,
-        30.0,
-    ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING)),
-    scene=lambda: moving_ball(),
-    see_also=(("what the masks compare", "conventions.md"),),
-)
+OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING))
+
+
 def run(stage: Stage) -> Result:
     columns = [make(stage) for make in COLUMNS]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])

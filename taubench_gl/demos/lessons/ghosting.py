@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
@@ -85,29 +85,9 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
     return {int(k): float(np.median(share[age == k])) for k in np.unique(age) if k > 0}
 
 
-@demo(
-    10,
-    "ghosting",
-    "Ghosting and its prevention",
-    idea="A method that blends each frame into an exponential moving average keeps old colors: where the ball was, its "
-    "color fades over many frames. To prevent this ghosting, history must be rejected at the right pixels. A method "
-    "can clamp history to the colors around the pixel, compare positions and normals, or, with a noise-free reference, "
-    "use the paper's masks.",
-    look_for=(
-        "First image: the trail of the ball fades by 10 % per frame.",
-        "Second: clamping keeps only neighborhood colors: no ball, but blur along the edges of the tiles.",
-        "Third and fourth: where position is tested, disoccluded pixels restart without history: no ghost.",
-    ),
-    question=Question(
-        "Each new frame has a weight of 10 %, history 90 %. Which share of a bright ball is left five frames "
-        "after it has moved on?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"}),
-    scene=scene,
-    see_also=(("reuse methods", "reuse.md"), ("how they are evaluated", "reuse-evaluation.md")),
-)
+OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"})
+
+
 def run(stage: Stage) -> Result:
     texts = {name: text for name, (text, _, _) in METHODS.items()}
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, threshold_parameter
 from taubench_gl.demos.sheet import Sheet, as_bytes, overlay, painted
 from taubench_gl.demos.stage import CHALK, SAND, Props, Stage
 from taubench_gl.demos.theory import ground_discards, ground_distance
@@ -31,28 +31,9 @@ def scene() -> Scene:
     return b.build()
 
 
-@demo(
-    13,
-    "ground",
-    "Why a disocclusion test flickers on distant ground",
-    idea="The history of a point is the nearest pixel of the previous image, up to half a pixel away. On level ground "
-    "a pixel is longer the farther away it is: beyond some distance half a pixel exceeds any fixed threshold, and the "
-    "rows where it does change in every frame. A ray to the point itself shows that nothing has hidden it. A test in "
-    "widths of a pixel on the surface keeps this history.",
-    look_for=(
-        "Left: pixels that the distance of positions discards are rows, ever denser towards the horizon.",
-        "Right: every one of these points was visible from the previous camera.",
-    ),
-    question=Question(
-        "A camera 1.6 m above level ground moves forward by 1.3 m. Nothing hides any of the ground. Which "
-        "share of the image does the default position threshold discard?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening((Reason.POSITION,), frame=2),
-    scene=scene,
-    see_also=(("rejection tests", "reject.md"),),
-)
+OPENING = Opening((Reason.POSITION,), frame=2)
+
+
 def run(stage: Stage) -> Result:
     columns = ("frustum", "position", "color")
     pair = stage.evaluate(scene(), columns=columns, frames=(1, 3), extra=("prev_visibility",))[1][0]

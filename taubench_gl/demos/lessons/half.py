@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
@@ -72,27 +72,9 @@ def largest_in_blocks(values: Array) -> Array:
     return np.where(spread < 0.0, np.nan, spread)
 
 
-@demo(
-    5,
-    "half",
-    "Motion vectors in 16-bit floats",
-    idea="16-bit floats save memory, and their 11 bits of precision are enough for a color. They are not enough for "
-    "motion of many pixels: between 128 and 256 pixels the spacing is an eighth of a pixel, so fast pixels read the "
-    "wrong history pixel. Store motion in 32-bit floats, or normalized to the screen size with enough bits.",
-    look_for=(
-        "Left: terraces. The largest error doubles where the motion along an axis passes 16, 32, 64 and 128 pixels.",
-        "Right: the same as a staircase. Measured errors reach half of the spacing and never exceed it.",
-        "Drag the precision: down to 9 bits, each bit less doubles the share of pixels that read another one.",
-    ),
-    question=Question(
-        "The camera rolls by 50 degrees and motion vectors are stored as 16-bit floats. Which share of the "
-        "pixels reads another pixel of the previous frame?",
-        0.0,
-        20.0,
-    ),
-    opening=Opening((FRUSTUM,)),
-    scene=scene,
-)
+OPENING = Opening((FRUSTUM,))
+
+
 def run(stage: Stage) -> Result:
     pair = stage.pair(scene(), columns=("frustum", "color"))
     reusable = ~pair.has(FRUSTUM)

@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, enlarged_frames, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
@@ -114,29 +114,9 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
     return images
 
 
-@demo(
-    16,
-    "jitter",
-    "What a wrong jitter does",
-    idea="Temporal antialiasing moves the samples of each frame by a part of a pixel, the jitter. Motion vectors must "
-    "not contain it: where a surface was is a matter of the surface, not of the samples. If it stays in, or is removed "
-    "with the wrong sign, history is resampled between pixels in every frame although nothing moves.",
-    look_for=(
-        "First image: correct. The edge is spread over about a pixel and stands still.",
-        "Second and third: every frame blurs history a little more, and the edge shakes with the jitter.",
-        "Fourth: jitter removed from one frame only. The offsets do not add up to zero, so the edge is shifted.",
-        "The plot: profiles across the edge, their spread (standard deviation) predicted from the offsets alone.",
-    ),
-    question=Question(
-        "A still image is accumulated with a weight of 10 % for the new frame, and the jitter stays in the "
-        "motion vectors. How many pixels is the standard deviation of a sharp edge then?",
-        0.0,
-        4.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"environment": "none"}),
-    scene=scene,
-    see_also=(("the frames that reuse methods get", "reuse.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
+
+
 def run(stage: Stage) -> Result:
     weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}

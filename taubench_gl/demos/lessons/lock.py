@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, enlarged_frames, note
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
@@ -82,28 +82,9 @@ def raw_flicker(width: float) -> float:
     return 100.0 * float(np.sqrt((1.0 - share) / share))
 
 
-@demo(
-    17,
-    "lock",
-    "What an upscaler's lock keeps",
-    idea="An upscaler of FSR 2's kind renders a quarter of the pixels and collects the others over jittered frames. "
-    "A line thinner than a pixel is met by a sample only now and then. In the frames between, rectification finds no "
-    "such color nearby and removes the line from history. A lock keeps the history of thin features.",
-    look_for=(
-        "Top: the same line after 96 frames, with and without locks, and the mean light of the line that is left.",
-        "Without locks the line is gone although samples of it arrive in every frame somewhere.",
-        "The plot: thin lines depend on locks. A line that every frame samples needs none.",
-    ),
-    question=Question(
-        "A still line is half a pixel wide and brighter than its surroundings; the images show a frame that the "
-        "upscaler gets. Which share of the light of the line does the upscaled image show without locks?",
-        0.0,
-        120.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"environment": "none"}),
-    scene=scene,
-    see_also=(("the stages of fsr2-class", "reuse.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
+
+
 def run(stage: Stage) -> Result:
     images = {width: upscaled(stage, width) for width in WIDTHS}
     light = {name: [light_left(images[width][name], width) for width in WIDTHS] for name in METHODS}

@@ -14,10 +14,8 @@ from taubench_gl.demos.demo import (
     Finding,
     Opening,
     Parameter,
-    Question,
     Result,
     Screens,
-    demo,
     threshold_parameter,
 )
 from taubench_gl.demos.sheet import BLUE, Sheet, as_bytes, overlay, reason_entries, rgb
@@ -71,32 +69,12 @@ def expected_many_samples(per_lamp: Array, samples: int) -> float:
     return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()[::23]]))
 
 
-@demo(
-    8,
-    "noise",
-    "Noise is counted as change",
-    idea="Path-traced light is an estimate, and two estimates of the same radiance differ. A mask counts a difference "
-    "above the threshold as change. Here nothing moves, and still a part of the image is discarded: the fewer light "
-    "samples per pixel, the larger the part. Masks of rendered files therefore need many samples per pixel, or light "
-    "without noise.",
-    look_for=(
-        "Top: the same static room with 1, 4, 16 and 64 random light samples per pixel.",
-        "Bottom: yellow pixels are discarded. The correct value is 0 %.",
-        "The curve: four times as many samples halve the noise, and the discard rate drops quickly.",
-    ),
-    question=Question(
-        "A static room under four equal lamps; in each frame each pixel samples one of them at random. "
-        "Which share of the image does the default threshold count as changed?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening(
-        (Reason.INDIRECT,),  # path-traced light of a lamp without size has no noise until it is reflected
-        settings={"light": "path-traced", "spp": 1, "bounces": 2, "pattern": "independent", "indirect": "auto"},
-    ),
-    scene=scene,
-    see_also=(("noise in path-traced reference images", "path-traced.md"),),
+OPENING = Opening(
+    (Reason.INDIRECT,),  # path-traced light of a lamp without size has no noise until it is reflected
+    settings={"light": "path-traced", "spp": 1, "bounces": 2, "pattern": "independent", "indirect": "auto"},
 )
+
+
 def run(stage: Stage) -> Result:
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result
 from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
@@ -30,29 +30,9 @@ def scene(moves: str = "camera", step: float = STEP) -> Scene:
     return b.build()
 
 
-@demo(
-    7,
-    "occlusion",
-    "Disocclusion and occlusion",
-    idea="When the camera or an object moves, the edges of the object change. On one side a surface becomes visible "
-    "that the previous frame did not show: it is disoccluded and has no history. On the other side a moving object "
-    "covers the background: it is newly occluding, and its history is at its previous position, which motion vectors "
-    "give.",
-    look_for=(
-        "Left: a camera that moves to the right disoccludes a strip of the wall; what is covered has left the image.",
-        "Middle: for a moving board, reprojection by the camera alone discards both sides.",
-        "Right: motion vectors recover the history of the board. The disoccluded strip never has history.",
-    ),
-    question=Question(
-        "The camera moves to the right by 32 cm between two frames. A board is 2.5 m away, a wall behind it 6 m. "
-        "The image is 50 degrees high. How many pixels wide is the strip of the wall that appears beside the board?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening(SHOWN, settings={"reprojection": "motion"}),
-    scene=scene,
-    see_also=(("camera and motion reprojection", "conventions.md"),),
-)
+OPENING = Opening(SHOWN, settings={"reprojection": "motion"})
+
+
 def run(stage: Stage) -> Result:
     columns = ("frustum", "position", "color")
     walked = stage.pair(scene("camera"), columns=columns)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import turn_y
@@ -86,28 +86,9 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     return step / np.sqrt(12) * np.sqrt(sum(np.sum(np.square(s) * extends(pair), axis=-1) for s in slopes))
 
 
-@demo(
-    4,
-    "relative",
-    "Why positions are stored relative to the camera",
-    idea="A float32 has 24 bits of precision. Near the origin its spacing is below a micrometer; a million meters away "
-    "it is 6 cm, and every position is rounded to that grid. If the camera position is subtracted in float64 first, "
-    "the GPU only handles small numbers, wherever the scene is.",
-    look_for=(
-        "Top right: bands on a column. In a band all pixels store the same x; its error goes from -3 to 3 cm.",
-        "Bottom left: the positions of one row of pixels are steps of 6.25 cm, not a ramp.",
-        "Bottom right: after reprojection the steps are pixels of motion, the more the farther from the origin.",
-    ),
-    question=Question(
-        "A scene is 1000 km from the origin. By how many millimeters (RMS) is a position wrong that is "
-        "stored as float32 in world space?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening((FRUSTUM,)),
-    scene=scene,
-    see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
-)
+OPENING = Opening((FRUSTUM,))
+
+
 def run(stage: Stage) -> Result:
     at_origin, far_away = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
     image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]

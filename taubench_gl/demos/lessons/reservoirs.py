@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.lessons.cost import scaled_to
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, rgb, scaled_to
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
@@ -112,33 +111,13 @@ def tolerance(share: float) -> float:
     return 100.0 * SIGMAS * math.sqrt(share * (1.0 - share) / (SIZE[0] * SIZE[1]))
 
 
-@demo(
-    19,
-    "reservoirs",
-    "What a reservoir remembers",
-    idea="Temporal reuse of samples (ReSTIR) keeps one light sample in each pixel, a reservoir, and a count of the "
-    "samples that it stands for. The samples of a frame compete with it in proportion to the light that they give and "
-    "to the counts. A limit on the count keeps an old reservoir from winning forever.",
-    look_for=(
-        "Panels: which lamp each pixel holds, some frames after a second lamp of equal light was switched on.",
-        "A large limit means less noise, and a new lamp that takes longer to be found.",
-        "Without correction of the count (the biased combination) the light of the image follows at the same pace.",
-        "When the lamp is switched off again, every reservoir that holds it is kept wrongly: its light is gone.",
-    ),
-    question=Question(
-        f"History counts at most {LIMIT} times as much as the samples of one frame. A second lamp, as bright as the "
-        f"first, is switched on. Which share of the pixels holds it in the {AGE}th frame with it?",
-        0.0,
-        50.0,
-    ),
-    opening=Opening(
-        (Reason.LIT,),
-        frame=BORN,
-        settings={"light": "path-traced", "indirect": "auto", "fps": 1.0, "bounces": 1, "environment": "none"},
-    ),
-    scene=scene,
-    see_also=(("methods that sample lights", "reuse.md"), ("scores of their samples", "reuse-evaluation.md")),
+OPENING = Opening(
+    (Reason.LIT,),
+    frame=BORN,
+    settings={"light": "path-traced", "indirect": "auto", "fps": 1.0, "bounces": 1, "environment": "none"},
 )
+
+
 def run(stage: Stage) -> Result:
     memories, images = run_limits(stage)
     memory, (share, light) = memories[LIMIT], remembered(LIMIT, AGE)

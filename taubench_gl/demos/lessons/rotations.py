@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result
 from taubench_gl.demos.lessons.behind import reprojected
 from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
 from taubench_gl.demos.stage import Props, Stage, hall
@@ -32,28 +32,9 @@ def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
     return b.build()
 
 
-@demo(
-    1,
-    "rotations",
-    "Camera rotation discards history",
-    idea="Surfaces that were not in the previous image cannot be reused. A rotation by 25 degrees discards a large "
-    "part of the image at once. How much depends on the axis: yaw and pitch move the whole image, roll only cuts the "
-    "corners.",
-    look_for=(
-        "The checkerboard: pixels whose surface point was outside the previous image.",
-        "Its straight edges are the border of the previous image, seen from the new orientation.",
-        "Roll discards little, although the angle is the same.",
-    ),
-    question=Question(
-        "The camera turns 25 degrees to the left between two frames. Its horizontal field of view is 85 "
-        "degrees. Which share of the new image was not in the previous one?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening((FRUSTUM,)),
-    scene=scene,
-    see_also=(("the conventions of the frustum test", "conventions.md"),),
-)
+OPENING = Opening((FRUSTUM,))
+
+
 def run(stage: Stage) -> Result:
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings, before = [], None

@@ -8,9 +8,8 @@ import math
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.lessons.cost import scaled_to
-from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
+from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Props, Stage, corner
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.builder import quad, turn_x
@@ -61,29 +60,9 @@ def expected_rejections(sigma: Array, count: int) -> float:
     return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()]))
 
 
-@demo(
-    15,
-    "samples",
-    "Path-traced noise and what a threshold rejects",
-    idea="A path-traced pixel is the mean of random samples. The noise of a mean of independent frames falls with "
-    "their number, but more slowly than their cost grows. A rejection test that compares two noisy buffers with a "
-    "threshold discards history wherever the noise is larger, although nothing moves.",
-    look_for=(
-        "Top: the mean of one and of 64 frames, with the pixels that the threshold of direct light discards.",
-        "Left plot: noise against samples, both logarithmic. Independent frames are on a line with a slope of -1/2.",
-        "Samples of one frame are better than that: their numbers are stratified (a Sobol sequence).",
-        "Right plot: what the threshold discards. It ends when the noise is well below the threshold everywhere.",
-    ),
-    question=Question(
-        "Each of the two images is the mean of 4 path-traced frames with one sample per pixel. Which share of the "
-        "noise is left in the mean of 64?",
-        0.0,
-        1.0,
-    ),
-    opening=Opening((Reason.DIRECT,), settings={**PATHS, "spp": 1}),
-    scene=scene,
-    see_also=(("path-traced light", "light.md"), ("rejection tests", "reject.md")),
-)
+OPENING = Opening((Reason.DIRECT,), settings={**PATHS, "spp": 1})
+
+
 def run(stage: Stage) -> Result:
     frames = light(stage, 1, FRAMES)
     noises = {count: noise(means(frames, count)) for count in COUNTS}

@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
 from taubench_gl.demos.sheet import (
     BLUE,
     ORANGE,
@@ -72,29 +72,9 @@ def distance(pair: PairImages, sampling: str) -> Array:
     return pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=sampling).distances["position"]
 
 
-@demo(
-    6,
-    "sampling",
-    "Nearest and bilinear sampling",
-    idea="A reprojected position rarely coincides with a pixel center of the previous frame. The nearest pixel shows a "
-    "point up to half a pixel away. The bilinear blend of four pixels is exact on planes, but at an edge it mixes "
-    "foreground and background into a position where no surface is. Here nothing moves except the sub-pixel sample, so "
-    "every discard is a sampling error.",
-    look_for=(
-        "Top left, nearest: discarded are only pixels of an edge whose nearest history pixel is on the other side.",
-        "Top right, bilinear: every edge is discarded, one pixel wide, without gaps.",
-        "Below: the nearest sample on the side wall is the farther off the more grazing the view. Bilinear: no error.",
-    ),
-    question=Question(
-        "Nothing moves, only the sample moves by 0.3 pixels. With bilinear sampling of history, how many "
-        "pixels are discarded where a row crosses the edge of an object?",
-        0.0,
-        4.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"sampling": "bilinear"}),
-    scene=scene,
-    see_also=(("how history is sampled", "conventions.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"sampling": "bilinear"})
+
+
 def run(stage: Stage) -> Result:
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
     frames = stage.pair(scene(), columns=("frustum", "color"))
