@@ -209,6 +209,11 @@ def threshold_parameter(
     )  # fmt: skip
 
 
+def percent(region: Array) -> float:
+    """The share of the pixels in ``region`` (h, w) bool, percent."""
+    return 100.0 * float(region.mean())
+
+
 def with_value(values: Array, value: float) -> tuple[Array, int]:
     """Positive ``values`` (n,) with ``value`` in place of the nearest one, and its index."""
     at = int(np.argmin(np.abs(np.log(np.asarray(values) / value))))
@@ -229,8 +234,9 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class Screens:
-    """Images beside the question, where the opening's pair and masks do not show what is asked.  (h, w, 3) uint8 each.
+    """Images beside the question, where the opening's pair and masks do not show what is asked.
 
+    Each image is (h, w, 3), uint8 or float in [0, 1].
     ``answer``: shown after the guess, in place of the mask; ``note``: what it shows; ``frames``: previous and current
     frame, None for those of the pair.
     """

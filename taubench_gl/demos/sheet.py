@@ -26,6 +26,8 @@ _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58
 BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 """From the palette of Okabe and Ito (2008), as the mask colors."""
+CHECKER = (237, 237, 237)
+"""The light squares of ``checkerboard``, for a legend.  8-bit sRGB."""
 
 
 class Sheet:

@@ -79,6 +79,11 @@ class Stage:
     def pixels(self) -> int:
         return self.size[0] * self.size[1]
 
+    @property
+    def cell(self) -> int:
+        """Side of a square of a ``checkerboard`` over an image, pixels."""
+        return max(self.size[0] // 60, 1)
+
     def settings(self, **settings: Any) -> Settings:
         """Settings with the size and backend of the stage; defaults: one frame per second, no indirect light."""
         defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none", **FIXED_LIGHTING}
@@ -168,6 +173,17 @@ class Props(SceneBuilder):
     def paint(self, color: tuple[float, float, float], **more: object) -> int:
         """A Lambertian material without specular lobe."""
         return self.material(base_color=(*color, 1.0), metallic=0.0, roughness=1.0, specular=0.0, **more)
+
+    def glow(self, *radiance: float) -> int:
+        """A black material that emits ``radiance``, one number for gray or R, G and B."""
+        color = radiance if len(radiance) == 3 else radiance * 3
+        return self.material(base_color=(0, 0, 0, 1), emissive=color, specular=0.0)
+
+    def still_camera(self, yfov: float, seconds: float) -> int:
+        """A camera at the origin that stands still for ``seconds``, so that the scene has that duration."""
+        camera = self.camera(yfov=yfov, znear=0.05)
+        self.animate(camera, "translation", [0.0, seconds], [(0, 0, 0), (0, 0, 0)])
+        return camera
 
     def thing(self, *primitives: Primitive, **node: object) -> int:
         """A node with a mesh.  Returns the node."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
+from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Stage
@@ -59,6 +59,12 @@ def exact_percent(size: Size) -> float:
     return 100.0 * float(np.mean([discarded(fine, pair).mean() for pair in range(int(FPS))]))
 
 
+def scaled(size: Size, scale: float) -> Size:
+    """``size`` (width, height) times ``scale``, in whole pixels, at least 1."""
+    width, height = (max(1, round(side * scale)) for side in size)
+    return width, height
+
+
 def slack(size: Size, samples: int = 1) -> float:
     """Tolerance of the share counted with ``samples`` per pixel, pp: six standard deviations.
 
@@ -74,25 +80,25 @@ OPENING = Opening((Reason.POSITION,), frame=2, settings={"fps": FPS})
 
 
 def run(stage: Stage) -> Result:
+    """The error and the time of each configuration."""
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
     sheet = Sheet(3, 1, size[0] / size[1], below=360)
-    details, masks = [], []
+    details, masks = {}, []
     for place, scale in enumerate(SCALES):
-        w, h = (max(1, round(side * scale)) for side in size)
+        w, h = scaled(size, scale)
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         masks.append(drawn)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
-        details.append(scaled_to(part, (size[1] // 3, size[0] // 3)))
+        details[scale] = scaled_to(part, (size[1] // 3, size[0] // 3))
         text = f"error {error_at(points, scale, exact):.3f} pp"
         sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail", text)
     _front(sheet, points, exact)
     sheet.legend(reason_entries(Reason.POSITION))
     findings = []
-    small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
     for (scale, samples), meaning, bound in (
-        ((0.25, 1), "at a quarter of the width and height", slack(small)),
+        ((0.25, 1), "at a quarter of the width and height", slack(scaled(size, 0.25))),
         ((1.0, 1), "at full size, one sample per pixel", slack(size)),
         ((1.0, 16), "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
     ):
@@ -103,12 +109,12 @@ def run(stage: Stage) -> Result:
         expected = Expected.between(-np.inf, bound, source, 3)
         findings.append(Finding(error, "pp", f"is the error {meaning}", expected, 4))
     caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
-    parameter = Parameter(
-        "resolution", "%", tuple(100.0 * scale for scale in SCALES), "is the error of the share", "pp",
-        tuple(error_at(points, scale, exact) for scale in SCALES), (0.0,) * len(SCALES),
-        tuple(slack((max(1, round(size[0] * s)), max(1, round(size[1] * s)))) for s in SCALES),
-        "each of the samples on an edge is wrong by up to half a sample at random; 6 deviations", images=tuple(details),
-        note="The same detail of the mask. Blue: discarded by position.", digits=3,
+    parameter = swept(
+        "resolution", "%", tuple(100.0 * scale for scale in SCALES),
+        lambda p: (details[p / 100], error_at(points, p / 100, exact), 0.0, slack(scaled(size, p / 100))),
+        start=100.0 * SCALES[0], meaning="is the error of the share", number_unit="pp", digits=3,
+        source="each of the samples on an edge is wrong by up to half a sample at random; 6 deviations",
+        note="The same detail of the mask. Blue: discarded by position.",
     )  # fmt: skip
     screens = Screens(masks[0], "The mask with a sixteenth of the pixels. Blue: discarded by position.")
     return Result(tuple(findings), sheet, caption, parameter, screens=screens)
@@ -118,7 +124,7 @@ def measured(stage: Stage) -> list[Point]:
     """The mean percentage of every configuration, and the median time of a frame in REPEATS turns of all frames."""
     ball, points = scene(), []
     for scale, samples in CONFIGURATIONS:
-        w, h = (max(1, round(side * scale)) for side in stage.size)
+        w, h = scaled(stage.size, scale)
         settings = stage.settings(
             fps=FPS, columns=("frustum", "position"), width=w, height=h, samples_per_pixel=samples
         )
@@ -134,7 +140,7 @@ def measured(stage: Stage) -> list[Point]:
 
 
 def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) -> float:
-    """Percentage points."""
+    """The error of a configuration, ``scale`` and ``samples`` per pixel, against the ``exact`` share.  Pp."""
     return abs(next(p.percent for p in points if (p.scale, p.samples) == (scale, samples)) - exact)
 
 

@@ -6,20 +6,9 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, with_value
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, swept, with_value
 from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances, scene
-from taubench_gl.demos.sheet import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    Sheet,
-    gray_image,
-    heat,
-    overlay,
-    painted,
-    reason_entries,
-    rgb,
-)
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, gray_image, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import LitPair, Stage
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
 
@@ -74,6 +63,7 @@ OPENING = Opening((Reason.POSITION,), settings={"thresholds": {"position": THRES
 
 
 def run(stage: Stage) -> Result:
+    """An hour of one pair summed in float32, and one curve from histograms of three widths."""
     pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
                       shadow_lights=0)  # fmt: skip
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
@@ -93,20 +83,23 @@ def run(stage: Stage) -> Result:
 
 
 def _threshold(pair: LitPair, moved: Array) -> Parameter:
-    """The threshold that the coarse curve is read at; theory is the count of the pixels themselves."""
-    thresholds, start = with_value(np.geomspace(0.02, 1.0, 40), THRESHOLD)
-    values = tuple(map(float, thresholds))
-    exact = [100.0 * float((moved > value).mean()) for value in values]
-    read = tuple(100.0 * curve_at(moved, value, COARSE) / moved.size for value in values)
-    low = edges(COARSE)[np.searchsorted(edges(COARSE), values, side="right") - 1]
-    inside = [100.0 * float(((moved >= a) & (moved < 2.0 * a)).mean()) for a in low]
-    gray = gray_image(pair)
-    images = tuple(painted(gray / 255.0, (moved > value, rgb(Reason.POSITION))) for value in values)
-    return Parameter(
-        "position threshold", "m", values, "of the pixels by the curve with 1 bin per octave", "%", read, tuple(exact),
-        tuple(share + 1e-9 for share in inside), "the pixels above the threshold; ± all pixels of its bin",
-        start=start, images=images,
-        note="Blue: the pixels above the threshold.",
+    """The threshold at which the coarse curve is read; its theory is the count of the pixels themselves.
+
+    ``moved`` (h, w): distance between the surface points of both frames, meters.
+    """
+    values, _ = with_value(np.geomspace(0.02, 1.0, 40), THRESHOLD)
+    gray = gray_image(pair) / 255.0
+
+    def at(value: float) -> tuple[Array, float, float, float]:
+        low = edges(COARSE)[np.searchsorted(edges(COARSE), value, side="right") - 1]
+        image = painted(gray, (moved > value, rgb(Reason.POSITION)))
+        inside = percent((moved >= low) & (moved < 2.0 * low))
+        return image, 100.0 * curve_at(moved, value, COARSE) / moved.size, percent(moved > value), inside + 1e-9
+
+    return swept(
+        "position threshold", "m", values, at, start=THRESHOLD, number_unit="%",
+        meaning="of the pixels by the curve with 1 bin per octave",
+        source="the pixels above the threshold; ± all pixels of its bin", note="Blue: the pixels above the threshold.",
     )  # fmt: skip
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
-from taubench_gl.demos.sheet import Sheet, as_bytes, heat, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.sheet import Sheet, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import METERED_FRAMES, METERED_SIZE
@@ -61,16 +61,15 @@ OPENING = Opening(SHOWN, settings={"exposure": "auto"})
 
 
 def run(stage: Stage) -> Result:
+    """The luminance of a wall, the metered exposure, and the discard rate with and without it."""
     columns = ("frustum", "direct")
-    metered = float(
-        resolve_lighting(
-            scene(), stage.settings(columns=columns, frames=(0, 2), exposure="auto")
-        ).settings.lighting.exposure_factor
-    )
+    automatic = stage.settings(columns=columns, frames=(0, 2), exposure="auto")
+    metered = float(resolve_lighting(scene(), automatic).settings.lighting.exposure_factor)
     bright = stage.pair(scene(), columns=columns)
     gray = stage.pair(scene(), columns=columns, exposure=metered)
     watt = stage.pair(scene(), columns=columns, light_unit="watt")
-    luminance, radiance = bright.now["direct"][..., 0].astype(np.float64), wall_radiance(stage.size, PLACES[1])
+    luminance = bright.now["direct"][..., 0].astype(np.float64)
+    most, brightest = float(luminance.max()), float(wall_radiance(stage.size, PLACES[1]).max())
     parameter = _exposure(stage, bright.before["direct"], bright.now["direct"], metered)
     sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=330)
     for place, (pair, factor, name) in enumerate(((bright, 1.0, "exposure 1"), (gray, metered, "metered exposure"))):
@@ -81,8 +80,8 @@ def run(stage: Stage) -> Result:
     sheet.legend(reason_entries(*SHOWN))
     ratio = float(np.median(luminance / watt.now["direct"][..., 0]))
     findings = (
-        Finding(float(luminance.max()), "cd/m2", "is the luminance of the brightest pixel",
-                Expected.near(float(radiance.max()), 0.005 * float(radiance.max()),
+        Finding(most, "cd/m2", "is the luminance of the brightest pixel",
+                Expected.near(brightest, 0.005 * brightest,
                               "Lambert's law: albedo intensity / (pi distance^2); ± 0.5 %")),
         Finding(ratio, "", "is the ratio of radiance in candela to that in watt",
                 Expected.near(LUMENS_PER_WATT, 0.01, "683 lumens per watt, as Blender's exporter writes")),
@@ -97,31 +96,30 @@ def run(stage: Stage) -> Result:
     caption = (
         "A lamp moves in front of a wall: the mask of direct light with two exposures, and the discard rate of all."
     )
-    most = float(luminance.max())
-    screens = Screens(as_bytes(heat(luminance, most)), f"Luminance, from 0 (dark) to {most:.1f} cd/m2 (bright).")
+    screens = Screens(heat(luminance, most), f"Luminance, from 0 (dark) to {most:.1f} cd/m2 (bright).")
     return Result(findings, sheet, caption, parameter, screens=screens)
 
 
 def _share(region: Array) -> Expected:
+    """The share of the pixels in a region (h, w) bool of the closed form, percent."""
     return Expected.share(region, "closed form; ± half of the pixels on its edge")
 
 
 def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
-    """The exposure, in stops around 1.  ``before``, ``now``: direct light (h, w, >= 3)."""
+    """The exposure, in stops around 1.  ``before``, ``now``: direct light (h, w, >= 3) of both frames, cd/m2."""
     moved = np.linalg.norm(now[..., :3].astype(np.float64) - before[..., :3], axis=-1)
-    images, shares, expected = [], [], []
-    for stop in STOPS:
+
+    def at(stop: float) -> tuple[Array, float, float, float]:
         region = moved * 2.0**stop > DEFAULT_THRESHOLD
         image = display_color(now[..., :3].astype(np.float64), 2.0**stop)
-        images.append(as_bytes(painted(image, (region, rgb(Reason.DIRECT)), strength=0.45)))
-        shares.append(100.0 * float(region.mean()))
-        expected.append(_share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD))
-    return Parameter(
-        "exposure", "stops", STOPS, "of the pixels are discarded", "%", tuple(shares),
-        tuple(0.5 * (e.low + e.high) for e in expected), tuple(0.5 * (e.high - e.low) + 1e-9 for e in expected),
-        "closed form; ± half of the pixels on the edges",
-        start=int(np.argmin(np.abs(np.array(STOPS) - np.log2(metered)))),
-        images=tuple(images), note="0 stops: exposure 1; each stop doubles it. Yellow: discarded.",
+        share = _share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD)
+        middle, slack = 0.5 * (share.low + share.high), 0.5 * (share.high - share.low)
+        return painted(image, (region, rgb(Reason.DIRECT)), strength=0.45), percent(region), middle, slack + 1e-9
+
+    return swept(
+        "exposure", "stops", STOPS, at, start=float(np.log2(metered)), meaning="of the pixels are discarded",
+        number_unit="%", source="closed form; ± half of the pixels on the edges",
+        note="0 stops: exposure 1; each stop doubles it. Yellow: discarded.",
     )  # fmt: skip
 
 

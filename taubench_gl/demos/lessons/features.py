@@ -263,6 +263,7 @@ OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING))
 
 
 def run(stage: Stage) -> Result:
+    """One panel per feature, with letters on the regions that it detects."""
     columns = [make(stage) for make in COLUMNS]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings = []

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
@@ -44,10 +44,9 @@ MARKER_PT = (6, 14, 9, 4)
 def scene() -> Scene:
     """An emissive ball crosses an emissive checkered wall: all radiances are known, there is no other light."""
     b = Props()
-    tiles = [b.material(base_color=(0, 0, 0, 1), emissive=(v, v, 1.15 * v), specular=0.0) for v in TILE]
+    tiles = [b.glow(v, v, 1.15 * v) for v in TILE]
     b.thing(*checkered(6.0, 4.0, (24, 16), tiles), translation=(0, 0, -6))
-    glow = b.material(base_color=(0, 0, 0, 1), emissive=GLOW, specular=0.0)
-    ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=glow))
+    ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=b.glow(*GLOW)))
     b.animate(ball, "translation", [0.0, float(FRAMES - 1)], [(-1.9, 0.25, -4.4), (1.5, -0.2, -4.4)])
     b.camera(yfov=np.radians(42.0), znear=0.05)
     return b.build()
@@ -89,6 +88,7 @@ OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, sett
 
 
 def run(stage: Stage) -> Result:
+    """The ghost of the ball in four methods, and its decay."""
     texts = {name: text for name, (text, _, _) in METHODS.items()}
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
     images = run_methods(stage, texts | blended)
@@ -119,12 +119,15 @@ def run(stage: Stage) -> Result:
 
 def _weight(trails: Mapping[float, Trail]) -> Parameter:
     """The weight of the new frame, with history that is not tested."""
-    left = tuple(100.0 * (1.0 - alpha) ** AGE for alpha in trails)
-    return Parameter(
-        "weight of the new frame", "", tuple(trails), f"of the ball's radiance remains {AGE} frames after it left", "%",
-        tuple(100.0 * trail.weights[AGE] for trail in trails.values()), left, tuple(0.01 * v + 1e-3 for v in left),
-        f"moving average: (1 - weight)^{AGE}; ± 1 % for float32", start=ALPHAS.index(ALPHA),
-        images=tuple(as_bytes(shown(trail.image)) for trail in trails.values()), note="The image after 12 frames.",
+
+    def at(alpha: float) -> tuple[Array, float, float, float]:
+        left = 100.0 * (1.0 - alpha) ** AGE
+        return shown(trails[alpha].image), 100.0 * trails[alpha].weights[AGE], left, 0.01 * left + 1e-3
+
+    return swept(
+        "weight of the new frame", "", ALPHAS, at, start=ALPHA, number_unit="%",
+        meaning=f"of the ball's radiance remains {AGE} frames after it left",
+        source=f"moving average: (1 - weight)^{AGE}; ± 1 % for float32", note="The image after 12 frames.",
     )  # fmt: skip
 
 

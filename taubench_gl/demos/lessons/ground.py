@@ -35,6 +35,7 @@ OPENING = Opening((Reason.POSITION,), frame=2)
 
 
 def run(stage: Stage) -> Result:
+    """The pixels of level ground that the distance of positions discards, and those that were hidden."""
     columns = ("frustum", "position", "color")
     pair = stage.evaluate(scene(), columns=columns, frames=(1, 3), extra=("prev_visibility",))[1][0]
     width, height = stage.size

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
-from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
@@ -76,6 +76,7 @@ OPENING = Opening((FRUSTUM,))
 
 
 def run(stage: Stage) -> Result:
+    """The errors of motion vectors that are rounded to 16-bit floats."""
     pair = stage.pair(scene(), columns=("frustum", "color"))
     reusable = ~pair.has(FRUSTUM)
     half = in_half(pair.motion)
@@ -119,19 +120,17 @@ def _chance(percent: float, reusable: Array) -> float:
 
 
 def _precision(motion: Array, reusable: Array) -> Parameter:
-    """The bits of precision of a motion vector."""
-    images, shares, laws = [], [], []
-    for bits in BITS:
-        other = reusable & (texels(in_half(motion, bits)) != texels(motion)).any(axis=-1)
-        image = np.where(other[..., None], np.array(WRONG), np.where(reusable[..., None], np.array(RIGHT), 219))
-        images.append(as_bytes(image / 255.0))
-        shares.append(100.0 * float(other.sum() / reusable.sum()))
-        laws.append(law(motion[reusable], bits))
-    return Parameter(
-        "precision", "bits", tuple(map(float, BITS)), "of the reusable pixels read another pixel", "%", tuple(shares),
-        tuple(laws), tuple(_chance(value, reusable) for value in laws),
-        "half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
-        start=BITS.index(11), images=tuple(images),
+    """The bits of precision of the motion vectors ``motion`` (h, w, 2), over the pixels ``reusable`` (h, w)."""
+
+    def at(bits: float) -> tuple[Array, float, float, float]:
+        other = reusable & (texels(in_half(motion, int(bits))) != texels(motion)).any(axis=-1)
+        image = np.where(other[..., None], WRONG, np.where(reusable[..., None], RIGHT, 219)).astype(np.uint8)
+        expected = law(motion[reusable], int(bits))
+        return image, 100.0 * float(other.sum() / reusable.sum()), expected, _chance(expected, reusable)
+
+    return swept(
+        "precision", "bits", BITS, at, start=11, meaning="of the reusable pixels read another pixel", number_unit="%",
+        source="half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
         note="Orange: another pixel; dark: the same pixel; light gray: no history. 16-bit floats have 11 bits.",
     )  # fmt: skip
 

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, rgb, scaled_to
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, rgb, scaled_to
 from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import SampleRays
 from taubench_gl.reuse.samples import history_counts
-from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
@@ -39,15 +38,13 @@ METHOD = "restir-di@candidates=4@neighbors=0@visibility_reuse=false@combination=
 def scene() -> Scene:
     """A wall that one lamp lights; from frame BORN on, for AGE frames, a second one as bright at the same place."""
     b = Props()
-    wall = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
-    b.node(mesh=b.mesh(quad(9.0, 6.0, material=wall)), translation=(0.0, 0.0, -4.0))
+    b.wall(9.0, 6.0, (0.7, 0.7, 0.7), translation=(0.0, 0.0, -4.0))
     for second in (False, True):
         lamp = b.light(translation=(0.6, 0.5, -2.0), intensity=4.0)
         if second:
             times = [0.0, BORN - 0.5, BORN + AGE - 0.5]
             b.animate(lamp, "scale", times, [(0.0,) * 3, (1.0,) * 3, (0.0,) * 3], "STEP")
-    camera = b.camera(yfov=np.radians(42.0), znear=0.05)
-    b.animate(camera, "translation", [0.0, float(BORN + AGE)], [(0, 0, 0), (0, 0, 0)])
+    b.still_camera(np.radians(42.0), BORN + AGE)
     return b.build()
 
 
@@ -108,7 +105,7 @@ def wrong_keeps(runner: MethodRunner, frame: FrameInputs, rays: SampleRays) -> f
 
 def tolerance(share: float) -> float:
     """SIGMAS standard deviations of the share of pixels, percent: each holds a lamp independently of the others."""
-    return 100.0 * SIGMAS * math.sqrt(share * (1.0 - share) / (SIZE[0] * SIZE[1]))
+    return 100.0 * SIGMAS * share_deviation(share, SIZE[0] * SIZE[1])
 
 
 OPENING = Opening(
@@ -119,6 +116,7 @@ OPENING = Opening(
 
 
 def run(stage: Stage) -> Result:
+    """Which lamp reservoirs hold, and the light of the image, some frames after a second lamp was switched on."""
     memories, images = run_limits(stage)
     memory, (share, light) = memories[LIMIT], remembered(LIMIT, AGE)
     source = f"moving average: e = (1 - ({LIMIT}/{LIMIT + 1})^{AGE}) / 2"
@@ -136,13 +134,13 @@ def run(stage: Stage) -> Result:
     _plot(sheet, memories)
     sheet.legend([("holds the first lamp", rgb(BLUE)), ("holds the new lamp", rgb(ORANGE))])
     caption = f"A wall {AGE} frames after a second lamp was switched on: which lamp the reservoirs hold, by the limit."
-    frames = tuple(enlarged(as_bytes(display_color(image.astype(np.float64), 1.0, "linear"))) for image in images)
+    frames = tuple(enlarged(display_color(image.astype(np.float64), 1.0, "linear")) for image in images)
     screens = Screens(lamps_held(memory.held), "Orange: pixels that hold the new lamp.", frames)
     return Result(findings, sheet, caption, _limit(memories), screens=screens)
 
 
 def enlarged(image: Array) -> Array:
-    """An image at four times its size, uint8."""
+    """An image (h, w, 3) at four times its size."""
     return scaled_to(image, (SIZE[1] * 4, SIZE[0] * 4))
 
 
@@ -152,13 +150,15 @@ def lamps_held(held: Array) -> Array:
 
 
 def _limit(memories: Mapping[int, Memory]) -> Parameter:
-    """The limit of the count."""
-    theory = [remembered(limit, AGE)[0] for limit in memories]
-    return Parameter(
-        "limit, times the samples of a frame", "", tuple(map(float, memories)), "of the pixels hold the new lamp", "%",
-        tuple(100 * m.shares[-1] for m in memories.values()), tuple(100 * share for share in theory),
-        tuple(map(tolerance, theory)), f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
-        start=LIMITS.index(LIMIT), images=tuple(lamps_held(m.held) for m in memories.values()),
+    """The limit of the count of samples that history stands for."""
+
+    def at(limit: float) -> tuple[Array, float, float, float]:
+        memory, expected = memories[int(limit)], remembered(int(limit), AGE)[0]
+        return lamps_held(memory.held), 100 * memory.shares[-1], 100 * expected, tolerance(expected)
+
+    return swept(
+        "limit, times the samples of a frame", "", LIMITS, at, start=LIMIT, meaning="of the pixels hold the new lamp",
+        number_unit="%", source=f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
         note="Orange: pixels that hold the new lamp.",
     )  # fmt: skip
 

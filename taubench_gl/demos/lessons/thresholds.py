@@ -59,6 +59,7 @@ OPENING = Opening((Reason.POSITION,), settings={"shadow_lights": 0})
 
 
 def run(stage: Stage) -> Result:
+    """The masks of three thresholds, and the curve of all."""
     results, masks = {}, {}
     for threshold in SHOWN:
         results[threshold], pairs = stage.evaluate(
