@@ -215,7 +215,7 @@ def percent(region: Array) -> float:
 
 
 def with_value(values: Array, value: float) -> tuple[Array, int]:
-    """Positive ``values`` (n,) with ``value`` in place of the nearest one, and its index."""
+    """Positive ``values`` (n,) with ``value`` in place of the one with the nearest logarithm, and its index."""
     at = int(np.argmin(np.abs(np.log(np.asarray(values) / value))))
     return np.where(np.arange(len(values)) == at, value, values), at
 
@@ -248,7 +248,7 @@ class Screens:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Findings and figure of a demo; the first finding is its main number.
+    """What one run of a demo measures and draws; the first finding is its main number.
 
     ``sheet`` is the figure, ``path`` its PNG once it is saved; ``colors``: legend entry -> 8-bit sRGB.
     """

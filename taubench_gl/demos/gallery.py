@@ -103,7 +103,7 @@ def run_demos(
 def demo_page(
     demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[LecturePart] = ()
 ) -> str:
-    """The page of one demo.
+    """The HTML page of one demo.
 
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
     folder; ``lecture``: minutes and notes of its demos, one of which is this one.
@@ -127,14 +127,14 @@ def demo_page(
     )  # fmt: skip
 
     def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
-        said = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
-        notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in said]
+        spoken = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
+        notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in spoken]
         page.add(name, title, macro(part, DEMO)(*values), *notes, link=link, step=True)
 
     step("idea", "", "idea", demo, screens)
-    own = result.screens
-    key = [] if own else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
-    about = ("", own.note) if own else (demo.pair_text(), "")
+    screen = result.screens
+    key = [] if screen else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
+    about = ("", screen.note) if screen else (demo.pair_text(), "")
     step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
     step("figure", "Figure", "figure", uri, ratio, result.caption, demo.text.look_for)
@@ -147,15 +147,15 @@ def demo_page(
 
 def _screens(demo: Demo, result: Result, pair: LitPair) -> list[tuple[str, str, float]]:
     """Name, image and width / height of the previous frame, the current frame, and the answer."""
-    own = result.screens
-    frames = (own and own.frames) or tuple(frame["color"][..., :3] for frame in (pair.before, pair.now))
-    answer = own.answer if own else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
+    special = result.screens
+    frames = (special and special.frames) or tuple(frame["color"][..., :3] for frame in (pair.before, pair.now))
+    answer = special.answer if special else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
     images = zip(("previous", "current", "answer"), (*frames, answer))
     return [(name, data_uri(_webp(as_bytes(image)), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
 
 
 def _gradient(bar: ColorBar) -> str:
-    """The color map as a CSS gradient, from left to right."""
+    """The color map of a color bar as a CSS gradient, from left to right."""
     import matplotlib
 
     stops = matplotlib.colormaps[bar.colors](np.linspace(0.0, 1.0, 17))
@@ -164,7 +164,7 @@ def _gradient(bar: ColorBar) -> str:
 
 
 def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
-    """The data of the guess; infinite ends of the expected range are those of the guess."""
+    """What the page's script needs for the guess; infinite ends of the expected range become the ends of the guess."""
     (low, high), expected = demo.text.guess, finding.expected
     digits = max(0, 2 - math.floor(math.log10(high - low)))
     return {
@@ -176,7 +176,7 @@ def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
-    """The data that the page redraws from."""
+    """What the page's script needs to redraw image and number at each value of the parameter."""
     names = ("name", "unit", "values", "meaning", "number_unit", "measured", "expected", "tolerance", "mark", "digits")
     out = {name: getattr(parameter, name) for name in names} | {"texts": value_texts(parameter)}
     if parameter.plane is not None and parameter.base is not None:
@@ -186,17 +186,17 @@ def _parameter(parameter: Parameter) -> dict[str, Any]:
 
 
 def _webp(image: Array) -> bytes:
-    """(h, w, 3) uint8 as WebP, lossless where it has few colors: then smaller, and its pixels stay sharp."""
+    """The bytes of a WebP file with an image (h, w, 3) uint8; lossless, and then smaller, where it has few colors."""
     from PIL import Image
 
     picture, buffer = Image.fromarray(image), io.BytesIO()
-    few = picture.getcolors(FEW_COLORS) is not None
+    few = picture.getcolors(FEW_COLORS) is not None  # None: it has more
     picture.save(buffer, format="WEBP", quality=82, method=4, lossless=few)
     return buffer.getvalue()
 
 
 def png_bytes(image: Array) -> bytes:
-    """(h, w) or (h, w, 3) uint8 as PNG."""
+    """The bytes of a PNG file with an image (h, w) or (h, w, 3), uint8."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -205,7 +205,7 @@ def png_bytes(image: Array) -> bytes:
 
 
 def index_page(shown: Sequence[Shown], lecture: Sequence[LecturePart] = ()) -> str:
-    """One card per demo with a link to its page in the same folder, in a ``lecture`` with its minutes."""
+    """The HTML index: one card per demo with a link to its page in the same folder and its minutes in ``lecture``."""
     good = sum(s.result.as_expected for s in shown)
     lead = (
         f"Every demo was rendered and measured on this machine. In {good} of {len(shown)}, every value is as theory "
@@ -220,11 +220,12 @@ def index_page(shown: Sequence[Shown], lecture: Sequence[LecturePart] = ()) -> s
 
 
 def _strip(finding: Finding) -> dict[str, float] | None:
-    """Pixels (0 .. 120) of the expected range and of the measured value on a line; None for infinite ones."""
+    """Places of the expected range and of the measured value on a line of 120 pixels; None if one is infinite."""
     low, high, value = finding.expected.low, finding.expected.high, finding.number
     if not all(map(math.isfinite, (low, high, value))):
         return None
     middle = 0.5 * (low + high)
+    # The range fills most of the line, unless the value is so far outside that it needs the space.
     reach = max(high - low, 2.2 * abs(value - middle)) or 1.0
 
     def x(number: float) -> float:
@@ -235,7 +236,7 @@ def _strip(finding: Finding) -> dict[str, float] | None:
 
 
 def _links(around: Around) -> list[dict[str, str]]:
-    """Links to the previous demo, the index and the next demo."""
+    """The links below a page: to the previous demo, the index and the next demo; none if the page is alone."""
     if around is None:
         return []
     links = [("", INDEX_FILE, "all demos")]

@@ -71,7 +71,7 @@ def area(polygon: Array) -> float:
 
 
 def pixel_rays(size: Size, yfov: float) -> Array:
-    """Directions of the pixel centers, z = -1.  (h, w, 3)."""
+    """View directions through the pixel centers, z = -1.  (h, w, 3)."""
     return rays(size, Camera(yfov=yfov))
 
 

@@ -13,6 +13,7 @@ from taubench_gl.errors import SettingsError, choice_hint
 
 
 def _demo(number: int, text: LessonText) -> Demo:
+    """The demo that a text and the module of its name make."""
     module = importlib.import_module(f"{__name__}.{text.name}")
     return Demo(number, text, module.run, module.scene, module.OPENING)
 

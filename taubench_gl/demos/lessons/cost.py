@@ -33,7 +33,7 @@ FACETS = 0.003  # pp: the rendered ball has 64 x 128 facets inside the sphere
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A measured configuration; ``milliseconds``: of a frame."""
+    """A measured configuration: its share of discarded pixels, percent, and the median milliseconds of a frame."""
 
     scale: float
     samples: int
@@ -140,11 +140,12 @@ def measured(stage: Stage) -> list[Point]:
 
 
 def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) -> float:
-    """The error of a configuration, ``scale`` and ``samples`` per pixel, against the ``exact`` share.  Pp."""
+    """The error of a configuration, ``scale`` and ``samples`` per pixel, against the ``exact`` share, pp."""
     return abs(next(p.percent for p in points if (p.scale, p.samples) == (scale, samples)) - exact)
 
 
 def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
+    """Plot error against time, with the Pareto front and a numbered list of the configurations beside it."""
     axes = sheet.plot(
         96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
         xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
@@ -166,7 +167,7 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
 
 
 def _number(axes: Any, dots: list[tuple[float, float]]) -> None:
-    """Numbers on the dots, and beside dots that overlap."""
+    """Write the number of each dot on it, or beside it where dots overlap."""
     axes.get_xlim(), axes.get_ylim()  # fixes the limits, which the positions depend on
     places = 72.0 / axes.figure.dpi * axes.transData.transform(dots)
     for i, (dot, (dx, dy)) in enumerate(zip(dots, beside(places, DOT_PT)), start=1):
@@ -197,5 +198,5 @@ def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
 
 
 def _name(point: Point) -> str:
-    """``50 %, 4 samples``: resolution, samples per pixel."""
+    """A configuration in words, resolution and samples per pixel: ``50 %, 4 samples``."""
     return f"{100 * point.scale:g} %, {point.samples} sample{'s' if point.samples > 1 else ''}"

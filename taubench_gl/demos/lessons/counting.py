@@ -104,6 +104,7 @@ def _threshold(pair: LitPair, moved: Array) -> Parameter:
 
 
 def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
+    """What float32 sums of an hour make of a pair in which ``discarded`` of ``pixels`` are discarded."""
     limit = int(plain_sums(np.ones((1 << 24) + 1000))[-1])
     plain = 100.0 * float(plain_sums(np.full(PAIRS, discarded))[-1]) / float(plain_sums(np.full(PAIRS, pixels))[-1])
     rounded = 100.0 * rounded_sum(discarded, PAIRS) / rounded_sum(pixels, PAIRS)
@@ -119,6 +120,7 @@ def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
 
 
 def _curve_findings(stage: Stage, moved: Array, discarded: int) -> tuple[Finding, ...]:
+    """The errors of curves at THRESHOLD, from ``moved`` (h, w), against the count ``discarded`` of the mask."""
     low, high = 0.125, 0.25  # the edges around THRESHOLD with 1 bin per octave
     expected = distances(stage.size)
     inside = (expected >= low) & (expected < high)
@@ -135,6 +137,7 @@ def _curve_findings(stage: Stage, moved: Array, discarded: int) -> tuple[Finding
 
 
 def _plot_sums(sheet: Sheet, term: int) -> None:
+    """Plot the relative errors of sums of 1 to PAIRS times ``term``."""
     axes = sheet.plot(
         110, sheet.grid_bottom + 46, 500, 230, xscale="log", yscale="log", xlabel="pairs", ylabel="relative error",
         title="Sum of the discarded pixels over an hour", ylim=(1e-10, 1.0),
@@ -152,6 +155,7 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
 
 
 def _plot_curves(sheet: Sheet, moved: Array) -> None:
+    """Plot the share above each threshold, from histograms of ``moved`` (h, w) with three widths of bins."""
     top = 100.0 * np.mean(moved >= STEPS_CM[0] / 200.0)
     axes = sheet.plot(
         740, sheet.grid_bottom + 46, 510, 230, xscale="log", xlim=(0.02, 2.0), ylim=(0, 1.08 * top),

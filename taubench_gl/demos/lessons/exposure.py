@@ -53,7 +53,7 @@ def expected_exposure() -> float:
 
 
 def change(size: Size) -> Array:
-    """Change of direct light, the norm of R, G and B, before the exposure.  (h, w)."""
+    """The change of direct light between the frames, the norm of R, G and B, with an exposure of 1.  (h, w) cd/m2."""
     return np.sqrt(3.0) * np.abs(wall_radiance(size, PLACES[1]) - wall_radiance(size, PLACES[0]))
 
 
@@ -106,7 +106,10 @@ def _share(region: Array) -> Expected:
 
 
 def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
-    """The exposure, in stops around 1.  ``before``, ``now``: direct light (h, w, >= 3) of both frames, cd/m2."""
+    """The exposure in stops around 1: the share that it discards.
+
+    ``before``, ``now``: direct light (h, w, >= 3) of both frames, cd/m2; ``metered``: the exposure shown first.
+    """
     moved = np.linalg.norm(now[..., :3].astype(np.float64) - before[..., :3], axis=-1)
 
     def at(stop: float) -> tuple[Array, float, float, float]:
@@ -124,6 +127,7 @@ def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parame
 
 
 def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> None:
+    """Plot the discard rate against the exposure, with its closed form."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 40, 1150, 220, xlabel="exposure, stops (0: radiance as it is)", ylabel="discarded, %",
         title="Discard rate of direct light", ylim=(-4, 104),

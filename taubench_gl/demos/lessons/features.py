@@ -47,7 +47,7 @@ PANEL_SUN = np.array([-1.0, -0.35, -0.25])
 
 
 def _stage(reach: float = 5.0) -> Props:
-    """Camera, diffuse back wall and floor, ``2 reach`` wide.  A small stage has sharper shadows."""
+    """Add camera, diffuse back wall and floor, 2 ``reach`` meters wide.  A small stage has sharper shadows."""
     b = Props()
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR + 0.5 * reach, WALL))
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR, WALL + 0.5 * reach), rotation=turn_x(-90))
@@ -71,6 +71,7 @@ def scene() -> Scene:
 
 
 def turning_fan() -> Scene:
+    """A fan that turns by half of a blade in its own plane."""
     b = _stage()
     fan = b.thing(fan_primitive(b.paint(SEA)), translation=FAN_AT)
     b.animate(fan, "rotation", TIMES, [IDENTITY, turn((0, 0, 1), 180.0 / BLADES)])
@@ -95,6 +96,7 @@ def fan_primitive(material: int, cuts: int = 8) -> Primitive:
 
 
 def moving_sun() -> Scene:
+    """A still ball, and a directional light that jumps from the right to the left."""
     b = _stage()
     b.ball(SUN_BALL, CHALK, 64, translation=SUN_AT)
     lamp = b.light(kind="directional", intensity=SUN_LUX)
@@ -103,6 +105,7 @@ def moving_sun() -> Scene:
 
 
 def appearing_wall() -> Scene:
+    """A lit red wall that appears at the side of the stage and reflects red light on it."""
     b = _stage(9.0)
     (y0, y1), (z0, z1) = PANEL["y"], PANEL["z"]
     middle = (PANEL["x"], 0.5 * (y0 + y1), 0.5 * (z0 + z1))
@@ -123,7 +126,7 @@ def walls(direction: Array) -> tuple[Array, Array]:
 
 
 def expected_ball(size: Size) -> dict[str, Array]:
-    """(a) and (b) of the moving ball: position discards by the sign of the change in distance."""
+    """The regions (a) and (b) of the moving ball: discards by position, by the sign of the change in distance."""
     rays = theory.pixel_rays(size, YFOV)
     behind, _ = walls(rays)
     before, now = (
@@ -134,7 +137,7 @@ def expected_ball(size: Size) -> dict[str, Array]:
 
 
 def expected_fan(size: Size) -> Array:
-    """(c): pixels of the disc that another blade covers now."""
+    """The region (c): pixels of the disc that another blade covers now.  (h, w) bool."""
     rays = theory.pixel_rays(size, YFOV)
     x, y = rays[..., 0] * -FAN_AT[2], rays[..., 1] * -FAN_AT[2]
     angle = np.arctan2(y, x) % (2 * np.pi)
@@ -162,7 +165,7 @@ def sun_change(size: Size) -> tuple[Array, Array]:
 
 
 def expected_sun(size: Size) -> dict[str, Array]:
-    """(d) to (g): light that comes or goes, with shadows or already without them."""
+    """The regions (d) to (g): light that comes or goes, with shadows only or already without them."""
     change, bare_change = sun_change(size)
     came, went = change > DEFAULT_THRESHOLD, change < -DEFAULT_THRESHOLD
     bare_came, bare_went = bare_change > DEFAULT_THRESHOLD, bare_change < -DEFAULT_THRESHOLD
@@ -170,7 +173,7 @@ def expected_sun(size: Size) -> dict[str, Array]:
 
 
 def expected_wall(size: Size) -> Array:
-    """(h): one bounce from the lit red wall on floor and back wall, outside the red wall itself."""
+    """The region (h): red light of one bounce on floor and back wall, outside the red wall itself.  (h, w) bool."""
     rays = theory.pixel_rays(size, YFOV)
     behind, normal = walls(rays)
     with np.errstate(divide="ignore"):
@@ -214,6 +217,7 @@ class Column:
 
 
 def _position(stage: Stage) -> Column:
+    """The panel of position: (a) and (b)."""
     pair = stage.pair(scene(), columns=("frustum", "position", "color"))
     measured = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
     expected = expected_ball(pair.mask.shape[::-1])
@@ -222,6 +226,7 @@ def _position(stage: Stage) -> Column:
 
 
 def _normal(stage: Stage) -> Column:
+    """The panel of normals: (c)."""
     pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
     expected = {"c": expected_fan(pair.mask.shape[::-1])}
     source = "half of the fan: a rotation by half a blade moves each blade over half of its neighbor"
@@ -229,6 +234,7 @@ def _normal(stage: Stage) -> Column:
 
 
 def _direct(stage: Stage) -> Column:
+    """The panel of direct light: (d) to (g)."""
     columns = ("frustum", "direct", "color")
     pair = stage.pair(moving_sun(), columns=columns)
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
@@ -246,6 +252,7 @@ def _direct(stage: Stage) -> Column:
 
 
 def _indirect(stage: Stage) -> Column:
+    """The panel of indirect light: (h)."""
     pair = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, width=4 * stage.size[1] // 3,
@@ -286,13 +293,13 @@ def run(stage: Stage) -> Result:
 
 
 def widened(image: Array, width: int) -> Array:
-    """(h, w, 3) uint8 in the middle of an image ``width`` pixels wide."""
+    """``image`` (h, w, 3) uint8 in the middle of an image that is ``width`` pixels wide."""
     left = (width - image.shape[1]) // 2
     return np.pad(image, ((0, 0), (left, width - image.shape[1] - left), (0, 0)), constant_values=251)
 
 
 def _threshold(pair: LitPair) -> Parameter:
-    """The threshold of direct light, for the light that moves."""
+    """The threshold of direct light: the share that it discards when the light moves."""
     change = np.linalg.norm(pair.now["direct"][..., :3] - pair.before["direct"][..., :3], axis=-1)
     size = change.shape[::-1]
     return threshold_parameter(

@@ -26,7 +26,7 @@ TILE = (0.10, 0.30)
 
 
 def untested(alpha: float) -> str:
-    """An exponential moving average of the nearest history pixels."""
+    """The method that averages all history, as on the command line.  ``alpha``: weight of the new frame."""
     return f"taa_clamp@alpha={alpha}@clamping=false@weighting=false@dilate=false@filtering=nearest"
 
 
@@ -54,7 +54,7 @@ def scene() -> Scene:
 
 @dataclass(slots=True)
 class Trail:
-    """Remaining weight of the ball in wall pixels by age: frames since the ball left the pixel."""
+    """The last image of a method, and the weight of the ball that remains in it, by frames since the ball left."""
 
     image: Array
     weights: dict[int, float]
@@ -118,7 +118,7 @@ def run(stage: Stage) -> Result:
 
 
 def _weight(trails: Mapping[float, Trail]) -> Parameter:
-    """The weight of the new frame, with history that is not tested."""
+    """The weight of the new frame: what remains of the ball in history that is not tested."""
 
     def at(alpha: float) -> tuple[Array, float, float, float]:
         left = 100.0 * (1.0 - alpha) ** AGE
@@ -132,11 +132,12 @@ def _weight(trails: Mapping[float, Trail]) -> Parameter:
 
 
 def shown(image: Array) -> Array:
-    """Linear radiance (h, w, 3) as a display color."""
+    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
     return display_color(np.maximum(image.astype(np.float64), 0.0), 1.0, "linear")
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
+    """Plot what remains of the ball against the frames since it left."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 292, xlabel="frames since the ball left", ylabel="remaining radiance, %",
         title="Decay of the ghost", ylim=(-9, 104),

@@ -71,7 +71,7 @@ def run(stage: Stage) -> Result:
 
 
 def _threshold(stage: Stage, focal: float) -> Parameter:
-    """The threshold of the distance of positions, meters."""
+    """The threshold of the distance of positions, meters: the share of the image that it discards."""
     pair = stage.bench.pair(scene(), (1.0, 2.0))
     distance = pair_masks(pair.current, pair.history, pair.pair, limits(None)).distances["position"]
     distance = np.where(pair.has(FRUSTUM), 0.0, np.nan_to_num(distance))

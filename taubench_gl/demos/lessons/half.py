@@ -44,7 +44,7 @@ def in_half(motion: Array, bits: int = 11) -> Array:
 
 
 def texels(motion: Array) -> Array:
-    """Pixels that nearest sampling reads, (h, w, 2) int."""
+    """The pixels (x, row) that nearest sampling reads along ``motion`` (h, w, 2).  (h, w, 2) int."""
     size = motion.shape[1::-1]
     return np.floor(pixel_grid(size) + motion.astype(np.float64) + 0.5).astype(int)
 
@@ -115,12 +115,15 @@ def run(stage: Stage) -> Result:
 
 
 def _chance(percent: float, reusable: Array) -> float:
-    """Five standard deviations of a share of the reusable pixels, percentage points."""
+    """Five standard deviations of a small share, ``percent``, of the ``reusable`` pixels (h, w), percentage points."""
     return 500.0 * float(np.sqrt(percent / 100.0 / reusable.sum()))
 
 
 def _precision(motion: Array, reusable: Array) -> Parameter:
-    """The bits of precision of the motion vectors ``motion`` (h, w, 2), over the pixels ``reusable`` (h, w)."""
+    """The bits of precision: the share of the pixels that read another pixel.
+
+    ``motion`` (h, w, 2): exact motion vectors, pixels; ``reusable`` (h, w) bool: pixels that are counted.
+    """
 
     def at(bits: float) -> tuple[Array, float, float, float]:
         other = reusable & (texels(in_half(motion, int(bits))) != texels(motion)).any(axis=-1)
@@ -136,7 +139,7 @@ def _precision(motion: Array, reusable: Array) -> Parameter:
 
 
 def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:
-    """Errors against motion, with the largest possible error."""
+    """Plot errors against motion, both (n,) pixels, with the largest possible error."""
     left, top, width, height = sheet.place(1, 0)
     axes = sheet.plot(
         left + 66, top, width - 66, height, xlabel="motion along one axis, pixels", ylabel="error, pixels",

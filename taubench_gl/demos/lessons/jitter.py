@@ -50,7 +50,7 @@ def scene() -> Scene:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Where an edge is, and its standard deviation.  Pixels; ``shift``: to the right of the true edge."""
+    """Where an edge is: pixels to the right of the true edge, and its standard deviation in pixels."""
 
     shift: float
     sigma: float
@@ -179,7 +179,7 @@ def shown(image: Array) -> Array:
 
 
 def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Spread]) -> None:
-    """The profile across the edge: all rows, by their distance from the true edge."""
+    """Plot the profile across the edge of each image: all rows, by their distance from the true edge."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 44, 1150, 292, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
         title="Profile across the edge, all rows", xlim=(-5, 5), ylim=(-0.05, 1.05),

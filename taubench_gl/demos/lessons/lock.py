@@ -137,6 +137,7 @@ def detail(image: Array) -> Array:
 
 
 def _plot(sheet: Sheet, light: Mapping[str, list[float]]) -> None:
+    """Plot the light that is left, percent, against the width of the line, for each method."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 40, 1150, 226, xscale="log", ylim=(0, 115),
         ylabel="light of the line, %", xlabel="width of the line, pixels of the result",

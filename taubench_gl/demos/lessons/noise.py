@@ -103,7 +103,10 @@ def run(stage: Stage) -> Result:
 
 
 def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:
-    """The threshold at one sample per pixel, of two frames (h, w, 3); theory: all pairs of lamps (K, h, w, 3)."""
+    """The threshold of direct light at one sample per pixel: the share of a static room that it discards.
+
+    ``before``, ``now``: direct light (h, w, 3) of both frames; ``per_lamp`` (K, h, w, 3): of each lamp alone.
+    """
     thresholds = np.geomspace(0.01, 2.0, 40)
     base = as_bytes(np.repeat(display_color(now, 1.0, "linear").mean(axis=-1, keepdims=True), 3, axis=-1))
     marked = threshold_parameter(
@@ -130,6 +133,7 @@ def _gaussian(stage: Stage) -> float:
 
 
 def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
+    """Plot the discard rate against the number of samples, with its theory."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 222, xscale="log", ylim=(0, 50), xlabel="light samples per pixel",
         ylabel="discarded, %", title="A static room: discard rate of the direct column",

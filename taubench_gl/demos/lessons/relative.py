@@ -29,7 +29,7 @@ def scene(meters: float = FAR) -> Scene:
 
 
 def _moved(built: Scene, meters: float) -> Scene:
-    """The scene with all roots translated; keys are dyadic, so the float64 sums are exact."""
+    """The scene with all roots ``meters`` farther along each axis; keys are dyadic, so the float64 sums are exact."""
     by = np.full(3, meters)
     roots = built.nodes.parent < 0
     nodes = dataclasses.replace(built.nodes, translation=built.nodes.translation + np.where(roots[:, None], by, 0.0))
@@ -63,7 +63,7 @@ def rms(values: Array) -> float:
 
 
 def expected_motion_error(pair: PairImages, step: float) -> Array:
-    """Standard deviation of the motion error, pixels, to first order.  (h, w).
+    """Standard deviation of the error of motion, to first order, where positions have a spacing ``step``.  (h, w) px.
 
     Each axis has a uniform error within ± step / 2, so this is the derivative of Eq. (3) with respect to the position
     times step / sqrt(12), over the axes that vary.
@@ -118,7 +118,7 @@ def run(stage: Stage) -> Result:
 def previous_px(pair: PairImages, position: Array) -> Array:
     """Eq. (3) in float64: positions relative to the current camera -> previous image, (h, w, 4) -> (h, w, 2) pixels.
 
-    The reference of the masks rounds to float32 as the GPU does, which is larger than the errors near the origin.
+    ``metrics.reproject`` gives motion: a stored position moves both ends of it, and the error is that of one end.
     """
     q = position[..., :3] + pair.pair.camera_delta
     x, y, w = (q @ pair.pair.prev_clip_from_prev[i, :3] for i in (0, 1, 3))

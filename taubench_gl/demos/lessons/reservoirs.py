@@ -49,8 +49,9 @@ def scene() -> Scene:
 
 
 def remembered(limit: int, frames: int) -> tuple[float, float]:
-    """Share of reservoirs that hold a lamp of SHARE of the light ``frames`` frames after it was switched on, and the
-    light of the image as a share of the right one.
+    """What is expected some ``frames`` after a lamp that gives SHARE of the light is switched on.
+
+    Returns the share of reservoirs that hold it, and the light of the image as a share of the right one.
 
     History counts ``limit`` times as much as a frame: its light is an exponential moving average, and a reservoir
     holds each lamp in proportion to that lamp's part of it.
@@ -62,9 +63,12 @@ def remembered(limit: int, frames: int) -> tuple[float, float]:
 
 @dataclass(slots=True)
 class Memory:
-    """Of one limit: share of reservoirs that hold the second lamp, by frames since its birth; the lamp that each pixel
-    holds, (h, w), and the light of the image as a share of the right one, AGE frames after; share of kept history whose
-    lamp is off, one frame later."""
+    """What reservoirs with one limit remember of the second lamp.
+
+    ``shares``: of the reservoirs that hold it, by frames since it was switched on; ``held`` (h, w) and ``light``, AGE
+    frames after: the lamp that each pixel holds, and the light of the image as a share of the right one; ``wrong``: the
+    share of kept history whose lamp is off, one frame later.
+    """
 
     shares: list[float]
     held: Array
@@ -140,7 +144,7 @@ def run(stage: Stage) -> Result:
 
 
 def enlarged(image: Array) -> Array:
-    """An image (h, w, 3) at four times its size."""
+    """An image (h, w, 3) at four times its width and height."""
     return scaled_to(image, (SIZE[1] * 4, SIZE[0] * 4))
 
 
@@ -164,6 +168,7 @@ def _limit(memories: Mapping[int, Memory]) -> Parameter:
 
 
 def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:
+    """Plot the share of reservoirs that hold the new lamp against the frames with it, for each limit."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 262, xlabel="frames with the new lamp", ylabel="hold the new lamp, %",
         title="How fast reservoirs find a new lamp", ylim=(0, 56),

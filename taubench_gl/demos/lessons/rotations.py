@@ -53,7 +53,7 @@ def run(stage: Stage) -> Result:
 
 
 def _angle(stage: Stage, before: np.ndarray) -> Parameter:
-    """The angle of yaw: the previous image (h, w, 3) seen from the new orientation."""
+    """The angle of yaw: the part of the previous image ``before`` (h, w, 3) that the new orientation still sees."""
     turning = scene("yaw", ANGLES[-1])
 
     def at(angle: float) -> tuple[np.ndarray, float, float, float]:

@@ -102,6 +102,7 @@ def _count(pairs: dict[int, Array], noises: dict[int, float]) -> Parameter:
 def _plots(
     sheet: Sheet, noises: dict[int, float], stratified: dict[int, float], rejected: dict[int, float], sigma: Array
 ) -> None:
+    """Plot noise and discard rate of a static room against the samples per pixel, with their theory."""
     line = np.geomspace(1, 256, 30)
     common = {"xscale": "log", "xlabel": "samples per pixel"}
     left = sheet.plot(96, sheet.grid_bottom + 40, 510, 250, yscale="log", ylabel="noise (RMS)",

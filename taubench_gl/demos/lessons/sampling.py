@@ -47,7 +47,7 @@ def camera(jitter: float = JITTER) -> MovingCamera:
 
 
 def left_of_the_side_wall(size: tuple[int, int]) -> slice:
-    """Columns that show the board and the wall but not the side wall."""
+    """The columns of an image that show the board and the wall but not the side wall."""
     return slice(0, int(0.5 * size[0] + focal_px(YFOV, size[1]) * 2.2 / 14.0) - 4)
 
 
@@ -100,7 +100,7 @@ def run(stage: Stage) -> Result:
 
 
 def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
-    """Distance of the history sample on the side wall along a row of pixels."""
+    """Plot the distance of the history sample on the side wall along a row of pixels."""
     wall = side_wall(pairs["nearest"])[row]
     columns = np.nonzero(wall)[0]
     axes = sheet.plot(

@@ -103,15 +103,17 @@ def run(stage: Stage) -> Result:
 
 
 def _just_below(value: float) -> float:
-    """The next float32 below: a mask discards greater distances, a bin holds distances from its edge on."""
+    """The float32 below ``value``: a mask discards greater distances, a bin holds distances from its edge on."""
     return float(np.nextafter(np.float32(value), np.float32(0)))
 
 
 def _whose(threshold: float) -> str:
+    """The words that mark the paper's threshold."""
     return ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
 
 
 def _name_keys(axes: object, size: Size) -> None:
+    """Write on each key of a panel by how many centimeters it moves."""
     focal = 0.5 * size[1] / np.tan(0.5 * YFOV)
     for place, step in zip(places(), STEPS_CM):
         depth = -(place[2] + step / 100)
@@ -121,6 +123,7 @@ def _name_keys(axes: object, size: Size) -> None:
 
 
 def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, masks: dict) -> None:
+    """Plot the recorded discard rate against the threshold, with its theory and the counts of the masks."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
         xlabel="position threshold, meters", ylabel="discarded, %",
