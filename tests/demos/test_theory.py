@@ -49,17 +49,17 @@ def test_frustum_share_equals_counted_rays(axis, degrees):
     assert abs(100.0 * (1 - inside.mean()) - share) < min(slack, 0.2)
 
 
-def test_form_factor_of_parallel_squares():
-    """Two unit squares a unit apart: 0.1998 (Howell, A Catalog of Radiation Heat Transfer Configuration Factors)."""
+def test_form_factors():
+    """Two unit squares a unit apart: 0.1998 (Howell, A Catalog of Radiation Heat Transfer Configuration Factors).
+
+    Half of the sky: one half.
+    """
     n = 40
     u = (np.arange(n) + 0.5) / n
     points = np.stack([*np.meshgrid(u, u), np.zeros((n, n))], axis=-1)
     square = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=float)
     found = theory.form_factor(points, np.array([0.0, 0.0, 1.0]), square)
     assert found.mean() == pytest.approx(0.1998, abs=2e-4)
-
-
-def test_form_factor_of_half_the_sky_is_one_half():
     far = np.array([[0, -1e6, 0], [0, 1e6, 0], [0, 1e6, 1e6], [0, -1e6, 1e6]], dtype=float)
     found = theory.form_factor(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), far)
     assert found == pytest.approx(0.5, abs=1e-5)
@@ -110,12 +110,9 @@ def test_labels_of_overlapping_dots_are_moved_apart():
     assert where[3:] == [(-17.0, 0.0), (17.0, 0.0)]
 
 
-def test_ground_that_does_not_move_has_its_own_row():
-    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
-
-
-def test_ground_moved_by_less_than_the_threshold_is_kept_where_no_row_changes():
+def test_ground_is_kept_where_no_row_changes():
     """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is a discard of that row."""
+    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
     assert theory.ground_discards(2, 1.0, 96.5, 0.1, 0.125) == 0.0
     assert theory.ground_discards(2, 1.0, 96.5, 0.2, 0.125) == 50.0
 
