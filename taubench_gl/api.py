@@ -26,7 +26,7 @@ from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.run_frames import FrameRecorder, PlaneRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
-from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
+from taubench_gl.run import FRAMES_FILE, Progress, Run, not_reusable
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import KEYS, Settings, unknown_setting
 
@@ -272,19 +272,19 @@ class _Saver:
     ):
         """``on_pair``: called with each pair once it is saved."""
         self._out, self._save, self._recorder, self._on_pair = out, save, recorder, on_pair
-        self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
+        self._worst: tuple[float, int, np.ndarray, np.ndarray] | None = None
         self._measured: set[str] = set()
         self.written: list[Path] = []
 
     def __call__(self, pair: Pair) -> None:
         self._measured = {name for name in FEATURE_BIT if pair.row[name] is not None}
-        discarded = total_discards(pair.row)
-        if self._worst is None or discarded > self._worst[0]:
-            self._worst = (discarded, pair.frame, pair.mask, shaded(pair))
+        share = not_reusable(pair.row)
+        if self._worst is None or share > self._worst[0]:
+            self._worst = (share, pair.frame, pair.mask, shaded(pair))
         if self._recorder is not None:
             images = shaded(pair), shaded(pair, previous=True)
             distances = pair.distances if self._recorder.distances else None
-            self._recorder.add(pair.frame, discarded, *images, pair.mask, pair.motion, distances)
+            self._recorder.add(pair.frame, share, *images, pair.mask, pair.motion, distances)
         try:
             if "masks" in self._save:
                 self._save_masks(pair)

@@ -106,6 +106,11 @@ NO_HISTORY = 1 << 31
 ABSENT = 1 << 30
 """Bit of the second component of ``ids`` in exports: the surface is hidden or scaled to zero in the other frame."""
 
+OTHER_REPROJECTION = {"camera": "motion", "motion": "camera"}
+
+COUNTED, EQUAL = "counted", "equal"
+"""``Source.other`` of a source whose pairs are counted under both reprojections, and of one where nothing moves."""
+
 FRUSTUM = Reason.BEHIND | Reason.OUTSIDE
 NOT_COMPARABLE = Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM
 

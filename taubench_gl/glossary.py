@@ -129,7 +129,11 @@ CONCEPTS: Mapping[str, Term] = _by_key(
         "effective_weight", "effective weight", "Weight of history in a pixel less what rectification replaced", "",
         "docs/reuse-evaluation.md",
     ),
-    Term("worst_frame", "worst frame", "The current frame of the pair with the most discards, summed over the columns"),
+    Term(
+        "worst_frame", "worst frame",
+        "The current frame of the pair with the lowest reuse rate: shading where light was measured, else surface", "",
+        _REUSABLE,
+    ),
     Term(
         "noise_floor", "noise floor",
         "Discard rate between two path-traced renders of the same frames with different seeds: noise alone", "%",
@@ -228,6 +232,10 @@ STATISTICS: Mapping[str, Term] = _by_key(
     Term(
         "of_picture_percent", "% of all pixels",
         "Reusable surface pixels divided by all pixels, total over total", "%", _REUSABLE,
+    ),
+    Term(
+        "of_surface_percent", "% of surface pixels",
+        "Surface pixels that a column discards divided by surface pixels, total over total", "%", _REUSABLE,
     ),
     Term("sky_percent", "sky", "Pixels without a surface", "% of all pixels", _REUSABLE),
     Term(
@@ -368,6 +376,14 @@ FRAMES: Mapping[str, Term] = _by_key(
         Term(term.key, term.label, term.definition, "pixels", term.source)
         for reason, term in REASONS.items()
         if reason > Reason.OUTSIDE and reason != FRUSTUM
+    ),
+    *(
+        Term(
+            f"other_reusable_{rate}", f"reusable {rate}, other reprojection",
+            f"As reusable_{rate}, under motion reprojection in a run of camera reprojection, else under camera",
+            "pixels", _REUSABLE,
+        )
+        for rate in ("surface", "shading")
     ),
     Term("translation_m", "translation", CAMERA["position"].definition, "m", _EQ_1),
     *(

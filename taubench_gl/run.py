@@ -22,6 +22,7 @@ from taubench_gl.run_schema import (
     DECIDED_COLUMNS,
     EXACT_COLUMNS,
     FRAME_COLUMNS,
+    OTHER_COLUMNS,
     SAMPLED_COLUMNS,
     Summary,
 )
@@ -30,14 +31,31 @@ SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
 INTEGER_COLUMNS = frozenset(
-    {"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, *DECIDED_COLUMNS, SAMPLED_COLUMNS[0], "camera_cut", "gimbal"}
+    {
+        "frame",
+        *COUNT_COLUMNS,
+        *OTHER_COLUMNS,
+        *EXACT_COLUMNS,
+        *DECIDED_COLUMNS,
+        SAMPLED_COLUMNS[0],
+        "camera_cut",
+        "gimbal",
+    }
 )
 """Columns of frames.csv that hold integers."""
 
 
-def total_discards(row: Mapping[str, Any]) -> int:
-    """Discards of a row of frames.csv, summed over the columns of Table 4; the worst frame has the most."""
-    return sum(row.get(name) or 0 for name in COLUMNS)
+def not_reusable(row: Mapping[str, Any]) -> float:
+    """Share of the surface pixels of a row of frames.csv that are not reusable, 0 to 1; the worst frame has the most.
+
+    By ``shading``, else ``surface``.  Where neither was measured, discards of all columns over all pixels; 0 where no
+    pixel shows a surface.
+    """
+    for reusable in (row.get("reusable_shading"), row.get("reusable_surface")):
+        if reusable is not None:
+            surface = row["pixels"] - (row.get("sky") or 0)
+            return 1.0 - reusable / surface if surface else 0.0
+    return sum(row.get(name) or 0 for name in COLUMNS) / max(row.get("pixels") or 0, 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,13 @@ COUNT_COLUMNS = (
 )  # fmt: skip
 """Pixel counts of a pair, exact integers; ``frustum`` = ``behind`` + ``outside``."""
 
+OTHER_COLUMNS = ("other_reusable_surface", "other_reusable_shading")
+"""Reusable pixels under the reprojection that is not the run's, ``motion`` for ``camera``; equal if nothing moves."""
+
 CAMERA_COLUMNS = ("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg")
 """Camera activity of a pair (Eqs. 1 and 2), meters and degrees; ``angle_deg`` is the geodesic angle."""
 
-FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut", "gimbal")
+FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *OTHER_COLUMNS, *CAMERA_COLUMNS, "camera_cut", "gimbal")
 """Columns of frames.csv, one row per pair: ``frame`` is the later frame of the pair, ``time_s`` its time.
 
 ``camera_cut`` and ``gimbal`` are 0 or 1 (``cut`` counts pixels with the reason CUT).  A value that was not measured is
@@ -60,14 +63,15 @@ Share = _block(
 Rate = _block(
     "Rate", Share, comparable_mean_percent=float, without_cuts_mean_percent=float, min_percent=float,
     max_percent=float, of_picture_percent=float, at_half_exposure_percent=float, at_twice_exposure_percent=float,
-    undecided_percent=float, share_percent=float,
+    undecided_percent=float, share_percent=float, of_surface_percent=float,
 )  # fmt: skip
 """A share of the pixels: a column of Table 4, a rate of reusable pixels, or a fate of pixels."""
 Columns = _block("Columns", **dict.fromkeys(COLUMNS, Rate))
 """A rate per column of Table 4."""
+Reprojected = _block("Reprojected", surface=Rate, shading=Rate)
 Reusable = _block(
-    "Reusable", surface=Rate, shading=Rate, sky_percent=float, reprojection=str, reasons_of=str,
-    reasons=dict[str, Share], color_only=Share,
+    "Reusable", surface=Rate, shading=Rate, camera=Reprojected, motion=Reprojected, sky_percent=float,
+    reprojection=str, reasons_of=str, reasons=dict[str, Share], color_only=Share,
 )  # fmt: skip
 Exact = _block(
     "Exact", misregistered=dict[str, Rate], reprojection=str,

@@ -6,7 +6,7 @@
 // Writes     mask (reason bits), motion (previous - current, pixels, +y up), distances (position, normal, direct,
 //            indirect) and changes (color, depth, luminance), 0 where nothing is compared.
 // Counts     mask_histogram[mask]: pixels per mask of COUNTED_BITS reason bits, of which every count is a sum; a histogram of each
-//            feature's distance.
+//            feature's distance; with BOTH, other_histogram: pixels per mask of the other reprojection less mask_histogram.
 // Reference  metrics.masks.pair_masks
 // Departs    Eq. (3) has a guard of GUARD_PX, and the near test one of NEAR_GUARD: a still pixel lies exactly on the
 //            boundary.  The position is interpolated and then projected, which equals interpolating the previous clip
@@ -89,16 +89,26 @@ Sample sample_history(vec2 at, bool surface) {
     if (norm > 0.0) sum.normal /= norm;
     return sum;
 }
+
+bool taps_differ(vec2 at, vec2 other) { return at != other; }
 #else
-Sample sample_history(vec2 at, bool surface) {
-    return fetch_history(clamp(ivec2(floor(at + 0.5)), ivec2(0), P.size.xy - 1));
-}
+ivec2 tap_of(vec2 at) { return clamp(ivec2(floor(at + 0.5)), ivec2(0), P.size.xy - 1); }
+
+Sample sample_history(vec2 at, bool surface) { return fetch_history(tap_of(at)); }
+
+bool taps_differ(vec2 at, vec2 other) { return tap_of(at) != tap_of(other); }
+#endif
+
+#if BOTH
+bool counts_distances = true;
+#else
+const bool counts_distances = true;
 #endif
 
 void count_distance(int feature, float distance) {
     uint bin = histogram_bin(distance);
     // Bin 0 is the rest of the comparable pixels, so still pixels cost no atomic.
-    if (bin > 0u) atomicAdd(histograms[feature * HISTOGRAM_BINS + int(bin)], 1u);
+    if (counts_distances && bin > 0u) atomicAdd(histograms[feature * HISTOGRAM_BINS + int(bin)], 1u);
 }
 
 #if WRITE_DISTANCES
@@ -112,6 +122,15 @@ float distance_indirect(vec3 now, vec3 before) { return distance(now, before) * 
 float distance_color(vec3 now, vec3 before) {
     vec3 d = abs(now - before);
     return max(d.x, max(d.y, d.z));
+}
+
+// POSITION, and DISOCCLUDED or OCCLUDING, of a surface point that was at q and whose history shows the surface at ``before``.
+uint position_bits(vec3 q, vec3 before, out float moved, out float nearer) {
+    moved = distance(q, before);
+    nearer = length(q) - length(before);
+    if (moved <= P.threshold_position) return 0u;
+    if (nearer > P.threshold_position) return POSITION | DISOCCLUDED;
+    return -nearer > P.threshold_position ? POSITION | OCCLUDING : POSITION;
 }
 
 // f_B for every feature.  q: where this surface point was, relative to the previous camera.
@@ -128,13 +147,8 @@ uint compare(Sample now, vec3 q, Sample before) {
         pixel_changes.y = surface ? -inf : inf;
 #endif
     } else if (surface) {
-        moved = distance(q, before.position.xyz);
-        float nearer = length(q) - length(before.position.xyz);
-        if (moved > P.threshold_position) {
-            mask |= POSITION;
-            if (nearer > P.threshold_position) mask |= DISOCCLUDED;
-            else if (-nearer > P.threshold_position) mask |= OCCLUDING;
-        }
+        float nearer;
+        mask |= position_bits(q, before.position.xyz, moved, nearer);
         turned = distance(now.normal, before.normal);
         if (turned > P.threshold_normal) mask |= NORMAL;
 #if WRITE_DISTANCES
@@ -169,60 +183,110 @@ uint compare(Sample now, vec3 q, Sample before) {
     return mask;
 }
 
-// Reason bits of one pixel; motion in pixels (0 where it is not defined).
-uint classify(ivec2 pixel, out vec2 motion) {
+// Where a pixel was: q, relative to the previous camera, and motion in pixels (0 where it is not defined).  ``follow``: motion
+// reprojection, else camera.  Bits of a pixel that is not comparable, else 0.
+uint reproject(ivec2 pixel, vec4 position, bool follow, out vec3 previous, out vec2 motion) {
     motion = vec2(0.0);
-    Sample now = fetch_current(pixel);
+    previous = vec3(0.0);
+    bool surface = is_surface(position);
+    vec4 p, q; // now, relative to the current camera; then, relative to the previous one
+    if (surface) {
+        p = vec4(position.xyz, 1.0);
+        q = vec4(position.xyz + P.camera_delta.xyz, 1.0);
+#if MOTION || BOTH
+        if (follow) q = vec4(prev_position_at(pixel).xyz, 1.0);
+        if (non_finite(q)) return INVALID;
+#endif
+    } else { // the view ray itself: w = 0, or a point of the far plane for a parallel projection
+        p = P.sky_origin + float(pixel.x) * P.sky_dx + float(pixel.y) * P.sky_dy;
+        q = vec4(p.xyz + P.sky_origin.w * P.camera_delta.xyz, p.w);
+    }
+    previous = q.xyz;
+    // Decided before any division.
+    float prev_depth = dot(P.prev_forward.xyz, q.xyz);
+    // Rounding may place a pixel in front of its near plane; it may have been as far in front of the previous one.
+    float limit = surface ? P.prev_near - max(P.near - position.w, 0.0) : 0.0;
+    if (prev_depth <= limit) return BEHIND;
+    motion = motion_in_pixels(P.prev_clip_from_prev, q, P.clip_from_current, p, P.size.xy);
+    vec2 at = vec2(pixel) + motion;
+    if (non_finite(motion)) { motion = vec2(0.0); return INVALID; }
+    vec2 last = vec2(P.size.xy - 1);
+    return any(lessThan(at, vec2(-P.guard_px))) || any(greaterThan(at, last + P.guard_px)) ? OUTSIDE : 0u;
+}
+
+// Bits of a pixel that is the same under every reprojection: SKY, and those of a pixel that has no history.
+uint classify_current(ivec2 pixel, Sample now) {
     bool surface = is_surface(now.position);
     uint mask = surface ? 0u : SKY;
     if (P.declared != 0u) return mask | P.declared;
     if (non_finite(now)) return INVALID | (non_finite(now.position) ? 0u : mask); // sky only where it is known to be
 #if CUTS
     // A surface that replaces another one has no counterpart in the frame before.
-    if (surface && (ids_at(pixel).y & NO_HISTORY) != 0u) return mask | CUT;
+    if (surface && (ids_at(pixel).y & NO_HISTORY) != 0u) return CUT;
 #endif
-
-    vec4 p, q; // now, relative to the current camera; then, relative to the previous one
-    if (surface) {
-        p = vec4(now.position.xyz, 1.0);
-#if MOTION
-        q = vec4(prev_position_at(pixel).xyz, 1.0);
-        if (non_finite(q)) return INVALID;
-#else
-        q = vec4(now.position.xyz + P.camera_delta.xyz, 1.0);
-#endif
-    } else { // the view ray itself: w = 0, or a point of the far plane for a parallel projection
-        p = P.sky_origin + float(pixel.x) * P.sky_dx + float(pixel.y) * P.sky_dy;
-        q = vec4(p.xyz + P.sky_origin.w * P.camera_delta.xyz, p.w);
-    }
-    // Decided before any division.
-    float prev_depth = dot(P.prev_forward.xyz, q.xyz);
-    // Rounding may place a pixel in front of its near plane; it may have been as far in front of the previous one.
-    float limit = surface ? P.prev_near - max(P.near - now.position.w, 0.0) : 0.0;
-    if (prev_depth <= limit) return mask | BEHIND;
-    motion = motion_in_pixels(P.prev_clip_from_prev, q, P.clip_from_current, p, P.size.xy);
-    vec2 at = vec2(pixel) + motion;
-    if (non_finite(motion)) { motion = vec2(0.0); return INVALID | mask; }
-    vec2 last = vec2(P.size.xy - 1);
-    if (any(lessThan(at, vec2(-P.guard_px))) || any(greaterThan(at, last + P.guard_px))) return mask | OUTSIDE;
-
-    Sample before = sample_history(at, surface);
-    if (non_finite(before)) return INVALID | mask;
-    return mask | compare(now, q.xyz, before);
+    return mask;
 }
 
-// An invocation classifies PIXELS_EACH pixels, a group's width apart, and counts runs of equal words with one atomic.
+// Reason bits of one pixel, and its motion in pixels.  ``differs``: whether the other reprojection may give other bits; only
+// where BOTH are counted and ``follow`` is MOTION.
+uint classify(ivec2 pixel, bool follow, out vec2 motion, out bool differs) {
+    motion = vec2(0.0);
+    differs = false;
+    Sample now = fetch_current(pixel);
+    uint mask = classify_current(pixel, now);
+    if ((mask & ~SKY) != 0u) return mask;
+    vec3 q;
+    uint unclassified = reproject(pixel, now.position, follow, q, motion);
+    Sample before;
+    if (unclassified == 0u) {
+        before = sample_history(vec2(pixel) + motion, mask == 0u);
+        mask |= non_finite(before) ? INVALID : compare(now, q, before);
+    } else {
+        mask |= unclassified;
+    }
+#if BOTH
+    if (follow == bool(MOTION) && (mask & SKY) == 0u) {
+        vec3 other_q;
+        vec2 other_motion;
+        uint other = reproject(pixel, now.position, !follow, other_q, other_motion);
+        if ((unclassified | other) != 0u) {
+            differs = unclassified != other;
+        } else if (taps_differ(vec2(pixel) + motion, vec2(pixel) + other_motion)) {
+            differs = true;
+        } else if ((mask & (INVALID | HISTORY_SKY)) == 0u) { // the same history: only the position test can differ
+            float moved, nearer;
+            uint position = position_bits(other_q, before.position.xyz, moved, nearer);
+            differs = position != (mask & (POSITION | DISOCCLUDED | OCCLUDING));
+        }
+    }
+#endif
+    return mask;
+}
+
+// An invocation classifies PIXELS_EACH (at most 64) pixels, a group's width apart, and counts runs of equal words with one
+// atomic.  Pixels that BOTH reprojections may classify differently, few of an image, follow in a loop of their own.
 void main() {
     load_parameters();
     ivec2 pixel = ivec2(gl_WorkGroupID.x * GROUP_X * PIXELS_EACH + gl_LocalInvocationID.x, gl_GlobalInvocationID.y);
     uint word = 0u, run = 0u;
+#if BOTH
+    ivec2 start = pixel;
+    uvec2 differing = uvec2(0u); // a bit for each pixel
+#endif
     for (int i = 0; i < PIXELS_EACH; ++i, pixel.x += GROUP_X) {
         if (any(greaterThanEqual(pixel, P.size.xy))) break;
         vec2 motion;
 #if WRITE_DISTANCES
         pixel_distances = pixel_changes = vec4(0.0);
 #endif
-        uint mask = classify(pixel, motion);
+        bool differs;
+        uint mask = classify(pixel, bool(MOTION), motion, differs);
+#if BOTH
+        if (differs) {
+            differing |= i < 32 ? uvec2(1u << i, 0u) : uvec2(0u, 1u << (i - 32));
+            atomicAdd(other_histogram[mask], ~0u); // less one
+        }
+#endif
         if (mask != word && run > 0u) {
             atomicAdd(mask_histogram[word], run);
             run = 0u;
@@ -241,4 +305,14 @@ void main() {
 #endif
     }
     if (run > 0u) atomicAdd(mask_histogram[word], run);
+#if BOTH
+    counts_distances = false;
+    while ((differing.x | differing.y) != 0u) {
+        int i = differing.x != 0u ? findLSB(differing.x) : 32 + findLSB(differing.y);
+        differing &= i < 32 ? uvec2(~(1u << i), ~0u) : uvec2(~0u, ~(1u << (i - 32)));
+        vec2 motion;
+        bool differs;
+        atomicAdd(other_histogram[classify(start + ivec2(i * GROUP_X, 0), !bool(MOTION), motion, differs)], 1u);
+    }
+#endif
 }

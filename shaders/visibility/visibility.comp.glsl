@@ -3,7 +3,7 @@
 // Paper      Eq. (3), of the point's own previous position.
 // Reads      position, prev_position, ids, acceleration structure of the frame before.
 // Writes     prev_visibility (bits VISIBILITY_*)
-// Reference  metrics.visibility.visibility
+// Reference  references.visibility.visibility
 // Departs    Surfaces within V.footprint / 32 before a point do not hide it: the rasterizer snaps corners to 1/256 pixel, so a
 //            point can lie that far behind the next triangle.
 #include "common/affine.glsl"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.options import AS_JSON, command, option_group
-from taubench_gl.apps.screen import show_json
+from taubench_gl.apps.screen import show_json, show_pairs
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -30,18 +30,21 @@ Examples:
 def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
-    Draws only to meter the exposure, which is not printed where there is no OpenGL.
+    Draws only to meter the exposure, which comes last and is not printed where there is no OpenGL.
     """
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
 
     path, row = resolve(path)
     settings = settings.replace(**row_settings(row))
-    contents = describe(load_scene(path, **settings.sequence.reading), settings)
+    scene = load_scene(path, **settings.sequence.reading)
+    contents = describe(scene, settings)
     if as_json:
-        show_json(contents)
-    else:
-        _show(contents)
+        show_json(contents | {"exposure": metered_exposure(scene, settings)})
+        return
+    _show(contents)
+    click.get_text_stream("stdout").flush()  # metering a large scene takes a while
+    show_pairs("Exposure", {"of every evaluation": _exposure_text(**metered_exposure(scene, settings))})
 
 
 def describe(scene: Scene, settings: Settings) -> dict[str, Any]:
@@ -91,7 +94,6 @@ def describe(scene: Scene, settings: Settings) -> dict[str, Any]:
         "generator": scene.generator,
         "light_unit": dataclasses.asdict(light_unit_of(scene)),
         "environment": dataclasses.asdict(environment_for(scene)),
-        "exposure": _exposure(scene, settings),
         "effects": effect_costs(animated, drawn),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
@@ -102,7 +104,7 @@ def describe(scene: Scene, settings: Settings) -> dict[str, Any]:
     }
 
 
-def _exposure(scene: Scene, settings: Settings) -> dict[str, Any]:
+def metered_exposure(scene: Scene, settings: Settings) -> dict[str, Any]:
     """The exposure of every evaluation of this scene with this camera, ``value``, and the ``reason`` for it.
 
     The value is None without OpenGL and without triangles.
@@ -143,8 +145,6 @@ def _light(scene: Scene, node: int, unit: float) -> dict[str, Any]:
 
 
 def _show(contents: dict[str, Any]) -> None:
-    from taubench_gl.apps.screen import show_pairs
-
     size = contents["bounds"]
     where = ", ".join(f"{x:.3g}" for x in size["center"])
     file = None if contents["bytes"] is None else f"{contents['path']} ({contents['bytes']:,} bytes)"
@@ -161,7 +161,6 @@ def _show(contents: dict[str, Any]) -> None:
             "camera used": contents["camera"],
             "light unit": "{value} ({reason})".format(**contents["light_unit"]),
             "environment": "{value} ({reason})".format(**contents["environment"]),
-            "exposure": _exposure_text(**contents["exposure"]),
         },
     )
     counts = {name.replace("_", " "): n for name, n in contents["census"].items() if not isinstance(n, dict | list)}

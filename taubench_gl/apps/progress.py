@@ -144,7 +144,8 @@ class StudyScreen(Bars, StudyProgress):
         if job in self._tasks:
             self.set_bar(job, self.done[job], self.total[job])
         self._show_whole()
-        if not self.on_terminal and time.monotonic() - self._said >= LINE_SECONDS:
+        known = job in self.labels  # before that only the head of a batch's job advances, which counts nothing
+        if known and not self.on_terminal and time.monotonic() - self._said >= LINE_SECONDS:
             self._said = time.monotonic()
             self.say(f"{self.labels[job]}: {self.done[job]}/{self.total[job]} {self.counted}{self._rate()}")
 

@@ -107,7 +107,7 @@ def fit(
 
     Thresholds are on a logarithmic grid of eight per octave.  A test that cannot reach the recall has none.
     """
-    from taubench_gl.reject.fit import check_recall, fit_table, fitted
+    from taubench_gl.reject.output import check_recall, fit_table, fitted
 
     check_recall(recall)
     thresholds = fitted(_evaluated(path, tests, settings), recall)

@@ -118,12 +118,23 @@ def stress(
             raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")
         _sweep(scene, out, sweep, settings, options)
         return
+    _write(scene, out, camera or "fps", settings, options, (move_lights, move_objects, motion))
+
+
+def _write(
+    scene: str,
+    out: Path,
+    choice: str,
+    settings: Settings,
+    options: dict[str, Any],
+    moving: tuple[int, int, tuple[float, ...]],
+) -> None:
+    """Write the scene with a camera; ``moving``: numbers of lights and of objects, and statistics of their motion."""
     from taubench_gl.datasets.motion_stats import MotionStats
     from taubench_gl.datasets.recorded import SUFFIXES, read_recorded
     from taubench_gl.datasets.stress import Moves
     from taubench_gl.datasets.stress import stress as write
 
-    choice = camera or "fps"
     if Path(choice).suffix.lower() in SUFFIXES:
         without_effect = [name for name in (*AXES, "seconds", "fps") if options[name] is not None]
         if without_effect:
@@ -131,8 +142,8 @@ def stress(
         path = read_recorded(choice)
     else:
         path = _spec(choice, options, 6.0)
-    moves = Moves(move_lights, move_objects, MotionStats(*motion))
-    done = write(scene, out, path, moves, seed, strict=settings.sequence.strict)
+    moves = Moves(*moving[:2], MotionStats(*moving[2]))
+    done = write(scene, out, path, moves, options["seed"], strict=settings.sequence.strict)
     moved = f", {done.lights} lights and {done.objects} objects moving" if done.lights or done.objects else ""
     click.echo(f"written to {done.file}: {done.seconds:.6g} s at {done.fps:.6g} fps{moved}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")

@@ -44,9 +44,7 @@ def view(
         None, "Start with light enabled", flag="--lighting/--no-lighting| /--no-light", shown="only on a GPU"
     ),
     reference: str | None = setting(
-        None,
-        "Path-traced reference frames for comparison (split view, difference)",
-        metavar="exr:DIR",
+        None, "Path-traced reference frames for comparison (split view, difference)", metavar="exr:DIR"
     ),
     compare: str | None = setting(None, "Another run: its scene with its settings, for comparison", metavar="RUN"),
     method: str | None = setting(
@@ -85,19 +83,10 @@ def view(
     _require_source(request.source, request.reference)
     from taubench_gl.viewer.window import Session, run_session
 
-    run_session(
-        Session(
-            request=request,
-            light=lit,
-            window=window,
-            screenshots=screenshots,
-            script=script,
-            bench=bench,
-            # A script starts from the same state on every machine and stores no preferences.
-            folder=None if script is not None or bench is not None else Path(click.get_app_dir("taubench-gl")),
-            report=click.echo,
-        )
-    )
+    # A script starts from the same state on every machine and stores no preferences.
+    folder = None if script is not None or bench is not None else Path(click.get_app_dir("taubench-gl"))
+    places = {"window": window, "screenshots": screenshots, "folder": folder}
+    run_session(Session(request=request, light=lit, script=script, bench=bench, report=click.echo, **places))
 
 
 def _open_request(

@@ -29,7 +29,14 @@ from taubench_gl.provenance import combined
 from taubench_gl.report import run_tables
 from taubench_gl.report.table import write_tables as write_table_files
 from taubench_gl.run import SUMMARY_FILE, Run, RunWriter, load_run
-from taubench_gl.run_schema import CAMERA_COLUMNS, COUNT_COLUMNS, DECIDED_COLUMNS, EXACT_COLUMNS, SAMPLED_COLUMNS
+from taubench_gl.run_schema import (
+    CAMERA_COLUMNS,
+    COUNT_COLUMNS,
+    DECIDED_COLUMNS,
+    EXACT_COLUMNS,
+    OTHER_COLUMNS,
+    SAMPLED_COLUMNS,
+)
 from taubench_gl.scene.model import Camera
 from taubench_gl.study.store import Store
 
@@ -71,7 +78,8 @@ def tally_job(
     frames, settings, report, views = range(*head["frames"]), job.settings, reports[0], _views(head)
     unmeasured = report["unmeasured"]
     missing = missing_of_scene(job.lobes, unmeasured, report["source"]["effects"], settings)
-    tally = Tally(settings, frames, light_plan(settings, sampled=True), unmeasured, report["reprojection"], missing)
+    light = light_plan(settings, sampled=True)
+    tally = Tally(settings, frames, light, unmeasured, report["reprojection"], report["other"], missing)
     for position in job_positions(job, head):
         record, camera_path = pairs[position], (views[position], views[position + 1])
         counts, lobes = counts_of_record(record), lobes_of_record(record)
@@ -189,7 +197,11 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
     groups = (EXACT_COLUMNS, DECIDED_COLUMNS, SAMPLED_COLUMNS)
     added = [name for group in groups for name in group if any(row.get(group[0]) is not None for row in every)]
     fields = dict.fromkeys(("job", "scene", *(f"sweep_{key}" for key in swept)), pa.string())
-    fields |= {"frame": pa.int64(), "time_s": pa.float64(), **dict.fromkeys((*COUNT_COLUMNS, *added), pa.int64())}
+    fields |= {
+        "frame": pa.int64(),
+        "time_s": pa.float64(),
+        **dict.fromkeys((*COUNT_COLUMNS, *OTHER_COLUMNS, *added), pa.int64()),
+    }
     fields |= {**dict.fromkeys(CAMERA_COLUMNS, pa.float64()), "gimbal": pa.bool_(), "camera_cut": pa.bool_()}
     columns: dict[str, list[Any]] = {name: [] for name in fields}
     for job, scene, sweep, rows in jobs:

@@ -138,6 +138,7 @@ class BatchStudy(Study):
             reports, tally = stored_pairs(self.store, job, head)[0], self._tallies[job]
             run = merge_job(head, tally, reports)
             write_job(self.store, resolved, head, run, reports, tally.sampled is not None)
+        self._tallies.pop(job, None)  # its rows are in the files
 
     def merge(self) -> Outcome:
         return Outcome(write_batch(self.store, self.spec, self.failed), self.failed)

@@ -1,13 +1,13 @@
 """Units of a job: its head (all that needs no pair), its pairs in chunks and its sampled light; and their records.
 
     JOB/head                   {"stamp", "frames", "facts", "lighting", "positions", "rotations"}
-    JOB/pairs-FIRST-LAST-HASH  {"report": what the worker measured, "pairs": [{"position", "words", "bins", "lobes",
-                               "added": columns of column adders}]}
+    JOB/pairs-FIRST-LAST-HASH  {"report": what the worker measured, "pairs": [{"position", "words", "bins", "other",
+                               "lobes", "added": columns of column adders}]}
     JOB/light-PAIR-VISIT-HASH  a visit of sampled light
 
 HASH is of everything in the head that counts depend on.  Counts are sparse, [places, counts]: of reason words in
-``words`` and in each of ``lobes``; of histogram bins in ``bins``, feature * bins + bin in the order of
-``features.FEATURES``.
+``words``, in ``other`` (under the other reprojection; null where that is not counted) and in each of ``lobes``; of
+histogram bins in ``bins``, feature * bins + bin in the order of ``features.FEATURES``.
 """
 
 from __future__ import annotations
@@ -240,6 +240,7 @@ def _report(session: Session) -> dict[str, Any]:
             "unmeasured": dict(session.source.unmeasured),
             "added": session.added_columns,
             "reprojection": session.source.reprojection,
+            "other": session.source.other,
             "provenance": provenance(session.gpu, session.timer.clock),
             "passes_ms": session.timer.median_ms(),
         }
@@ -252,6 +253,7 @@ def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added
         "position": position,
         "words": _sparse(counts.mask_histogram),
         "bins": _sparse(counts.histograms),
+        "other": None if counts.other is None else _sparse(counts.other),
         "lobes": {lobe: _sparse(histogram) for lobe, histogram in lobes.items()},
         "added": dict(added),
     }
@@ -260,7 +262,8 @@ def pair_record(position: int, counts: Counts, lobes: Mapping[str, Array], added
 def counts_of_record(pair: Mapping[str, Any]) -> Counts:
     """The counts that ``pair_record`` stored.  Raises IndexError or ValueError for places that do not exist."""
     bins = _dense(pair["bins"], len(FEATURES) * HISTOGRAM_BINS)
-    return Counts(_dense(pair["words"], MASK_WORDS), bins.reshape(len(FEATURES), HISTOGRAM_BINS))
+    other = None if pair["other"] is None else _dense(pair["other"], MASK_WORDS)
+    return Counts(_dense(pair["words"], MASK_WORDS), bins.reshape(len(FEATURES), HISTOGRAM_BINS), other)
 
 
 def lobes_of_record(pair: Mapping[str, Any]) -> dict[str, Array]:

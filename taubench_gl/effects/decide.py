@@ -146,10 +146,8 @@ def _cuts(scene: Scene) -> Effect:
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:
     if settings.metrics.stereo:
         return Effect(False, "both eyes see the scene at the same time")
-    if settings.metrics.reprojection != "motion":
-        return Effect(False, "the reprojection is 'camera'")
     if moves_by_itself(scene):
-        return Effect(True, "surfaces move and the reprojection is 'motion'")
+        return Effect(True, "surfaces move by themselves")
     return Effect(False, "no surface moves by itself")
 
 

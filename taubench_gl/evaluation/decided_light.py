@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE
-from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, read_preview
+from taubench_gl.evaluation.decided_pixels import (
+    DecidedPixels,
+    Decisions,
+    PreviewPair,
+    other_evaluator,
+    read_preview,
+)
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import Pair
 from taubench_gl.features import FEATURE_BIT, FEATURES, MASK_WORDS, RADIANCE_FEATURES
 from taubench_gl.frame.sources import RasterSource
@@ -33,12 +41,14 @@ class DecidedLight:
     columns, distances = DECIDED_COLUMNS, True
 
     def __init__(
-        self, variant: Callable[..., RasterSource], source: RasterSource, settings: Settings, lobes: Sequence[str] = ()
-    ):
-        """``variant``: opens a source of the scene (``Session.variant``); ``source``, ``settings``: of the pairs, with
-        one kind of history; ``lobes``: of ``measured_lobes``."""
+        self, owner: GpuOwner, variant: Callable[..., RasterSource], source: RasterSource, settings: Settings,
+        lobes: Sequence[str] = (),
+    ):  # fmt: skip
+        """``owner``: of what is opened; ``variant``: opens a source of the scene (``Session.variant``); ``source``,
+        ``settings``: of the pairs, with one kind of history; ``lobes``: of ``measured_lobes``."""
         self._settings, self._lobes = settings, tuple(lobes)
         self._columns = sampled_columns(source.unmeasured, self._settings.metrics.columns)
+        self._other = other_evaluator(owner, source, settings)
         self._pixels = DecidedPixels(variant, self._settings, self._columns, self._lobes)
 
     def fill_row(self, pair: Pair) -> None:
@@ -46,13 +56,7 @@ class DecidedLight:
         preview = read_preview(pair.source, pair.evaluator, pair.frame, self._columns)
         seed = (SEED, self._settings.lighting.seed, pair.frame)
         self._pixels.draw(preview)
-        # A list is a random part of the picture, so that its floor of errors is that of the pair.
-        at = np.random.default_rng(seed).permutation(np.argwhere(preview.traced)[:, ::-1])
-        lists = [at[first : first + LISTED] for first in range(0, len(at), LISTED)]
-        found = [
-            self._pixels.decide(pixels, LIMIT, np.random.default_rng([*seed, number]).random(len(pixels)))
-            for number, pixels in enumerate(lists)
-        ]
+        lists, found = self._decide(preview, preview.traced, seed)
 
         def image(before: Array, values: Callable[[Decisions], Array]) -> Array:
             out = before.copy()
@@ -71,8 +75,30 @@ class DecidedLight:
             names = {bounce: lobe_distance(bounce, lobe) for bounce in radiance}
             of_lobe = {b: image(none, lambda d, name=name: d.end.distances[name]) for b, name in names.items()}
             pair.evaluated.lobes[lobe] = _histogram(self._with_bits(words, of_lobe))
-        pair.replace(words, distances, counts_of_images(words, measured, pair.evaluated.counts.histograms))
+        counts = counts_of_images(words, measured, pair.evaluated.counts.histograms)
+        if self._other is not None:
+            counts = replace(counts, other=self._other_histogram(pair, preview, words, seed))
+        pair.replace(words, distances, counts)
         pair.row.update(decided_counts(found))
+
+    def _decide(self, preview: PreviewPair, where: Array, seed: tuple[int, ...]) -> tuple[list[Array], list[Decisions]]:
+        """The pixels ``where`` (h, w) bool, in lists (n, 2) of column and row from the top, and their decisions."""
+        # A list is a random part of the picture, so that its floor of errors is that of the pair.
+        at = np.random.default_rng(seed).permutation(np.argwhere(where)[:, ::-1])
+        lists = [at[first : first + LISTED] for first in range(0, len(at), LISTED)]
+        audits = [np.random.default_rng([*seed, number]).random(len(pixels)) for number, pixels in enumerate(lists)]
+        decide = self._pixels.decide
+        return lists, [decide(at, LIMIT, audit, pair=preview) for at, audit in zip(lists, audits, strict=True)]
+
+    def _other_histogram(self, pair: Pair, preview: PreviewPair, words: Array, seed: tuple[int, ...]) -> Array:
+        """Pixels per word (MASK_WORDS,) under the other reprojection; ``words`` (h, w): decided ones of this one."""
+        self._other.submit(pair.evaluator.submitted)
+        other = read_preview(pair.source, self._other, pair.frame, self._columns)
+        differs = preview.differs(other)
+        words = np.where(differs, other.words, words)
+        for at, decisions in zip(*self._decide(other, differs & other.traced, seed), strict=True):
+            words[at[:, 1], at[:, 0]] = decisions.end.words
+        return _histogram(words)
 
     def _with_bits(self, words: Array, distances: Mapping[str, Array]) -> Array:
         """``words`` (h, w) with the bits of the columns that have ``distances``."""

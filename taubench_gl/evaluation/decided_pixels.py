@@ -14,7 +14,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from taubench_gl.conventions import NOT_COMPARABLE, Reason
+from taubench_gl.conventions import COUNTED, NOT_COMPARABLE, OTHER_REPROJECTION, Reason
+from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import PairEvaluator
 from taubench_gl.features import FEATURE_BIT, LIGHT_FEATURES, RADIANCE_FEATURES
 from taubench_gl.frame.sources import RasterSource
@@ -66,6 +67,14 @@ class PreviewPair:
     emission: tuple[Array, Array] | None  # (h, w, 3)
     color: tuple[Array, Array] | None  # (h, w, 3)
 
+    def differs(self, other: PreviewPair) -> Array:
+        """Pixels that have another history or another word in ``other``, the same pair reprojected otherwise.
+
+        (h, w) bool.
+        """
+        moved = (self.at_px != other.at_px).any(axis=-1)
+        return (moved & (self.traced | other.traced)) | (self.words != other.words)
+
     @property
     def traced(self) -> Array:
         """Pixels whose masks depend on path-traced light: a comparison with a surface in either frame.  (h, w) bool."""
@@ -96,6 +105,14 @@ def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, col
         emission,
         color,
     )
+
+
+def other_evaluator(owner: GpuOwner, source: RasterSource, settings: Settings) -> PairEvaluator | None:
+    """What compares the pairs of ``source`` by its other reprojection, for ``read_preview``; None where it is equal."""
+    if source.other != COUNTED:
+        return None
+    other = OTHER_REPROJECTION[source.reprojection]
+    return owner.open_evaluator(source, settings, timed=False, images=True, distances=True, reprojection=other)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,13 +159,16 @@ class DecidedPixels:
         self._sources[0].draw_history(pair.frame)
         self._sources[1].draw(pair.frame)
 
-    def decide(self, at: Array, limit: int, audit: Array, *, halves: bool = False) -> Decisions:
+    def decide(
+        self, at: Array, limit: int, audit: Array, *, halves: bool = False, pair: PreviewPair | None = None
+    ) -> Decisions:
         """Decide the pixels ``at`` (n, 2), column and row from the top, of ``PreviewPair.traced``; n can be 0.
 
         ``limit``: samples per pixel at most; ``audit`` (n,): random numbers in [0, 1) that choose what is audited;
-        ``halves``: whether words and distances of halves of the samples are wanted.
+        ``halves``: whether words and distances of halves of the samples are wanted; ``pair``: the same frames by
+        another reprojection.
         """
-        listed, count, had = self._listed(at), len(at), 0
+        listed, count, had = self._listed(pair or self._pair, at), len(at), 0
         names = (*self.columns, *(name for _, name in self._lobes.values()))
         first, end = (PixelMasks.blank(listed.words, names, len(HALVES) if halves else 0) for _ in range(2))
         luminance = np.zeros(count)
@@ -185,9 +205,8 @@ class DecidedPixels:
             active, light = active[kept], light[kept]
         return Decisions(first, end, luminance, samples, decided_samples, ~decided, audited)
 
-    def _listed(self, at: Array) -> _Listed:
-        """The pixels ``at`` (n, 2) with the taps of their history, and what the preview says of each."""
-        pair = self._pair
+    def _listed(self, pair: PreviewPair, at: Array) -> _Listed:
+        """The pixels ``at`` (n, 2) with the taps of their history, and what the preview ``pair`` says of each."""
         rows = at[:, 1], at[:, 0]
         here, before = pair.surface[1][rows], pair.surface[0]
         taps, weights = history_taps(

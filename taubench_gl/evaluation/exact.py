@@ -15,8 +15,7 @@ from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.features import FEATURE_BIT, FEATURES, GEOMETRY
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column
-from taubench_gl.metrics.point_light import light_reasons
+from taubench_gl.metrics.exact_rates import CHANGES, CLASSES, class_column, light_reasons
 from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.run_schema import EXACT_COLUMNS
 from taubench_gl.settings import Settings

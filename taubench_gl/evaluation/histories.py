@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def merge_histories(
     depend on light.  Both histories of a pixel have the same random number for its audit, so that the less probable one
     is the probability of both.
     """
-    every = [_of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
+    every = [of_all(pair, d, at, rows) for pair, d, at in zip(pairs, found, traced, strict=True)]
     (frame, sure_frame), (eye, sure_eye) = every
     taken = uses_other_eye(frame.end.words, eye.end.words)
     audited = np.minimum(np.where(sure_frame, 1.0, frame.audited), np.where(sure_eye, 1.0, eye.audited))
@@ -50,6 +51,14 @@ def merge_histories(
     )
 
 
+def other_decisions(chosen: Decisions, found: Decisions, differs: Array) -> Decisions:
+    """Decisions of n pixels under the other reprojection: ``found`` where it ``differs`` (n,) bool, else ``chosen``."""
+    same = np.flatnonzero(~differs)
+    for masks, of in ((found.first, chosen.first), (found.end, chosen.end)):
+        masks.put(same, of.take(same))
+    return replace(found, audited=np.where(differs, found.audited, chosen.audited))
+
+
 def _better_masks(frame: PixelMasks, eye: PixelMasks) -> PixelMasks:
     def chosen(taken: Array, of_frame: Mapping[str, Array], of_eye: Mapping[str, Array]) -> dict[str, Array]:
         return {name: np.where(taken, of_eye[name], of) for name, of in of_frame.items()}
@@ -63,8 +72,11 @@ def _better_masks(frame: PixelMasks, eye: PixelMasks) -> PixelMasks:
     )
 
 
-def _of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, Array]) -> tuple[Decisions, Array]:
-    """``found`` with all n pixels, and which of them no audit can change, (n,) bool."""
+def of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, Array]) -> tuple[Decisions, Array]:
+    """``found`` with all n pixels at ``rows``, and which of them no audit can change, (n,) bool.
+
+    ``at``: places among the n pixels that ``found`` has; the words of all others are those of the preview ``pair``.
+    """
     words = pair.words[rows]
     count, halves = len(words), found.first.half_words.shape[1]
 
@@ -76,7 +88,7 @@ def _of_all(pair: PreviewPair, found: Decisions, at: Array, rows: tuple[Array, A
     known = {name: of[rows].astype(np.float64) for name, of in pair.distances.items()}
     both = []
     for masks in (found.first, found.end):
-        whole = PixelMasks.blank(words, tuple(known), halves)
+        whole = PixelMasks.blank(words, tuple(masks.distances), halves)
         for name, distance in known.items():
             whole.distances[name][:], whole.half_distances[name][:] = distance, distance[:, None]
         whole.put(at, masks)

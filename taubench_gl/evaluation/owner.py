@@ -78,18 +78,21 @@ class GpuOwner(Owner):
         distances: bool = False,
         reprojection: str | None = None,
         radiance: tuple[str, ...] | None = None,
+        absent: bool = False,
+        both: bool = False,
         timed: bool = True,
         instead_of: PairEvaluator | None = None,
     ) -> PairEvaluator:
         """An evaluator of the pairs of ``source``, which the owner frees.
 
-        ``images``, ``distances``, ``reprojection``, ``radiance``: as of ``PairEvaluator``; ``timed``: its pass is
-        measured; ``instead_of``: the evaluator that it replaces.
+        ``images``, ``distances``, ``reprojection``, ``radiance``, ``absent``, ``both``: as of ``PairEvaluator``;
+        ``timed``: its pass is measured; ``instead_of``: the evaluator that it replaces.
         """
         context = self.context if timed else self.untimed
         evaluator = PairEvaluator(
-            context, source, settings, images=images, distances=distances, reprojection=reprojection, radiance=radiance
-        )
+            context, source, settings, images=images, distances=distances, reprojection=reprojection,
+            radiance=radiance, absent=absent, both=both,
+        )  # fmt: skip
         return self.own(evaluator, instead_of=instead_of)
 
     def release(self) -> None:

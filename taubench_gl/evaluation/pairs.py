@@ -82,11 +82,12 @@ class PairEvaluator:
         reprojection: str | None = None,
         radiance: tuple[str, ...] | None = None,
         absent: bool = False,
+        both: bool = False,
     ):
         """``images``: also write images of masks and motion; ``distances``: and of the distances of every pixel.
 
         ``reprojection``: camera or motion; ``radiance``: light features to compare; None: those of ``source``.
-        ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.
+        ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.  ``both``: the other reprojection is counted too.
         """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
@@ -103,6 +104,7 @@ class PairEvaluator:
             images=images,
             distances=distances,
             absent=absent,
+            both=both,
         )
         self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
         self._pending: deque[EvaluatedPair] = deque()
@@ -177,6 +179,12 @@ class PairEvaluator:
             return self._masks.run(
                 pair, limits, current, previous, int(declared), exposure=self.settings.lighting.exposure_factor
             )
+
+    @property
+    def submitted(self) -> Reprojection:
+        """The cameras of the pair submitted last."""
+        assert self._submitted is not None
+        return self._submitted[0]
 
     def read(self, run: int | None = None) -> Counts:
         """Wait for a run, the latest or the one before it, and read its counts."""

@@ -13,8 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.evaluation.decided_pixels import DecidedPixels, Decisions, PreviewPair, read_preview
-from taubench_gl.evaluation.histories import chosen_words, merge_histories
+from taubench_gl.conventions import OTHER_REPROJECTION
+from taubench_gl.evaluation.decided_pixels import (
+    DecidedPixels,
+    Decisions,
+    PreviewPair,
+    other_evaluator,
+    read_preview,
+)
+from taubench_gl.evaluation.histories import chosen_words, merge_histories, of_all, other_decisions
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.sources import RasterSource
@@ -70,21 +77,28 @@ class _Histories:
         self._columns = columns
         self._source = variant(settings, extra=("emission",) if "color" in columns else ())
         self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
+        self._other = other_evaluator(owner, self._source, settings)
         self._decided = DecidedPixels(variant, settings, columns, lobes)
 
-    def draw(self, frame: int) -> PreviewPair:
-        """The pair of ``frame``, whose pixels ``decide`` decides from now on."""
+    def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
+        """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
         self._evaluator.restart()
         if self._source.eye is None:
             self._evaluator.step(frame - 1, False)
         self._evaluator.step(frame)
         pair = read_preview(self._source, self._evaluator, frame, self._columns)
         self._decided.draw(pair)
-        return pair
+        if self._other is None:
+            return pair, None
+        self._other.submit(self._evaluator.submitted)
+        return pair, read_preview(self._source, self._other, frame, self._columns)
 
-    def decide(self, at: np.ndarray, audit: np.ndarray) -> Decisions:
-        """Decide the pixels ``at`` (n, 2) of the drawn pair; ``audit`` (n,): random numbers of ``DecidedPixels``."""
-        return self._decided.decide(at, ROUND_SIZES.limit, audit, halves=True)
+    def decide(self, at: np.ndarray, audit: np.ndarray, pair: PreviewPair | None = None) -> Decisions:
+        """Decide the pixels ``at`` (n, 2) of the drawn pair, or of its other ``pair``.
+
+        ``audit`` (n,): random numbers of ``DecidedPixels``.
+        """
+        return self._decided.decide(at, ROUND_SIZES.limit, audit, halves=True, pair=pair)
 
 
 class LightVisits:
@@ -114,36 +128,69 @@ class LightVisits:
 
     def _visit(self, position: int, number: int) -> Visit:
         frame = self._frames[position + 1]
-        pairs = [history.draw(frame) for history in self._histories]
+        pairs, others = zip(*(history.draw(frame) for history in self._histories), strict=True)
         words, distances, traced = chosen_words(pairs)
+        other, differs = others[0], False
+        if other is not None:
+            differs, traced = pairs[0].differs(other), traced | other.traced
         seed = (SEED, self._settings.lighting.seed, frame)
-        image = strata_of(words, distances, self._estimate.thresholds, traced)
+        image = strata_of(words, distances, self._estimate.thresholds, traced, differs)
         strata = PixelStrata.of(image, STRATA, seed)
         flat, stratum = draw_pixels(strata, number, ROUND_SIZES.pixels)
-        decisions = self._decide(pairs, flat, np.random.default_rng([*seed, number]).random(len(flat)))
-        pixels = SampledPixels(
-            stratum, words.ravel()[flat],
-            {name: of.ravel()[flat].astype(np.float64) for name, of in distances.items()},
-            decisions.first, decisions.end, decisions.audited,
-        )  # fmt: skip
-        return self._estimate.visit(position, strata.sizes, pixels, decisions.undecided, decisions.samples)
+        audit = np.random.default_rng([*seed, number]).random(len(flat))
+        decisions = self._decide(pairs, flat, audit)
+        pixels, samples, of_other = _sampled(words, distances, flat, stratum, decisions), decisions.samples, None
+        if other is not None:
+            found = self._decide_other(other, decisions, flat, differs.ravel()[flat], audit)
+            samples = samples + found.samples
+            of_other = _sampled(other.words, other.distances, flat, stratum, found)
+        return self._estimate.visit(position, strata.sizes, pixels, decisions.undecided, samples, of_other)
 
     def _decide(self, pairs: Sequence[PreviewPair], flat: np.ndarray, audit: np.ndarray) -> Decisions:
         """The pixels with the flat indices ``flat`` (n,) of a pair with each kind of history."""
-        width = pairs[0].words.shape[1]
-        at = np.stack([flat % width, flat // width], axis=-1)
-        if len(pairs) == 1:
-            return self._histories[0].decide(at, audit)
+        at = _places(pairs[0], flat)
         traced = [np.flatnonzero(pair.traced.ravel()[flat]) for pair in pairs]
         found = [history.decide(at[k], audit[k]) for history, k in zip(self._histories, traced, strict=True)]
+        if len(pairs) == 1:
+            return of_all(pairs[0], found[0], traced[0], (at[:, 1], at[:, 0]))[0]
         return merge_histories(pairs, found, traced, (at[:, 1], at[:, 0]))
+
+    def _decide_other(
+        self, pair: PreviewPair, chosen: Decisions, flat: np.ndarray, differs: np.ndarray, audit: np.ndarray
+    ) -> Decisions:
+        """Pixels under the other reprojection, decided again where their history ``differs`` (n,) bool."""
+        at = _places(pair, flat)
+        again = np.flatnonzero(differs & pair.traced.ravel()[flat])
+        found = self._histories[0].decide(at[again], audit[again], pair)
+        return other_decisions(chosen, of_all(pair, found, again, (at[:, 1], at[:, 0]))[0], differs)
+
+
+def _places(pair: PreviewPair, flat: np.ndarray) -> np.ndarray:
+    """Columns and rows from the top, (n, 2), of the pixels with the flat indices ``flat`` (n,)."""
+    return np.stack(np.divmod(flat, pair.words.shape[1])[::-1], axis=-1)
+
+
+def _sampled(
+    words: np.ndarray, distances: Mapping[str, np.ndarray], flat: np.ndarray, stratum: np.ndarray, of: Decisions
+) -> SampledPixels:
+    """The pixels ``flat`` (n,) of a preview's ``words`` and ``distances`` (h, w), and what was decided of them."""
+    known = {name: image.ravel()[flat].astype(np.float64) for name, image in distances.items()}
+    return SampledPixels(stratum, words.ravel()[flat], known, of.first, of.end, of.audited)
 
 
 class SampledLight:
     """The sampled light of one run: the preview's counts of every pair first, then rounds of visits."""
 
-    def __init__(self, settings: Settings, frames: range, unmeasured: Mapping[str, str], lobes: Sequence[str] = ()):
-        """``unmeasured``: column -> why the preview has none; ``lobes`` (of ``measured_lobes``): measured apart."""
+    def __init__(
+        self,
+        settings: Settings,
+        frames: range,
+        unmeasured: Mapping[str, str],
+        lobes: Sequence[str] = (),
+        both: bool = False,
+    ):
+        """``unmeasured``: column -> why the preview has none; ``lobes`` (of ``measured_lobes``): measured apart;
+        ``both``: pairs are counted under both reprojections."""
         columns = sampled_columns(unmeasured, settings.metrics.columns)
         shading = "shading" not in unmeasured_rates(unmeasured)
         self.sample: PairSample = sampled_pairs(frames, settings)
@@ -154,6 +201,7 @@ class SampledLight:
             shading,
             settings.lighting.light_within,
             lobes,
+            OTHER_REPROJECTION[settings.metrics.reprojection] if both else None,
         )
         self._settings, self.rounds, self._empty = settings, 0, 0  # visits without a pixel since the last one with any
 

@@ -77,7 +77,7 @@ class ScenePlan:
     def column_groups(self, session: Session) -> Iterator[ColumnGroup]:
         source, settings, missing = session.source, self.settings, session.missing_lobes
         if self.light is LightPlan.DECIDED:
-            yield DecidedLight(session.variant, source, settings, measured_lobes(missing))
+            yield DecidedLight(session, session.variant, source, settings, measured_lobes(missing))
         if missing:
             yield LobeColumns(session, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if settings.metrics.exact:
@@ -111,7 +111,7 @@ class BothHistories:
             self._source, of_eye.settings, timed=False, images=True, distances=True
         )
         decided = of_eye.light is LightPlan.DECIDED
-        self._decided = DecidedLight(session.variant, self._source, of_eye.settings) if decided else None
+        self._decided = DecidedLight(session, session.variant, self._source, of_eye.settings) if decided else None
 
     def fill_row(self, pair: Pair) -> None:
         """Compare the frame of ``pair`` with the other eye."""

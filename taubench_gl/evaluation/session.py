@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from taubench_gl.animation import View
+from taubench_gl.conventions import COUNTED
 from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.lighting import LightPlan
 from taubench_gl.evaluation.owner import GpuOwner
@@ -138,7 +139,9 @@ class Session(GpuOwner):
             self.column_groups = list(plan.column_groups(self))
             self._images = readback.images or bool(self.column_groups)
             distances = readback.distances or any(group.distances for group in self.column_groups)
-            self.evaluator = self.open_evaluator(self.source, self.settings, images=self._images, distances=distances)
+            self.evaluator = self.open_evaluator(
+                self.source, self.settings, images=self._images, distances=distances, both=self.source.other == COUNTED
+            )
         self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
 
@@ -164,8 +167,9 @@ class Session(GpuOwner):
         self.drawn: list[View] = []
         source = self.source
         self.tally = Tally(
-            self.settings, self.plan.frames, self.plan.light, source.unmeasured, source.reprojection, self.missing_lobes
-        )
+            self.settings, self.plan.frames, self.plan.light, source.unmeasured, source.reprojection, source.other,
+            self.missing_lobes,
+        )  # fmt: skip
 
     def pairs(
         self, schedule: Schedule | None = None, checked: Collection[int] | None = None, *, continued: bool = False

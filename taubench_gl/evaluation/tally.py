@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.conventions import COUNTED, HISTOGRAM_BINS
 from taubench_gl.evaluation.brightness import Brightness, describe_brightness
 from taubench_gl.evaluation.lighting import LightPlan
 from taubench_gl.evaluation.lobes import BOUNCES, measured_lobes
@@ -24,7 +24,7 @@ from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.exact_rates import exact_summary
 from taubench_gl.metrics.sampled_light import decided_summary, sampled_columns
-from taubench_gl.metrics.sequence_stats import SequenceStats
+from taubench_gl.metrics.sequence_stats import SequenceStats, with_reprojections
 from taubench_gl.settings import Settings
 
 
@@ -42,14 +42,15 @@ class Tally:
         light: LightPlan,
         unmeasured: Mapping[str, str],
         reprojection: str,
+        other: str,
         missing_lobes: Mapping[str, Mapping[str, str]],
     ):
-        """``unmeasured``: column of the source -> why it is null; ``reprojection``: of the source; ``missing_lobes``:
-        requested lobe -> {direct or indirect: why it is null}."""
+        """``unmeasured``: column of the source -> why it is null; ``reprojection``, ``other``: of the source;
+        ``missing_lobes``: requested lobe -> {direct or indirect: why it is null}."""
         self.settings, self.frames, self.light = settings, frames, light
         self._unmeasured, self._reprojection = dict(unmeasured), reprojection
         self.rows: list[dict[str, Any]] = []
-        self.stats = SequenceStats(tuple(c for c in COLUMNS if c not in unmeasured), self._unmeasured)
+        self.stats = SequenceStats(tuple(c for c in COLUMNS if c not in unmeasured), self._unmeasured, other)
         self._lobes = {
             lobe: SequenceStats(tuple(b for b in BOUNCES if b not in reasons), dict(reasons))
             for lobe, reasons in missing_lobes.items()
@@ -57,7 +58,7 @@ class Tally:
         self.brightness, self.depths = Brightness(), []
         self.sampled: SampledLight | None = None
         if light is LightPlan.SAMPLED and sampled_columns(unmeasured, settings.metrics.columns):
-            self.sampled = SampledLight(settings, frames, unmeasured, measured_lobes(missing_lobes))
+            self.sampled = SampledLight(settings, frames, unmeasured, measured_lobes(missing_lobes), other == COUNTED)
 
     def add(
         self,
@@ -107,6 +108,7 @@ class Tally:
             summary["notes"].append(f"{', '.join(previewed)}: {note}")
         if self.sampled is not None:
             self.sampled.finish(summary, self.rows, self.frames)
+        summary["reusable"] = with_reprojections(summary["reusable"])
         return summary
 
 

@@ -123,9 +123,10 @@ class FrameSource(GpuOwner):
         self._motion: PairEvaluator | None = None
         if "prev_position" in self.source.channels:
             nearest = settings.replace(sampling="nearest")
-            how = {"images": True, "reprojection": "motion", "radiance": (), "absent": True}
             self.source.renderer.marks_absent = True
-            self._motion = self.open_evaluator(self.source, nearest, **how)
+            self._motion = self.open_evaluator(
+                self.source, nearest, images=True, reprojection="motion", radiance=(), absent=True
+            )
         self._exact: ExactReasons | None = None
         if exact:
             radiance = {"direct", "indirect"} & set(self.source.radiance)

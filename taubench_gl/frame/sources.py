@@ -15,6 +15,7 @@ from taubench_gl.animation import CameraTrack, View
 from taubench_gl.animation.eyes import other_eye
 from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.animation.surface import previous_point
+from taubench_gl.conventions import COUNTED, EQUAL
 from taubench_gl.effects.decide import as_summary, unmeasured
 from taubench_gl.effects.path_tracing import notes as light_notes
 from taubench_gl.features import LIGHT_FEATURES, OTHERS
@@ -47,6 +48,7 @@ class Source(Protocol):
     others: tuple[str, ...]  # OTHERS that the source has
     unmeasured: Mapping[str, str]  # column -> why it is null
     cuts: bool  # ``current`` has ``ids`` that mark surfaces without history
+    other: str  # the other reprojection: COUNTED, EQUAL, or why it is null
 
     def advance(self, frame: int) -> View:
         """Make ``frame`` the current frame and the current one the previous; the frame's view."""
@@ -106,6 +108,9 @@ class RasterSource(Owner):
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = settings.metrics.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
+        self.other = COUNTED if self.effects["previous_pose"].enabled else EQUAL
+        if settings.metrics.history == "both":
+            self.other = "each pixel has one of two histories"
         self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others = tuple(c for c in OTHERS if c not in self.unmeasured)

@@ -1,4 +1,4 @@
-"""Intervals for means over the frames of a sequence: a moving-block bootstrap.
+"""Intervals for means over the frames of a sequence, a moving-block bootstrap; Holm's correction of p-values.
 
 Neighboring frames are alike, so that the usual standard error of a mean over frames is too small.  The moving-block
 bootstrap (Kunsch 1989) draws blocks of consecutive frames with replacement; within a block the dependence is kept.  The
@@ -117,3 +117,16 @@ def student_interval(values: Array, confidence: float = CONFIDENCE) -> Interval:
     x = np.asarray(values, dtype=np.float64)
     error = float(x.std(ddof=1)) / math.sqrt(len(x))
     return _student(float(x.mean()), error, len(x) - 1.0, confidence)
+
+
+def holm_adjusted(p_values: Array) -> Array:
+    """Holm's adjusted p-values: Holm's method rejects at every significance from them on.  -> float64, same shape.
+
+    The i-th smallest of m values becomes the largest of (m - j + 1) p_j over j <= i, at most 1 (Holm 1979).
+    """
+    flat = np.asarray(p_values, dtype=np.float64).ravel()
+    order = np.argsort(flat, kind="stable")
+    raised = np.maximum.accumulate(flat[order] * (len(flat) - np.arange(len(flat))))
+    adjusted = np.empty(len(flat))
+    adjusted[order] = np.minimum(raised, 1.0)
+    return adjusted.reshape(np.shape(p_values))

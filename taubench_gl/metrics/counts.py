@@ -43,11 +43,13 @@ class Counts:
 
     mask_histogram: np.ndarray  # (65536,) pixels per mask word; uint32 as read back, int64 once added
     histograms: np.ndarray  # (5, bins) pixels per bin of each feature's distance
+    other: np.ndarray | None = None  # as ``mask_histogram``, under the other reprojection; None: not counted
 
     def __add__(self, other: Counts) -> Counts:
         """Exact sum of both, as of several samples per pixel."""
         words, distances = (np.asarray(x, dtype=np.int64) for x in (self.mask_histogram, self.histograms))
-        return Counts(words + other.mask_histogram, distances + other.histograms)
+        of_other = None if self.other is None else np.asarray(self.other, dtype=np.int64) + other.other
+        return Counts(words + other.mask_histogram, distances + other.histograms, of_other)
 
 
 def counts_of(mask_histogram: Array) -> dict[str, int]:

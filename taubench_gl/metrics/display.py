@@ -17,7 +17,7 @@ SCALE = np.array(
 
 
 def scale_glsl() -> str:
-    """The stops as GLSL."""
+    """SCALE and the number of its colors as GLSL constants."""
     stops = ", ".join(f"vec3({r}, {g}, {b})" for r, g, b in SCALE)
     return f"const int STOPS = {len(SCALE)};\nconst vec3 SCALE[STOPS] = vec3[]({stops});"
 

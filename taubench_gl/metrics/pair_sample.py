@@ -30,7 +30,7 @@ class PairSample:
 
     @property
     def positions(self) -> tuple[int, ...]:
-        """All sampled positions, ascending."""
+        """Sampled positions of all strata, ascending."""
         return tuple(sorted(p for _, sampled in self.strata for p in sampled))
 
     @property

@@ -24,7 +24,7 @@ LEAST, LIMIT = 64, 1024
 """Samples of every pixel that is decided, and most samples of one."""
 
 PARTS = 16
-"""Parts of ``part_table``."""
+"""Number of parts that ``part_table`` divides a sample sequence into."""
 
 HALVES = np.array(
     [

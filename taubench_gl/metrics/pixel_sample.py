@@ -91,7 +91,7 @@ class Interval:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Within what is possible."""
+        """Lower and upper end of the interval, limited to ``least`` .. ``most``, what is possible."""
         return tuple(min(max(self.mean + s * self.half_width, self.least), self.most) for s in (-1.0, 1.0))
 
 

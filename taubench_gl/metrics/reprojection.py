@@ -38,7 +38,7 @@ class Reprojection:
 
 @dataclass(frozen=True, slots=True)
 class Reprojected:
-    """Per pixel (h, w), row 0 at the top."""
+    """Where every pixel (h, w), row 0 at the top, was in the previous frame."""
 
     motion_px: Array  # (h, w, 2) previous - current, +x right, +y DOWN; NaN where behind
     at_px: Array  # (h, w, 2) previous pixel-index coordinates (x, row)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.features import BY_BIT, MASK_WORDS, TABLE
+from taubench_gl.features import BY_BIT, COLUMN_BITS, MASK_WORDS, TABLE
 from taubench_gl.glossary import REUSE_REASONS
 
 Array = np.ndarray
@@ -69,6 +69,14 @@ def unmeasured_rates(reasons: Mapping[str, str]) -> dict[str, str]:
     return out
 
 
+_RATE_KEYS = ("mean_percent", "of_picture_percent", "min_percent", "max_percent", "without_cuts_mean_percent")
+
+
+def unmeasured_rate(reason: str) -> dict[str, Any]:
+    """The entry of a rate that is null for ``reason``."""
+    return {**dict.fromkeys(_RATE_KEYS), "pixels": None, "reason": reason}
+
+
 class ReuseStats:
     """Adds pairs up.  ``unmeasured``: column of Table 4 -> why it was not measured."""
 
@@ -83,6 +91,7 @@ class ReuseStats:
         self._counts: dict[str, list[int]] = {rate: [] for rate in measured}
         self._reasons: dict[str, list[int]] = {} if self.rate is None else {n: [] for _, n in _reasons_of(self.rate)}
         self._color_only: list[int] = []
+        self._discarded: dict[str, list[int]] = {c: [] for c in COLUMN_BITS if c not in unmeasured}
         self._histogram = np.zeros(MASK_WORDS, dtype=np.int64)
 
     def add(self, mask_histogram: Array) -> None:
@@ -97,6 +106,10 @@ class ReuseStats:
         if self.rate is not None:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
+        for column, values in self._discarded.items():
+            values.append(
+                int(pixels[((words & int(COLUMN_BITS[column])) != 0) & ((words & int(Reason.SKY)) == 0)].sum())
+            )
         if self._with_color:
             reusable = (words & int(RATE_BITS["shading"] | Reason.SKY)) == 0
             self._color_only.append(int(pixels[reusable & ((words & int(Reason.COLOR)) != 0)].sum()))
@@ -121,7 +134,7 @@ class ReuseStats:
         of the pairs, with the sum 1; None: equal weights.
         """
         weights = np.ones(len(self._pixels)) if weights is None else weights
-        out: dict[str, Any] = {rate: self._rate(rate, cuts, weights) for rate in RATES}
+        out: dict[str, Any] = self.rates(cuts, weights)
         sky = [pixels - surface for pixels, surface in zip(self._pixels, self._surface, strict=True)]
         out["sky_percent"] = _percent(sky, self._pixels, weights) if self._with_sky else None
         measured = self.rate is not None and self.has_surface
@@ -131,9 +144,19 @@ class ReuseStats:
         out["color_only"] = self._share(self._color_only, weights) if measured and self._with_color else None
         return out
 
+    def rates(self, cuts: Array, weights: Array | None = None) -> dict[str, Any]:
+        """Rate -> its entry in ``block``.  Arguments as there."""
+        weights = np.ones(len(self._pixels)) if weights is None else weights
+        return {rate: self._rate(rate, cuts, weights) for rate in RATES}
+
+    def discarded(self, weights: Array | None = None) -> dict[str, float | None]:
+        """Column -> surface pixels that it discards, % of surface pixels.  ``weights``: as of ``block``."""
+        weights = np.ones(len(self._pixels)) if weights is None else weights
+        return {column: _percent(values, self._surface, weights) for column, values in self._discarded.items()}
+
     @property
     def pixels(self) -> int:
-        """Pixels of all pairs."""
+        """Number of pixels of all pairs together."""
         return sum(self._pixels)
 
     @property
@@ -147,10 +170,10 @@ class ReuseStats:
         return {"words": words.tolist(), "pixels": pixels.tolist()}
 
     def _rate(self, rate: str, cuts: Array, weights: Array) -> dict[str, Any]:
-        keys = ("mean_percent", "of_picture_percent", "min_percent", "max_percent", "without_cuts_mean_percent")
         if rate in self.missing or not self.has_surface:
-            reason = self.missing.get(rate, NO_SURFACE if self._pixels else "the scene gives no pair of frames")
-            return {**dict.fromkeys(keys), "pixels": None, "reason": reason}
+            return unmeasured_rate(
+                self.missing.get(rate, NO_SURFACE if self._pixels else "the scene gives no pair of frames")
+            )
         counts, surface = np.array(self._counts[rate], np.float64), np.array(self._surface, np.float64)
         shares = 100.0 * counts[surface > 0] / surface[surface > 0]
         weights_without_cuts = weights * ~np.asarray(cuts, dtype=bool)
@@ -158,7 +181,7 @@ class ReuseStats:
             _percent(counts, surface, weights), _percent(counts, self._pixels, weights),
             float(shares.min()), float(shares.max()), _percent(counts, surface, weights_without_cuts),
         )  # fmt: skip
-        return dict(zip(keys, values, strict=True)) | {"pixels": sum(self._counts[rate])}
+        return dict(zip(_RATE_KEYS, values, strict=True)) | {"pixels": sum(self._counts[rate])}
 
     def _share(self, counts: list[int], weights: Array) -> dict[str, Any]:
         return {"mean_percent": _percent(counts, self._surface, weights), "pixels": sum(counts)}

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import HISTOGRAM_BINS, NOT_COMPARABLE, OTHER_REPROJECTION, Reason
 from taubench_gl.features import COLUMNS, FEATURE_BIT, FEATURES, LIGHT_FEATURES, RADIANCE_FEATURES
 from taubench_gl.metrics.counts import Counts, bin_of, counts_of, discarded_above, discarded_at
 from taubench_gl.metrics.pair_sample import PairSample
@@ -39,7 +39,7 @@ NEAR = 4.0
 DENSITY = (0.15, 0.5)
 """Anticipated standard deviation of the difference far from every threshold and near one; pixels are drawn by it."""
 
-STRATA = 2 ** (1 + len(LIGHT_FEATURES))
+STRATA = 2 ** (2 + len(LIGHT_FEATURES))
 
 
 def lobe_distance(bounce: str, lobe: str) -> str:
@@ -47,10 +47,17 @@ def lobe_distance(bounce: str, lobe: str) -> str:
     return f"{bounce}_{lobe}"
 
 
-def strata_of(words: Array, distances: Mapping[str, Array], thresholds: Mapping[str, float], traced: Array) -> Array:
+def strata_of(
+    words: Array,
+    distances: Mapping[str, Array],
+    thresholds: Mapping[str, float],
+    traced: Array,
+    differs: Array | bool = False,
+) -> Array:
     """Stratum of every pixel by its preview: near a threshold or not, and its light columns.  (h, w) int64.
 
-    -1 where the mask does not depend on light: outside ``traced`` (h, w) bool.
+    -1 where the mask does not depend on light: outside ``traced`` (h, w) bool.  ``differs`` (h, w) bool: pixels whose
+    history depends on the reprojection, which have strata of their own.
     """
     near = np.zeros(words.shape, bool)
     out = np.zeros(words.shape, np.int64)
@@ -59,7 +66,7 @@ def strata_of(words: Array, distances: Mapping[str, Array], thresholds: Mapping[
         if name in distances:
             limit = thresholds[name]
             near |= (distances[name] > limit / NEAR) & (distances[name] < limit * NEAR)
-    return np.where(traced, out + near, -1)
+    return np.where(traced, out + near + STRATA // 2 * np.asarray(differs), -1)
 
 
 def draw_pixels(strata: PixelStrata, visit: int, count: int) -> tuple[Array, Array]:
@@ -89,20 +96,21 @@ class PixelMasks:
 
     @classmethod
     def blank(cls, words: Array, names: Sequence[str], halves: int) -> PixelMasks:
-        """Of pixels with ``words`` (n,) and distances of 0."""
+        """Masks of pixels with reason ``words`` (n,) and distances of 0."""
         count = len(words)
         distances = ({name: np.zeros(shape) for name in names} for shape in (count, (count, halves)))
         return cls(words.copy(), next(distances), np.repeat(words[:, None], halves, axis=1), next(distances))
 
     def put(self, rows: Array, values: PixelMasks) -> None:
-        """Replace those of ``rows`` by ``values``."""
+        """Replace the masks of the pixels ``rows`` (k,), indices, by ``values``."""
         self.words[rows], self.half_words[rows] = values.words, values.half_words
-        for own, of in ((self.distances, values.distances), (self.half_distances, values.half_distances)):
-            for name, array in of.items():
-                own[name][rows] = array
+        for name, distances in values.distances.items():
+            self.distances[name][rows] = distances
+        for name, distances in values.half_distances.items():
+            self.half_distances[name][rows] = distances
 
     def take(self, rows: Array) -> PixelMasks:
-        """Those of ``rows``."""
+        """The masks of the pixels ``rows`` (k,), indices."""
         distances = ({n: of[rows] for n, of in each.items()} for each in (self.distances, self.half_distances))
         return PixelMasks(self.words[rows], next(distances), self.half_words[rows], next(distances))
 
@@ -168,7 +176,7 @@ class Visit:
     samples: int  # of all pixels, of each of the two frames
 
     def record(self) -> dict[str, Any]:
-        """JSON values, without loss."""
+        """The estimate as JSON values, from which it is read back without loss."""
         out = {name: getattr(self, name) for name in self.__slots__}
         arrays = {name: out[name].tolist() for name in _KINDS}
         return out | arrays | {"curves": {column: curve.tolist() for column, curve in self.curves.items()}}
@@ -194,13 +202,14 @@ class _Statistic:
     indicator: Indicator
     base: str = "pixels"  # | surface | comparable: what it is a share of
     distance: tuple[str, float] | None = None
+    other: bool = False  # of the masks of the other reprojection
 
     def known(self, counted: Counts) -> float:
         """Pixels of one pair that the preview counts."""
         if self.distance is not None:
             column, limit = self.distance
             return discarded_at(counted.histograms[FEATURES.index(column)], limit) or 0.0
-        words, pixels = occupied(counted.mask_histogram)
+        words, pixels = occupied(counted.other if self.other else counted.mask_histogram)
         return float(pixels[self.indicator(words, {})].sum())
 
 
@@ -220,16 +229,22 @@ def _above(name: str, limit: float) -> Indicator:
 
 
 def statistics_of(
-    columns: Sequence[str], thresholds: Mapping[str, float], shading: bool, lobes: Sequence[str]
+    columns: Sequence[str],
+    thresholds: Mapping[str, float],
+    shading: bool,
+    lobes: Sequence[str],
+    other: str | None = None,
 ) -> list[_Statistic]:
     """Those of the light ``columns``; ``shading``: whether that rate is measured; ``lobes``: measured apart, without
-    the preview as control, which is not known at single pixels."""
+    the preview as control, which is not known at single pixels; ``other``: reprojection that is counted too."""
     out: list[_Statistic] = []
     shares = (("mean_percent", "pixels"), ("comparable_mean_percent", "comparable"))
     radiance = [column for column in columns if column in RADIANCE_FEATURES]
     for column in columns:
         for key, base in shares:
             out.append(_Statistic(("discard", column, key), _has(FEATURE_BIT[column]), base))
+        of_surface = _has(FEATURE_BIT[column], int(Reason.SKY))
+        out.append(_Statistic(("discard", column, "of_surface_percent"), of_surface, "surface"))
     for column in radiance:
         for key, factor in EXPOSURE_FACTORS.items():
             limit = thresholds[column] / factor
@@ -240,15 +255,19 @@ def statistics_of(
             out += [_Statistic(("lobes", lobe, bounce, key), above, base) for key, base in shares]
     if not shading:
         return out
-    other = int(RATE_BITS["shading"] | Reason.SKY)
+    unusable = int(RATE_BITS["shading"] | Reason.SKY)
     for key, base in (("mean_percent", "surface"), ("of_picture_percent", "pixels")):
-        out.append(_Statistic(("reusable", "shading", key), _has(0, other), base))
+        out.append(_Statistic(("reusable", "shading", key), _has(0, unusable), base))
+        if other is not None:
+            out.append(_Statistic(("reusable", other, "shading", key), _has(0, unusable), base, other=True))
     table, names = first_reasons("shading")
     for index, name in enumerate(names):
         at = ("reusable", "reasons", name, "mean_percent")
         out.append(_Statistic(at, lambda words, _, index=index: table[words] == index, "surface"))
     if "color" in columns:
-        out.append(_Statistic(("reusable", "color_only", "mean_percent"), _has(FEATURE_BIT["color"], other), "surface"))
+        out.append(
+            _Statistic(("reusable", "color_only", "mean_percent"), _has(FEATURE_BIT["color"], unusable), "surface")
+        )
     return out
 
 
@@ -262,10 +281,14 @@ class LightEstimate:
         shading: bool,
         most: float,
         lobes: Sequence[str] = (),
+        other: str | None = None,
     ):
-        """``most``: half width of the intervals of columns and rate that is narrow enough, percentage points."""
+        """``most``: half width of the intervals of columns and rate that is narrow enough, percentage points.
+
+        ``other``: as of ``statistics_of``.
+        """
         self.columns, self.thresholds, self.lobes, self._most = tuple(columns), thresholds, tuple(lobes), most
-        self._statistics = statistics_of(columns, thresholds, shading, lobes)
+        self._statistics = statistics_of(columns, thresholds, shading, lobes, other)
         self._known: dict[int, Array] = {}  # position -> pixels of each statistic
         self._bases: dict[int, dict[str, float]] = {}
         self._histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), np.int64)
@@ -281,18 +304,27 @@ class LightEstimate:
         self._histograms += counted.histograms
         self._comparable += counts["comparable"]
 
-    def visit(self, position: int, sizes: Array, pixels: SampledPixels, undecided: Array, samples: Array) -> Visit:
+    def visit(
+        self,
+        position: int,
+        sizes: Array,
+        pixels: SampledPixels,
+        undecided: Array,
+        samples: Array,
+        other: SampledPixels | None = None,
+    ) -> Visit:
         """What ``pixels``, n of the pair at ``position``, add.
 
-        ``sizes`` (strata,): pixels of the image; ``undecided`` (n,) bool; ``samples`` (n,): of each of the two frames.
+        ``sizes`` (strata,): pixels of the image; ``undecided`` (n,) bool; ``samples`` (n,): of each of the two frames;
+        ``other``: the same pixels under the other reprojection.
         """
-        values = np.stack([pixels.difference(s.indicator) for s in self._statistics], axis=-1)
+        values = [(other if s.other else pixels).difference(s.indicator) for s in self._statistics]
         discarded = {c: float(pixels.value(_has(FEATURE_BIT[c])).sum()) for c in self.columns}
         audited = pixels.audited > 0.0
         wrong = audited & (pixels.first.words != pixels.end.words)
         counts = (int(np.sum(each)) for each in (undecided, audited, wrong, samples))
         curves = {column: pixels.curve(column) for column in self.columns}
-        return Visit(position, sizes, pixels.stratum, values, curves, discarded, *counts)
+        return Visit(position, sizes, pixels.stratum, np.stack(values, axis=-1), curves, discarded, *counts)
 
     def add(self, visit: Visit) -> None:
         """What one visit adds.  Visits of a pair are added in order."""
@@ -300,7 +332,7 @@ class LightEstimate:
 
     @property
     def positions(self) -> list[int]:
-        """Of the pairs whose preview is known, ascending."""
+        """Positions of the pairs whose preview is known, ascending."""
         return sorted(self._known)
 
     def intervals(self, sample: PairSample) -> dict[tuple[str, ...], Interval]:
@@ -340,7 +372,7 @@ class LightEstimate:
 
     @property
     def samples(self) -> int:
-        """Of all pixels, of both frames."""
+        """Number of light samples of all pixels in both frames."""
         return 2 * sum(visit.samples for visits in self.visits.values() for visit in visits)
 
     def amend(self, summary: dict[str, Any], intervals: Mapping[tuple[str, ...], Interval]) -> None:
@@ -364,8 +396,8 @@ class LightEstimate:
         _balance([summary["reusable"]["reasons"][name] for name in reasons], [i.mean for i in reasons.values()])
         entries = [summary["discard"][column] for column in self.columns]
         entries += [of[c] for of in (summary.get("lobes") or {}).values() for c in of if of[c].get("method") == SAMPLED]
-        if summary["reusable"]["shading"].get("method") == SAMPLED:
-            entries.append(summary["reusable"]["shading"])
+        rates = [of["shading"] for of in (summary["reusable"], *map(summary["reusable"].get, OTHER_REPROJECTION)) if of]
+        entries += [rate for rate in rates if rate.get("method") == SAMPLED]
         for entry in entries:
             entry |= {"pixels": pixels, "undecided_percent": undecided}
             entry |= {key: None for key in ("max_percent", "min_percent", "without_cuts_mean_percent") if key in entry}

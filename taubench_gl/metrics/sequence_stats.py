@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.conventions import COUNTED, EQUAL, HISTOGRAM_BINS, OTHER_REPROJECTION
 from taubench_gl.features import COLUMNS, FEATURES, RADIANCE_FEATURES, TABLE
 from taubench_gl.metrics.counts import (
     CLASSES,
@@ -25,7 +25,7 @@ from taubench_gl.metrics.counts import (
     percent,
 )
 from taubench_gl.metrics.pair_sample import PairSample, estimate, share_ends
-from taubench_gl.metrics.reuse_rate import RATES, ReuseStats
+from taubench_gl.metrics.reuse_rate import RATES, ReuseStats, reusable_pixels, unmeasured_rate
 from taubench_gl.metrics.streaming import Welford
 
 NOT_MEASURED = "not measured"
@@ -34,15 +34,16 @@ EXPOSURE_FACTORS = {"at_half_exposure_percent": 0.5, "at_twice_exposure_percent"
 
 
 class SequenceStats:
-    """Accumulates pairs.  ``measured``: the columns that were computed; the others are reported as ``null``."""
+    """Accumulates pairs.  ``measured``: the columns that were computed; the others are reported as ``null``.
 
-    def __init__(
-        self,
-        measured: tuple[str, ...],
-        reasons: dict[str, str],
-    ):
-        self.measured, self.reasons = measured, reasons
-        self.reuse = ReuseStats({c: reasons.get(c, NOT_MEASURED) for c in COLUMNS if c not in measured})
+    ``other``: of the other reprojection, as of ``Source``.
+    """
+
+    def __init__(self, measured: tuple[str, ...], reasons: dict[str, str], other: str = EQUAL):
+        self.measured, self.reasons, self._other = measured, reasons, other
+        self.reuse, self._other_reuse = (
+            ReuseStats({c: reasons.get(c, NOT_MEASURED) for c in COLUMNS if c not in measured}) for _ in range(2)
+        )
         self._all = {c: Welford() for c in COLUMNS}
         self._comparable = {c: Welford() for c in COLUMNS}
         self._classes = {c: Welford() for c in CLASSES}
@@ -52,9 +53,16 @@ class SequenceStats:
         self.pairs = 0
 
     def add(self, counted: Counts) -> dict[str, int | None]:
-        """Add one pair; its raw counts, ``None`` where a feature was not measured."""
+        """Add the raw counts of one pair, None where a feature was not measured."""
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.reuse.add(counted.mask_histogram)
+        other: dict[str, int | None] = dict.fromkeys(RATES)
+        if self._other == EQUAL:
+            other = {rate: counts[f"reusable_{rate}"] for rate in RATES}
+        elif self._other == COUNTED:
+            self._other_reuse.add(counted.other)
+            other = reusable_pixels(counted.other)
+        counts |= {f"other_reusable_{rate}": other[rate] for rate in RATES}
         self.pairs += 1
         self._comparable_pixels += counts["comparable"]
         for name in CLASSES:
@@ -70,7 +78,7 @@ class SequenceStats:
             if feature.name not in self.measured:
                 counts[feature.name] = None
                 counts |= {bit.name.lower(): None for bit in feature.details if feature.light}
-        counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
+        counts |= {f"{of}reusable_{rate}": None for rate in self.reuse.missing for of in ("", "other_")}
         return counts
 
     def discard(self, cuts: np.ndarray) -> dict[str, Any]:
@@ -95,11 +103,23 @@ class SequenceStats:
     def rates(self, reprojection: str, cuts: np.ndarray, sample: PairSample | None) -> dict[str, Any]:
         """The blocks ``reusable`` and ``discard``, and of sampled pairs their confidence intervals, ``sampling``.
 
+        ``reusable`` has the rates of the other reprojection, unless it is equal: ``with_reprojections`` adds the rest.
         ``cuts`` (P,) bool of the pairs; ``sample``: how they were drawn, None for all pairs.
         """
         discard = self.discard(cuts)
         sampling = {} if sample is None else {"sampling": self._sampling(sample, discard)}
-        reusable = self.reuse.block(reprojection, cuts, None if sample is None else sample.weights)
+        weights = None if sample is None else sample.weights
+        for column, share in self.reuse.discarded(weights).items() if self.pairs else ():
+            discard[column]["of_surface_percent"] = share
+        reusable = self.reuse.block(reprojection, cuts, weights)
+        if self._other != EQUAL:
+            counted = self._other == COUNTED
+            rates = (
+                self._other_reuse.rates(cuts, weights)
+                if counted
+                else dict.fromkeys(RATES, unmeasured_rate(self._other))
+            )
+            reusable[OTHER_REPROJECTION[reprojection]] = rates
         return {"reusable": reusable, "discard": discard} | sampling
 
     def _sampling(self, sample: PairSample, discard: dict[str, Any]) -> dict[str, Any]:
@@ -144,6 +164,12 @@ class SequenceStats:
                 "comparable": self._comparable_pixels,
             }
         return out
+
+
+def with_reprojections(reusable: Mapping[str, Any]) -> dict[str, Any]:
+    """The block ``reusable``, complete, with the rates of each reprojection by its name."""
+    rates = {rate: dict(reusable[rate]) for rate in RATES}
+    return dict(reusable) | {mode: reusable.get(mode, rates) for mode in OTHER_REPROJECTION}
 
 
 def sensitivity(

@@ -10,7 +10,7 @@ Array = np.ndarray
 
 
 class Welford:
-    """Running statistics in float64.
+    """Count, mean, variance, minimum and maximum of values that come one by one, in float64.
 
     Welford (1962) for single values; Chan, Golub and LeVeque (1979) for merging.  No sums of squares, so a small
     variance around a large mean keeps its precision.  NaN and Inf propagate: the caller removes invalid values first.
@@ -26,7 +26,7 @@ class Welford:
         self._m2 = 0.0  # sum of squared deviations from the mean
 
     def add(self, value: float) -> None:
-        """Add one value."""
+        """Add one value to the statistics."""
         value = float(value)
         self.count += 1
         if self.count == 1:
@@ -57,7 +57,7 @@ class Welford:
         self.merge(block)
 
     def merge(self, other: Welford) -> None:
-        """Add everything that was added to ``other``."""
+        """Add all values that were added to ``other``."""
         if not other.count:
             return
         if not self.count:

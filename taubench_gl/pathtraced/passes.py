@@ -9,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 
-from taubench_gl.data_files import read_json, read_toml
+from taubench_gl.data_files import convert, one_line, read_json, read_toml
 from taubench_gl.errors import PathTracedError
 from taubench_gl.lobes import BOUNCES, FILE_COLORS, LOBES
 from taubench_gl.pathtraced.exr import ExrImage
+from taubench_gl.setting_values import FLOAT32_MAX
 
 Array = np.ndarray
 
@@ -31,52 +33,63 @@ UNIT_ROUNDING = 5e-7
 """Normals whose length differs from 1 by at most this (float32 rounding) are kept bit for bit."""
 
 _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
-_NUMBERS = {"background_depth": 1e9, "meters": 1.0}
-"""Numbers of a mapping above 0, and their defaults."""
 PRESETS = Path(__file__).parent / "presets"
 """Folder of the built-in mappings."""
 EXPORT_PRESET, EXPORT_ATTRIBUTE = "taubench", "taubench.positions"
 """The mapping of files that ``export`` wrote, and an attribute that only they have."""
-CHOICES = {
-    "up": ("z", "y", "z-left", "y-left"),
-    "depth": ("planar", "distance"),
-    "color": ("linear", "encoded"),
-    "positions": ("world", "relative"),
-    "motion.unit": ("px", "uv"),
-    "motion.direction": ("previous-current", "current-previous"),
-    "motion.y": ("up", "down"),
-    "motion.zero": ("0", "0.5"),
-}
-"""Keys of a mapping that take a word, and the words."""
+Up = Literal["z", "y", "z-left", "y-left"]
+Depth = Literal["planar", "distance"]
+Positive = Annotated[float, msgspec.Meta(gt=0, le=FLOAT32_MAX)]
 
 
-@dataclass(frozen=True, slots=True)
-class PassMap:
-    """Pass names and conventions of one program's files.  ``presets/blender.toml`` documents each field."""
+class MotionMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Conventions of a motion pass: the table ``[motion]`` of a pass mapping."""
 
-    name: str
-    passes: Mapping[
-        str, tuple[Any, ...]
-    ]  # canonical pass -> alternatives in order: a pass name, or a tuple of full channel names
-    up: str = "z"
-    depth: str = "planar"
-    background_depth: float = 1e9
-    color: str = "linear"
-    positions: str = "world"  # relative: to the frame's camera (prev_position: to the previous frame's), world axes
-    motion_unit: str = "px"
-    motion_direction: str = "previous-current"
-    motion_y: str = "up"
-    motion_zero: str = "0"  # the stored value of no motion
-    meters: float = 1.0  # per unit of position, depth and background_depth
+    unit: Literal["px", "uv"] = "px"
+    direction: Literal["previous-current", "current-previous"] = "previous-current"
+    y: Literal["up", "down"] = "up"
+    zero: Literal["0", "0.5"] = "0"  # the stored value of no motion
+
+
+class ChannelNames(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Full channel names of a pass, in component order."""
+
+    channels: tuple[str, ...]
+
+
+Alternative = str | ChannelNames
+
+
+class PassMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Pass names and conventions of one program's files.  ``presets/blender.toml`` documents each field.
+
+    ``passes``: canonical pass -> its name in the files, the full names of its channels, or several alternatives, of
+    which the first that a file has is used.
+    """
+
+    passes: dict[str, Alternative | tuple[Alternative, ...]]
+    name: str = ""
+    up: Up = "z"
+    depth: Depth = "planar"
+    background_depth: Positive = 1e9
+    color: Literal["linear", "encoded"] = "linear"
+    positions: Literal["world", "relative"] = "world"  # relative: to the camera, prev_position to that of its frame
+    meters: Positive = 1.0  # per unit of position, depth and background_depth
+    motion: MotionMap = MotionMap()
+
+    def alternatives(self, name: str) -> tuple[Alternative, ...]:
+        """Names of the canonical pass ``name`` in files, the preferred one first; empty if it is not mapped."""
+        entry = self.passes.get(name, ())
+        return entry if isinstance(entry, tuple) else (entry,)
 
     def file_name(self, name: str) -> str:
-        """Name of a pass in files, for messages: its first alternative."""
-        first = self.passes[name][0] if name in self.passes else None
+        """Name of the canonical pass ``name`` in files, for messages: its first alternative."""
+        first = next(iter(self.alternatives(name)), None)
         return first if isinstance(first, str) and first else name
 
 
 def presets() -> tuple[str, ...]:
-    """Names of the built-in mappings."""
+    """Names of the built-in mappings, in alphabetical order."""
     return tuple(sorted(p.stem for p in PRESETS.glob("*.toml")))
 
 
@@ -89,47 +102,18 @@ def load_mapping(source: str | Path | None) -> PassMap:
         raise PathTracedError("is no pass mapping", where=str(source), hint=hint)
     read = read_json if path.suffix.lower() == ".json" else read_toml
     values = read(path, fault=PathTracedError, hint=hint)
-    return parse_mapping(values, str(source))
-
-
-def parse_mapping(values: Any, where: str) -> PassMap:
-    """Check every key of a decoded mapping file.  Raises PathTracedError."""
-    if not isinstance(values, dict) or not isinstance(values.get("passes"), dict):
-        raise PathTracedError("has no [passes]", where=where, hint="see the built-in preset 'blender' for an example")
-    motion = values.get("motion", {})
-    flat = {k: v for k, v in values.items() if k not in ("passes", "motion", "name", *_NUMBERS)}
-    flat |= {f"motion.{k}": v for k, v in (motion.items() if isinstance(motion, dict) else ())}
-    for key, value in flat.items():
-        if key not in CHOICES:
-            raise PathTracedError(f"unknown key {key!r}", where=where, hint=f"known: {', '.join(CHOICES)}")
-        if not isinstance(value, str) or value not in CHOICES[key]:
-            raise PathTracedError(f"{key} is {value!r}", where=where, hint=f"choose from {', '.join(CHOICES[key])}")
-    numbers = {name: values.get(name, default) for name, default in _NUMBERS.items()}
-    for name, number in numbers.items():
-        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 < number < np.inf:
-            raise PathTracedError(f"{name} is {number!r}", where=where, hint="give a number above 0")
-    passes = {name: _alternatives(name, entry, where) for name, entry in values["passes"].items()}
-    fields = {key.replace(".", "_"): value for key, value in flat.items()}
-    return PassMap(str(values.get("name", where)), passes, **{k: float(v) for k, v in numbers.items()}, **fields)
-
-
-def _alternatives(name: str, entry: Any, where: str) -> tuple[Any, ...]:
-    if name not in COMPONENTS:
-        raise PathTracedError(
-            f"passes: no pass is named {name!r}", where=where, hint=f"choose from {', '.join(COMPONENTS)}"
-        )
-    out = []
-    for item in entry if isinstance(entry, list) else [entry]:
-        if isinstance(item, str):
-            out.append(item)
-            continue
-        channels = item.get("channels") if isinstance(item, dict) else None
+    with one_line(path, PathTracedError, hint="see the built-in preset 'blender' for an example"):
+        mapping = convert(values, PassMap)
+    for name in mapping.passes:
+        if name not in COMPONENTS:
+            hint = f"choose from {', '.join(COMPONENTS)}"
+            raise PathTracedError(f"passes: no pass is named {name!r}", where=str(source), hint=hint)
         count = COMPONENTS[name]
-        if not (isinstance(channels, list) and all(isinstance(c, str) for c in channels) and len(channels) == count):
-            hint = f"give a pass name, or {{ channels = [...] }} with {count} names"
-            raise PathTracedError(f"passes.{name} is {item!r}", where=where, hint=hint)
-        out.append(tuple(channels))
-    return tuple(out)
+        for item in mapping.alternatives(name):
+            if isinstance(item, ChannelNames) and len(item.channels) != count:
+                what = f"passes.{name} has {len(item.channels)} channels, expected {count}"
+                raise PathTracedError(what, where=str(source))
+    return mapping if mapping.name else msgspec.structs.replace(mapping, name=str(source))
 
 
 class ChannelIndex:
@@ -141,9 +125,8 @@ class ChannelIndex:
     def __init__(self, names: Iterable[str], mapping: PassMap, layer: str | None = None):
         self.names, self.mapping = tuple(names), mapping
         self._channels: dict[str, tuple[str, ...]] = {}
-        pass_names = {
-            n.casefold() for alternatives in mapping.passes.values() for n in alternatives if isinstance(n, str)
-        }
+        known = {name: mapping.alternatives(name) for name in mapping.passes}
+        pass_names = {n.casefold() for names in known.values() for n in names if isinstance(n, str)}
         tables: dict[str, dict[str, dict[str, str]]] = {}  # layer -> pass -> component -> channel
         for channel in self.names:
             parts = channel.split(".")
@@ -160,16 +143,16 @@ class ChannelIndex:
         # Take the layer with most passes.  Passes that it lacks may be at the root of the file (combined as R, G, B).
         order = [layer] if layer is not None else sorted(tables, key=lambda name: -len(tables[name]))
         self.layer = order[0] if order else ""
-        for name, alternatives in mapping.passes.items():
+        for name, alternatives in known.items():
             searched = [tables[layer] for layer in order if layer in (self.layer, "")]
             if channels := self._search(alternatives, COMPONENTS[name], searched):
                 self._channels[name] = channels
 
-    def _search(self, alternatives: tuple[Any, ...], count: int, tables: list[dict]) -> tuple[str, ...] | None:
+    def _search(self, alternatives: tuple[Alternative, ...], count: int, tables: list[dict]) -> tuple[str, ...] | None:
         for name in alternatives:
-            if not isinstance(name, str):
-                if all(channel in self.names for channel in name):
-                    return name
+            if isinstance(name, ChannelNames):
+                if all(channel in self.names for channel in name.channels):
+                    return name.channels
                 continue
             for table in tables:
                 components = table.get(name.casefold(), {})
@@ -325,13 +308,14 @@ def unit(normals: Array) -> Array:
 def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Array | None:
     if motion is None:
         return None
-    motion = motion - np.float32(mapping.motion_zero)
+    stored = mapping.motion
+    motion = motion - np.float32(stored.zero)
     factor = np.ones(2, dtype=np.float32)
-    if mapping.motion_unit == "uv":
+    if stored.unit == "uv":
         factor *= size
-    if mapping.motion_direction == "current-previous":
+    if stored.direction == "current-previous":
         factor *= -1
-    if mapping.motion_y == "up":
+    if stored.y == "up":
         factor[1] *= -1
     return motion * factor + np.float32(0)  # + 0 turns -0 into 0
 

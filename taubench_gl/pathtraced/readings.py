@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import get_args, get_type_hints
 
 import numpy as np
 
-from taubench_gl.pathtraced.passes import CHOICES, PassMap
+from taubench_gl.pathtraced.passes import Depth, MotionMap, PassMap, Up
 
 Array = np.ndarray
 
@@ -17,10 +18,11 @@ MOTION = ("direction", "y", "components", "unit", "zero")
 BACKWARDS = ("files backwards", "next")
 """Orders in which the frame before file i is file i + 1."""
 
+_MOTION = {name: get_args(choices) for name, choices in get_type_hints(MotionMap).items()}
 _UNITS = {"0.01": "centimeters", "0.001": "millimeters", "0.0254": "inches", "0.3048": "feet"}
 TEXTS: dict[str, Mapping[str, str]] = {
     "rows": {"bottom first": "rows are stored bottom first: write the top row first"},
-    "up": {up: f"axes are those of up = '{up}': set up = '{up}'" for up in CHOICES["up"]},
+    "up": {up: f"axes are those of up = '{up}': set up = '{up}'" for up in get_args(Up)},
     "positions": {
         "world": "positions are world positions: set positions = 'world'",
         "relative": "positions are relative to the camera: set positions = 'relative'",
@@ -43,11 +45,11 @@ TEXTS: dict[str, Mapping[str, str]] = {
         "files backwards": "files are numbered backwards",
         "camera backwards": "frames of the camera are numbered backwards",
     },
-    "depth": {kind: f"depth is {kind}: set depth = '{kind}'" for kind in CHOICES["depth"]},
+    "depth": {kind: f"depth is {kind}: set depth = '{kind}'" for kind in get_args(Depth)},
     "direction": {
-        d: f"motion is {d.replace('-', ' - ')}: set motion.direction = '{d}'" for d in CHOICES["motion.direction"]
+        d: f"motion is {d.replace('-', ' - ')}: set motion.direction = '{d}'" for d in _MOTION["direction"]
     },
-    "y": {y: f"motion +y is {y}: set motion.y = '{y}'" for y in CHOICES["motion.y"]},
+    "y": {y: f"motion +y is {y}: set motion.y = '{y}'" for y in _MOTION["y"]},
     "components": {"yx": "x and y of motion are exchanged: name its channels in the mapping"},
     "unit": {
         "uv": "motion is in fractions of the image: set motion.unit = 'uv'",
@@ -56,7 +58,7 @@ TEXTS: dict[str, Mapping[str, str]] = {
         "half": "motion is half as long as it should be: double it",
         "double": "motion is twice as long as it should be, as clip space for fractions of the image: halve it",
     },
-    "zero": {zero: f"no motion is stored as {zero}: set motion.zero = '{zero}'" for zero in CHOICES["motion.zero"]},
+    "zero": {zero: f"no motion is stored as {zero}: set motion.zero = '{zero}'" for zero in _MOTION["zero"]},
 }  # fmt: skip
 """Convention -> value that corrects the files -> what is wrong and what to set."""
 
@@ -107,7 +109,7 @@ def value_in(mapping: PassMap, name: str) -> str:
     """What the mapping says of a convention."""
     fixed = {"rows": "top row first", "matrix": "world_from_view, rows", "lens": "yfov is vertical",
              "order": "as numbered", "components": "x, y"}  # fmt: skip
-    return fixed.get(name) or str(getattr(mapping, f"motion_{name}" if name in MOTION else name))
+    return fixed.get(name) or str(getattr(mapping.motion if name in MOTION else mapping, name))
 
 
 def geometry_values(mapping: PassMap, positions: bool, camera: str) -> dict[str, tuple[str, ...]]:
@@ -133,11 +135,11 @@ def geometry_readings(values: Mapping[str, Iterable[str]]) -> list[Reading]:
 def motion_readings(mapping: PassMap) -> list[Reading]:
     """All combinations of the values of MOTION, the simplest first."""
     values = {name: ["", *(v for v in TEXTS[name] if v != value_in(mapping, name))] for name in MOTION}
-    if mapping.motion_unit == "uv":
+    if mapping.motion.unit == "uv":
         values["unit"].remove("ndc")  # the same as double
     combined = (Reading(**dict(zip(values, chosen, strict=True))) for chosen in itertools.product(*values.values()))
     # A stored value of no motion other than 0 is for values from 0 to 1.
-    sensible = (r for r in combined if not r.zero or mapping.motion_unit == "uv" or r.unit in ("uv", "ndc"))
+    sensible = (r for r in combined if not r.zero or mapping.motion.unit == "uv" or r.unit in ("uv", "ndc"))
     return sorted(sensible, key=lambda reading: len(reading.values))
 
 
@@ -146,11 +148,11 @@ def corrected_motion(motion: Array, readings: Iterable[Reading], mapping: PassMa
     pixels = np.array(size, dtype=np.float64)
     scale = {"": 1.0, "uv": pixels, "ndc": 0.5 * pixels, "px": 1.0 / pixels, "half": 2.0, "double": 0.5}
     # ``passes`` has subtracted the mapping's zero, in its unit and signs.
-    stored = (pixels if mapping.motion_unit == "uv" else 1.0) * np.array([1.0, 1 - 2 * (mapping.motion_y == "up")])
-    stored = stored * (1 if mapping.motion_direction == "previous-current" else -1)
+    stored = (pixels if mapping.motion.unit == "uv" else 1.0) * np.array([1.0, 1 - 2 * (mapping.motion.y == "up")])
+    stored = stored * (1 if mapping.motion.direction == "previous-current" else -1)
     out = []
     for reading in readings:
-        shifted = motion + (float(mapping.motion_zero) - float(reading.zero)) * stored if reading.zero else motion
+        shifted = motion + (float(mapping.motion.zero) - float(reading.zero)) * stored if reading.zero else motion
         signs = np.array([1.0, -1.0 if reading.y else 1.0]) * (-1.0 if reading.direction else 1.0)
         out.append((shifted[:, ::-1] if reading.components else shifted) * (signs * scale[reading.unit]))
     return np.array(out)

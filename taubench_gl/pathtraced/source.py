@@ -61,6 +61,7 @@ class PathTracedSource:
         self.unmeasured |= {c: "not requested" for c in COLUMNS if c not in settings.metrics.columns}
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others: tuple[str, ...] = ()
+        self.other = "path-traced files are compared by one reprojection"
         self.cuts = False  # images do not show which surfaces have no history
         self.channels = ("position", "normal", *self.radiance)
         if self.reprojection == "motion":

@@ -128,7 +128,7 @@ _NAME = re.compile(r"(\.\s*)?\b([A-Za-z_]\w*)")
 
 
 def _outside(text: str, pair: str) -> str:
-    """``text`` without what is between the two characters of ``pair``."""
+    """``text`` without what stands between the two characters of ``pair``, such as brackets."""
     depth, out = 0, []
     for c in text:
         depth -= c == pair[1]

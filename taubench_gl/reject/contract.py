@@ -25,7 +25,7 @@ BUILTIN = PACKAGE / "reject" / "tests"
 _MAX_BYTES = 1 << 20
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-"""A comment of GLSL."""
+"""Pattern of a comment in GLSL."""
 _ENTRY = re.compile(r"\bfloat\s+difference\s*\(\s*(?:in\s+)?Point\b")
 _RESERVED = {"now", "history", "pixel", "difference", "at"}
 
@@ -76,7 +76,10 @@ def builtin_tests() -> tuple[str, ...]:
 
 
 def load_test(source: str) -> RejectionTest:
-    """``NAME`` or a folder, or several joined by ``+``; each may end with ``=THRESHOLD``.  Raises MethodError."""
+    """The test ``NAME`` or a folder, or any of several joined by ``+``; each may end with ``=THRESHOLD``.
+
+    Raises MethodError.
+    """
     names = source.split("+")
     if len(names) == 1:
         return _one(source)
@@ -87,7 +90,7 @@ def load_test(source: str) -> RejectionTest:
 
 
 def load_tests(sources: Sequence[str]) -> tuple[RejectionTest, ...]:
-    """Raises MethodError also for two tests of one name."""
+    """The tests of ``sources`` by ``load_test``.  Raises MethodError, also for none and for two of one name."""
     tests = tuple(load_test(source) for source in sources)
     names = [test.name for test in tests]
     for name in names:

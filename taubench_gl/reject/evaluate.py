@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,85 +15,17 @@ from taubench_gl.evaluation import open_session
 from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_channels
 from taubench_gl.evaluation.session import Readback, Session
 from taubench_gl.frame.materials import tests_alpha
-from taubench_gl.metrics.classifier import Confusion, Curve
 from taubench_gl.metrics.exact_rates import CHANGES
 from taubench_gl.provenance import provenance
 from taubench_gl.reject.contract import RejectionTest, load_tests
 from taubench_gl.reject.differences import CHANNELS, Differences
+from taubench_gl.reject.scores import STRATA, TRUTHS, Scores
 from taubench_gl.run import Progress
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
 SCHEMA = "taubench-gl/reject/1"
-TRUTHS = ("visibility", "visibility_or_shading")
-"""What makes a pixel positive: its point was occluded or new; or that, or its light changed past a threshold."""
-
-STRATA: dict[str, tuple[str, tuple[float, ...]]] = {
-    "distance": ("m", (2.0, 5.0, 10.0, 20.0, 50.0)),
-    "angle": ("degrees from the surface, 0: grazing", (5.0, 15.0, 45.0)),
-    "motion": ("pixels of the point", (0.5, 2.0, 8.0)),
-    "camera": ("median pixels of motion of the pair", (0.5, 2.0, 8.0)),
-}
-"""Unit and inner limits of the strata of surface pixels."""
-
-OBJECTS = ("static", "moving", "deforming", "masked")
-"""Classes of pixels: still; moved by more than the position threshold; skinned or morphed; of a material with alpha."""
-
-
-def stratum_names(name: str) -> tuple[str, ...]:
-    """Labels of the strata of ``name``, in order."""
-    if name == "object":
-        return OBJECTS
-    limits = [f"{x:g}" for x in STRATA[name][1]]
-    return (f"below {limits[0]}", *(f"{a} to {b}" for a, b in itertools.pairwise(limits)), f"{limits[-1]} and more")
-
-
-@dataclass
-class Scores:
-    """Of one test: by truth, confusion at the threshold and the curve; the confusion of every stratum by visibility."""
-
-    test: RejectionTest
-    confusion: dict[str, Confusion]
-    curves: dict[str, Curve]
-    strata: dict[str, list[Confusion]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, test: RejectionTest, truths: Sequence[str]) -> Scores:
-        strata = {name: [Confusion() for _ in stratum_names(name)] for name in (*STRATA, "object")}
-        return cls(test, {t: Confusion() for t in truths}, {t: Curve() for t in truths}, strata)
-
-    def add(self, values: Array, truth: dict[str, Array], strata: dict[str, Array]) -> None:
-        """``values`` (K,); ``truth``: name -> (K,) bool; ``strata``: name -> (K,) row of the stratum."""
-        rejected = values > self.test.threshold
-        for name, positive in truth.items():
-            self.confusion[name].add(rejected, positive)
-            self.curves[name].add(values, positive)
-        first = truth[self.truth]
-        for name, rows in strata.items():
-            for row in np.unique(rows):
-                at = rows == row
-                self.strata[name][row].add(rejected[at], first[at])
-
-    @property
-    def truth(self) -> str:
-        """The truth that strata and fits refer to: visibility for geometry, both for color."""
-        return TRUTHS[1] if self.test.kind == "color" and TRUTHS[1] in self.confusion else TRUTHS[0]
-
-    def block(self, milliseconds: float | None) -> dict[str, Any]:
-        """JSON values."""
-        test = self.test
-        return {
-            "title": test.title, "kind": test.kind, "unit": test.unit, "threshold": test.threshold, "cite": test.cite,
-            "settings": dict(test.settings), "parts": [p.name for p in test.parts], "milliseconds": milliseconds,
-            "truth": self.truth,
-            "scores": {name: c.block() for name, c in self.confusion.items()},
-            "curves": {name: c.block() for name, c in self.curves.items()},
-            "strata": {
-                name: {label: c.block() | {"pixels": c.pixels} for label, c in zip(stratum_names(name), rows)}
-                for name, rows in self.strata.items()
-            },
-        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,7 +67,7 @@ class _Run:
 
     def __init__(self, session: Session, tests: tuple[RejectionTest, ...]):
         self._session, self._source, self._pairs = session, session.source, session.evaluator
-        self._given, self._tests = session.plan, tests
+        self._plan, self._tests = session.plan, tests
         single = {t.name: t for test in tests for t in test.single}
         self._differences = session.own(Differences(session.context, self._source, tuple(single.values())))
         self._single = tuple(single)
@@ -144,31 +75,31 @@ class _Run:
         self._reasons = ExactReasons(session.variant, session.settings, radiance)
         truths = TRUTHS if self._reasons.lit else TRUTHS[:1]
         self._scores = {test.name: Scores.of(test, truths) for test in tests}
-        self._apart = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)
+        self._pixel_counts = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)
         self._changed = dict.fromkeys(CHANGES, 0)
 
     def evaluate(self, progress: Callable[[Progress], None] | None) -> Rejection:
-        total = len(self._given.frames) - 2
+        total = len(self._plan.frames) - 2
         for number, pair in enumerate(self._session.pairs(checked=())):
             if number > 0:
                 self._score(pair.frame)
                 if progress is not None:
-                    progress(Progress(self._given.name, number, total, pair.evaluated.seconds))
+                    progress(Progress(self._plan.name, number, total, pair.evaluated.seconds))
             self._differences.keep_motion(self._pairs.motion_texture)
         self._session.gpu.check("the rejection tests")
         return Rejection(self._summary(total), self._scores)
 
     def _score(self, frame: int) -> None:
-        source, settings = self._source, self._given.settings
+        source, settings = self._source, self._plan.settings
         mask, bits = self._pairs.mask(), self._reasons.of(source, frame).bits
         position = source.read("position")
         compared, surface = (mask & NOT_COMPARABLE) == 0, position[..., 3] > 0
         scored = compared & surface & ((bits & (Visibility.OUTSIDE | Visibility.BEHIND | Visibility.INVALID)) == 0)
         frustum = (bits & (Visibility.OUTSIDE | Visibility.BEHIND)) != 0
-        self._apart["sky"] += int(np.count_nonzero(~surface & ~frustum))
-        self._apart["frustum"] += int(np.count_nonzero(frustum))
-        self._apart["surface"] += int(np.count_nonzero(scored))
-        self._apart["not_classified"] += int(np.count_nonzero(~scored & surface & ~frustum))
+        self._pixel_counts["sky"] += int(np.count_nonzero(~surface & ~frustum))
+        self._pixel_counts["frustum"] += int(np.count_nonzero(frustum))
+        self._pixel_counts["surface"] += int(np.count_nonzero(scored))
+        self._pixel_counts["not_classified"] += int(np.count_nonzero(~scored & surface & ~frustum))
         positive = (bits & (Visibility.OCCLUDED | Visibility.NEW)) != 0
         truth = {TRUTHS[0]: positive[scored]}
         if self._reasons.lit:
@@ -186,7 +117,7 @@ class _Run:
             self._scores[test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
 
     def _strata(self, position: Array, bits: Array, scored: Array) -> dict[str, Array]:
-        source, scale = self._source, self._given.settings.metrics.unit_scale
+        source, scale = self._source, self._plan.settings.metrics.unit_scale
         facing = source.read("geometric_normal")[..., :3].astype(np.float64)
         ray = position[..., :3].astype(np.float64)
         size = np.maximum(np.linalg.norm(ray, axis=-1) * np.linalg.norm(facing, axis=-1), 1e-30)
@@ -206,26 +137,26 @@ class _Run:
         return out | {"object": np.where(moved, 1, kind)}
 
     def _summary(self, pairs: int) -> dict[str, Any]:
-        given, described = self._given, self._source.describe()
+        plan, described = self._plan, self._source.describe()
         timer = self._session.timer
         medians = timer.median_ms()
-        total = max(sum(self._apart.values()), 1)
+        total = max(sum(self._pixel_counts.values()), 1)
         tests = {}
         for test in self._tests:
             times = [medians.get(part.name) for part in test.single]
             tests[test.name] = self._scores[test.name].block(None if None in times else sum(times))
         first = next(iter(self._scores.values())).confusion[TRUTHS[0]]
         positive, changed = first.true_positive + first.false_negative, self._changed.values()
-        scene = given.animated.scene
+        scene = plan.animated.scene
         return {
             "schema": SCHEMA,
             "scene": {"name": scene.name, "path": None if scene.path is None else str(scene.path),
                       "sha256": scene.sha256, "stand_in": scene.stand_in},
-            "settings": given.settings.as_summary(given.frames),
-            "lighting": dict(given.lighting.reasons),
+            "settings": plan.settings.as_summary(plan.frames),
+            "lighting": dict(plan.lighting.reasons),
             "pairs": pairs,
-            "pixels": dict(self._apart),
-            "percent": {name: 100.0 * count / total for name, count in self._apart.items()},
+            "pixels": dict(self._pixel_counts),
+            "percent": {name: 100.0 * count / total for name, count in self._pixel_counts.items()},
             "positive": {TRUTHS[0]: positive, "changed_shading": sum(changed) if self._reasons.lit else None},
             "changed_shading": dict(self._changed) if self._reasons.lit else None,
             "strata": {name: {"unit": unit, "limits": list(limits)} for name, (unit, limits) in STRATA.items()},

@@ -94,6 +94,9 @@ def camera_column(quantity: str, statistic: str, name: str, unit: str) -> Column
     return Column(name, f"{unit}²" if statistic == "variance" else unit, 3, definition)
 
 
+MUCH_SKY = 100.0 / 3.0
+"""Share of sky, %, above which Table 4 also has shares of surface pixels."""
+
 SEEN = ("visible", "occluded")
 """Columns of exact visibility in Table 4."""
 
@@ -156,6 +159,9 @@ def _discard_rows(label: str, summary: Summary, exact_columns: Sequence[str]) ->
         text = f"{all_pixels}, {WITHOUT_CUTS}"
         rows.append(row(text, "without_cuts_mean_percent", nothing, all_pixels, len(cuts)))
     rows.append(row(of_comparable, "comparable_mean_percent", nothing, of_comparable.split(",")[0]))
+    if ((summary.get("reusable") or {}).get("sky_percent") or 0.0) > MUCH_SKY:
+        of_surface = STATISTICS["of_surface_percent"].label
+        rows.append(row(of_surface, "of_surface_percent", nothing, of_surface))
     return [*rows, _misregistered(label, summary)] if exact else rows
 
 

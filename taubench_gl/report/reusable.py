@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from taubench_gl.conventions import MIXED, mixed_definitions
+from taubench_gl.conventions import MIXED, OTHER_REPROJECTION, mixed_definitions
 from taubench_gl.glossary import CONCEPTS, OPTIONS, REUSE_REASONS, STATISTICS
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import run_labels
@@ -51,17 +51,53 @@ def motion_text(summary: Summary) -> str | None:
 
 
 def reusable_sentence(summary: Summary) -> str:
-    """``81.3 % of surface pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``."""
+    """``81.3 % of surface pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``.
+
+    Where surfaces move, with both reprojections: ``camera reprojection 58.3 %, with motion vectors 68.1 % of ...``.
+    """
     block = summary.get("reusable") or {}
     rate = block.get("reasons_of")
     if rate is None:
         return f"reusable pixels are unknown: {_why(block, 'surface')}"
     shares = {name: entry["mean_percent"] for name, entry in (block.get("reasons") or {}).items()}
-    return sentence(block[rate]["mean_percent"], shares, rate, block.get("sky_percent"), half_width(block[rate]))
+    percent, sky = block[rate]["mean_percent"], block.get("sky_percent")
+    if both := both_rates(summary, rate):
+        texts = {mode: rate_text(entry["mean_percent"], half_width(entry)) for mode, entry in both.items()}
+        return both_sentence(texts, block["reprojection"], percent, shares, rate, sky)
+    return sentence(percent, shares, rate, sky, half_width(block[rate]))
+
+
+def both_rates(summary: Summary, rate: str) -> dict[str, Any]:
+    """Reprojection -> its entry of ``rate``, where surfaces move by themselves and both are known; else empty."""
+    block, effects = summary.get("reusable") or {}, summary.get("effects") or {}
+    entries = {mode: (block.get(mode) or {}).get(rate) or {} for mode in OTHER_REPROJECTION}
+    moves = (effects.get("previous_pose") or {}).get("on")
+    known = all(entry.get("mean_percent") is not None for entry in entries.values())
+    return entries if moves and known else {}
+
+
+def both_sentence(
+    texts: Mapping[str, str],
+    chosen: str,
+    percent: float,
+    shares: Mapping[str, float],
+    rate: str = "shading",
+    sky_percent: float | None = None,
+) -> str:
+    """``sentence`` with the rate of each reprojection, ``texts``; ``percent`` and ``shares`` are of ``chosen``."""
+    named = rate if rate == "shading" else f"{rate}; light was not measured"
+    text = f"camera reprojection {texts['camera']}, with motion vectors {texts['motion']}"
+    text += f" of surface pixels can be reused ({named})"
+    return text + _reasons_text(percent, shares, f"by {chosen} reprojection ") + _sky_text(sky_percent)
 
 
 def headline(summary: Summary) -> str:
-    """``camera reprojection: 81.3 % of surface ...``: the reprojection mode and ``reusable_sentence``."""
+    """``camera reprojection: 81.3 % of surface ...``: the reprojection mode and ``reusable_sentence``.
+
+    A sentence with both reprojections stands alone.
+    """
+    if both_rates(summary, (summary.get("reusable") or {}).get("reasons_of") or ""):
+        return reusable_sentence(summary)
     mode, _, history = (reprojection_of(summary) or "").partition(", ")
     kind = f"{mode} reprojection" + (f", {OPTIONS[history].label}" if history else "")
     return (f"{kind}: " if mode else "") + reusable_sentence(summary)
@@ -78,22 +114,30 @@ def sentence(
 
     ``sky_percent``: of all pixels; ``half``: half width of the interval of an estimated rate, points.
     """
-    text = _rate_and_reasons(percent, shares, half)
+    text = f"{rate_text(percent, half)} of surface pixels can be reused{_reasons_text(percent, shares)}"
     if rate != "shading":
         text = f"by geometry {text} (light was not measured)"
-    return f"{text}; sky fills {percent_text(sky_percent)} of the image" if sky_percent else text
+    return text + _sky_text(sky_percent)
 
 
-def _rate_and_reasons(percent: float, shares: Mapping[str, float], half: float | None) -> str:
-    rate = percent_text(percent) if half is None else f"{percent:.1f} ± {half:.1f} %"
-    text = f"{rate} of surface pixels can be reused"
+def rate_text(percent: float, half: float | None = None) -> str:
+    """``81.3 %``, or ``81.3 ± 0.8 %`` of an estimated rate with the half width ``half`` of its interval."""
+    return percent_text(percent) if half is None else f"{percent:.1f} ± {half:.1f} %"
+
+
+def _sky_text(percent: float | None) -> str:
+    return f"; sky fills {percent_text(percent)} of the image" if percent else ""
+
+
+def _reasons_text(percent: float, shares: Mapping[str, float], under: str = "") -> str:
+    """``; most of the rest is disoccluded (9.1 %)``, of a rate of ``percent``; ``under``: words before it."""
     phrases, covered = _largest(shares, 100.0 - percent)
     if not phrases:
-        return text
+        return ""
     reasons = " or ".join(f"{words} ({percent_text(share)})" for words, share in phrases)
     if covered >= 1.0:
-        return f"{text}; the rest is {reasons}"
-    return f"{text}; most of the rest is {reasons}" if covered > 0.5 else f"{text}; the largest reasons are {reasons}"
+        return f"; {under}the rest is {reasons}"
+    return f"; {under}most of the rest is {reasons}" if covered > 0.5 else f"; {under}the largest reasons are {reasons}"
 
 
 def percent_text(percent: float) -> str:
@@ -135,11 +179,15 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
     sampled = any(half_width((s.get("reusable") or {}).get("shading") or {}) is not None for s in summaries)
     for label, summary in zip(labels, summaries, strict=True):
         block = summary.get("reusable") or {}
+        mode = reprojection_of(summary)
+        of_both = [(mode, rate, block.get(rate) or {}) for rate in RATES]
         for rate in RATES:
-            entry = block.get(rate) or {}
+            others = both_rates(summary, rate).items()
+            of_both += [(other, rate, entry) for other, entry in others if other != block.get("reprojection")]
+        for mode, rate, entry in of_both:
             shares = [entry.get(key) for key in ("mean_percent", "min_percent", "max_percent")]
             shares += [half_width(entry)] * sampled
-            values = [reprojection_of(summary), *shares, entry.get("of_picture_percent"), block.get("sky_percent")]
+            values = [mode, *shares, entry.get("of_picture_percent"), block.get("sky_percent")]
             why = [_why(block, rate)] * len(values)
             if half_width(entry) is not None:
                 why[2:4] = ["too few sampled pixels in a pair"] * 2

@@ -198,7 +198,7 @@ class FrameRecorder(ImageRecorder):
     def add(
         self,
         frame: int,
-        discarded: int,
+        badness: float,
         image: Array,
         previous: Array,
         mask: Array,
@@ -208,8 +208,8 @@ class FrameRecorder(ImageRecorder):
         """Record one pair, if it is one to keep.
 
         ``image``, ``previous`` (h, w, 3) display-referred in [0, 1]; ``mask`` (h, w) reason words; ``motion``
-        (h, w, 2) pixels, previous - current, +y down; ``discarded``: number of discarded pixels; ``distances``: for
-        the plane recorder.  Raises OutputError.
+        (h, w, 2) pixels, previous - current, +y down; the kept pairs have that of the largest ``badness``;
+        ``distances``: for the plane recorder.  Raises OutputError.
         """
         encoded = None
         if self._planes is not None and distances is not None:
@@ -227,7 +227,7 @@ class FrameRecorder(ImageRecorder):
                 stored = EncodedDistances(features, encoded.depth[every, every], encoded.signs[every, every])
                 self._planes.write(self.folder / file_name(_PLANES, number), number, stored)
 
-        self.kept_frames.offer(frame, discarded, write)
+        self.kept_frames.offer(frame, badness, write)
 
     def finish(self, frames_file: Path) -> list[Path]:
         """Write the index.  ``frames_file``: frames.csv of the run.  -> all files.  Raises OutputError."""

@@ -198,7 +198,7 @@ def _reason_bars(summary: Summary) -> dict[str, Any]:
 
 
 def _figure(summary: Summary, column: str) -> dict[str, Any]:
-    """One key figure: the mean of a column, its worst frame, and the paper's scenes on a line (x in 4 .. 116)."""
+    """One key figure: the mean of a column, its highest pair, and the paper's scenes on a line (x in 4 .. 116)."""
     entry = (summary.get("discard") or {}).get(column) or {}
     mean, highest = entry.get("mean_percent"), entry.get("max_percent")
     figure = {"column": column, "definition": glossary.COLUMNS[column].tooltip, "reason": None, "paper": []}
@@ -208,7 +208,7 @@ def _figure(summary: Summary, column: str) -> dict[str, Any]:
     paper = {scene["name"]: scene["discard"].get(column) for scene in paper_numbers()["scenes"]}
     return figure | {
         "mean": two_decimals(mean),
-        "range": interval_text(entry) or ("" if highest is None else f"worst frame {two_decimals(highest)} %"),
+        "range": interval_text(entry) or ("" if highest is None else f"up to {two_decimals(highest)} %"),
         "x": 4.0 + 112.0 * mean / end,
         "paper": [
             {"x": 4.0 + 112.0 * value / end, "text": f"{name}: {value:g} %"}
@@ -362,7 +362,7 @@ def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> li
     ]  # fmt: skip
     measured_rates = [rate for rate in RATES if set(RATE_COLUMNS[rate]) <= set(measured)]
     return reasons + [
-        {"name": f"reusable_{rate}", "label": rate, "bits": int(RATE_BITS[rate]), "of": rate,
+        {"name": f"reusable_{rate}", "label": f"not reusable, {rate}", "bits": int(RATE_BITS[rate]), "of": rate,
          "group": "Not reusable, for any reason", "on": False, "color": hex_of(REUSE_COLORS[rate]),
          "definition": f"Surface pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}
         for rate in measured_rates

@@ -49,7 +49,10 @@ class Blended:
 
     @classmethod
     def of(cls, radiance: Array, reported: Mapping[str, Array]) -> Blended | None:
-        """``radiance`` (h, w, 4) of the frame; ``reported`` of ``MethodRunner.reported``; None: not reported."""
+        """What a method blended: ``radiance`` (h, w, 4) of its input and the images of ``MethodRunner.reported``.
+
+        None where it does not report its reprojected history in the size of the input.
+        """
         history = reported.get("reprojected_history")
         if history is None:
             return None
@@ -96,7 +99,7 @@ class BoundFrame:
 
     @property
     def row(self) -> dict[str, float | None]:
-        """The columns of frames.csv."""
+        """The numbers of this frame by their columns of frames.csv."""
         return {
             "bound_linear_mse": self.mse,
             "headroom_db": decibels(self.method_mse, self.mse),
@@ -111,8 +114,10 @@ class BoundFrame:
 def bound_of_frame(
     blended: Blended, result: Array, reference: Array, valid: Array, emitters: Array | None = None
 ) -> BoundFrame:
-    """``result`` (h, w, 4): radiance and weight of history; ``reference`` (h, w, 3); ``valid`` (h, w) bool.
+    """The bound of one frame, and the errors of the method beside it.
 
+    ``result`` (h, w, 4): radiance and weight of history; ``reference`` (h, w, 3); ``valid`` (h, w) bool: pixels that
+    count, the others are black;
     ``emitters`` (h, w) bool: pixels that errors leave out.
     """
     blended, keep = blended.masked(valid)
@@ -145,7 +150,7 @@ class BoundRecord:
         ``blends``: every pixel of every frame is a blend, so the method cannot be better than its bound;
         ``tail_percent``: share of the bound's squared error in the TAIL_SHARE of the pixels of each frame with most.
         """
-        frames = [frame for own in self.seeds.values() for frame in own]
+        frames = [frame for sequence in self.seeds.values() for frame in sequence]
         if not frames:
             return None
 
@@ -175,8 +180,8 @@ class BoundRecord:
         }
 
     def _interval(self, *names: str) -> dict[str, Any]:
-        """Over frames and over seeds: of the mean of one value, or of 10 log10 of the ratio of two means."""
-        table = np.array([[[getattr(f, n) for n in names] for f in own] for own in self.seeds.values()])
+        """Intervals over frames and over seeds of the mean of one field, or of 10 log10 of the ratio of two means."""
+        table = np.array([[[getattr(f, n) for n in names] for f in sequence] for sequence in self.seeds.values()])
         if len(names) == 2 and not (table > 0).all():
             return over_frames(table[0, :0], len, table) | over_seeds(table[0, :0])  # no ratio, no interval
 

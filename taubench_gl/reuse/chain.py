@@ -70,7 +70,7 @@ class ChainSteps(GpuOwner):
     """Two methods, one after the other."""
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], *, count: bool):
-        """``count``: as of ``GlslPasses``."""
+        """``count``: count the light samples of the first method."""
         super().__init__(gpu)
         self._methods, self._direct = method.chain, method.own_light
         self._frame: FrameInputs | None = None  # the last inputs of the second
@@ -96,7 +96,7 @@ class ChainSteps(GpuOwner):
 
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
         """The result of the second for that of the first."""
-        first, second = self._own_values(values)
+        first, second = self._values_by_method(values)
         resources = {"result": self._first.run(frame, first, has_history), "position": frame.textures["position"]}
         resources |= {f"{name}_out": texture for name, texture in self._textures.items()}
         if self._direct:
@@ -106,12 +106,12 @@ class ChainSteps(GpuOwner):
         self._frame = replace(frame, textures={**frame.textures, **self._textures})
         return self._second.run(self._frame, second, has_history)
 
-    def _own_values(self, values: Mapping[str, Value]) -> tuple[dict[str, Value], ...]:
+    def _values_by_method(self, values: Mapping[str, Value]) -> tuple[dict[str, Value], ...]:
         return tuple({name: values[_key(m, name)] for name in m.settings} for m in self._methods)
 
     def reported(self, frame: FrameInputs, values: Mapping[str, Value]) -> dict[str, Any]:
         """The samples that the first reports, and what the second blended: with the image of the first."""
-        first, second = self._own_values(values)
+        first, second = self._values_by_method(values)
         samples = self._first.reported(frame, first).items()
         out = {name: image for name, image in samples if name in SAMPLE_REPORTS}
         return (
@@ -119,5 +119,5 @@ class ChainSteps(GpuOwner):
         )
 
     def light_counts(self) -> Any:
-        """As of ``MethodRunner.light_counts``: of the first."""
+        """What the first method sampled in the last step, as ``MethodRunner.light_counts``."""
         return self._first.light_counts()

@@ -20,10 +20,10 @@ from taubench_gl.metrics.bootstrap import (
     RESAMPLES,
     Interval,
     block_length,
+    holm_adjusted,
     interval,
     student_interval,
 )
-from taubench_gl.metrics.significance import holm_adjusted
 from taubench_gl.reuse.quality import MEASURES, ROBUST
 
 Array = np.ndarray
@@ -136,7 +136,7 @@ def _measure(series: Series, yardsticks: Collection[str], noise: float | None) -
 
 
 def _over_frames(series: Series, *labels: str) -> dict[str, Any]:
-    """``over_frames`` of one method, or of the difference of two."""
+    """The interval over frames of the measure of one method, or of the difference of two, as ``over_frames``."""
     columns = np.stack([series.values[label].mean(axis=0) for label in labels], axis=-1)
 
     def statistic(means: Array) -> Array:
@@ -164,7 +164,7 @@ def over_frames(columns: Array, statistic: Callable[[Array], Array], series: Arr
 
 
 def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
-    """``over_seeds`` of one method, or of the difference of two."""
+    """The interval over seeds of the measure of one method, or of the difference of two, as ``over_seeds``."""
     by_seed = [series.by_seed(label) for label in labels]
     return over_seeds(by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1])
 
@@ -178,7 +178,7 @@ def over_seeds(values: Array) -> dict[str, Any]:
 
 
 def interval_over_seeds(values: Array) -> Interval | None:
-    """Of values (seeds,); None for fewer than ``MIN_SEEDS``."""
+    """Student's interval for the mean of values (seeds,); None for fewer than ``MIN_SEEDS``."""
     return student_interval(values) if len(values) >= MIN_SEEDS else None
 
 
@@ -224,8 +224,8 @@ def verdict(measure: str, entry: Mapping[str, Any]) -> str:
     if entry["p_holm"] >= 1.0 - CONFIDENCE:
         return f"statistically indistinguishable after Holm's correction ({ends})"
     higher = MEASURES[measure].better == "higher"
-    better = entry["a"] if (entry["difference"] > 0) == higher else entry["b"]
-    return f"{better} is better ({ends})"
+    winner = entry["a"] if (entry["difference"] > 0) == higher else entry["b"]
+    return f"{winner} is better ({ends})"
 
 
 def ranking(
@@ -237,16 +237,16 @@ def ranking(
     all less those that are worse; ``indistinguishable``: the others.  None: there are no intervals.
     """
     sign = -1.0 if higher else 1.0
-    better: dict[str, int] = dict.fromkeys(means, 0)
-    worse: dict[str, int] = dict.fromkeys(means, 0)
+    losses: dict[str, int] = dict.fromkeys(means, 0)
+    wins: dict[str, int] = dict.fromkeys(means, 0)
     alike: dict[str, list[str]] = {label: [] for label in means}
     has_p_values = all(entry["p_holm"] is not None for entry in differences)
     for entry in differences if has_p_values else ():
         a, b = entry["a"], entry["b"]
         if entry["p_holm"] < 1.0 - CONFIDENCE and not entry.get("tied"):
             loser, winner = (a, b) if sign * entry["difference"] > 0 else (b, a)
-            better[loser] += 1
-            worse[winner] += 1
+            losses[loser] += 1
+            wins[winner] += 1
         else:
             alike[a].append(b)
             alike[b].append(a)
@@ -254,8 +254,8 @@ def ranking(
         {
             "method": label,
             "mean": means[label]["mean"],
-            "rank": 1 + better[label] if has_p_values else None,
-            "last_rank": len(means) - worse[label] if has_p_values else None,
+            "rank": 1 + losses[label] if has_p_values else None,
+            "last_rank": len(means) - wins[label] if has_p_values else None,
             "indistinguishable": alike[label] if has_p_values else None,
         }
         for label in sorted(means, key=lambda m: sign * means[m]["mean"])

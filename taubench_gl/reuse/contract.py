@@ -33,7 +33,7 @@ class Format:
 
     @property
     def bytes(self) -> int:
-        """Per pixel."""
+        """Bytes of one pixel."""
         return self.components * int(self.dtype[1]) if self.struct is None else self.struct.dtype.itemsize
 
 
@@ -73,7 +73,7 @@ space of the result; and which light samples its reservoirs hold.  They are stor
 asks for them."""
 
 SAMPLE_REPORTS = ("history_sample", "kept_sample")
-"""Those of REPORTS that only a method with ``light = "own"`` has."""
+"""Reports that only a method with ``light = "own"`` has: samples of its reservoirs."""
 
 REPORT_FORMAT = FORMATS["rgba32f"]
 
@@ -157,7 +157,7 @@ class Setting:
         return value
 
     def number(self, value: Value) -> float | int | bool:
-        """``value`` as the value of the uniform."""
+        """``value`` as its uniform holds it: a choice is its index."""
         return self.choices.index(value) if self.kind == "choice" else value
 
 
@@ -205,8 +205,8 @@ class Method:
 
     ``reads``: names of INPUTS.  ``history``, ``buffers``: name -> Format.  ``keyframe``: interval in frames at which
     the current frame becomes the key frame (``frame.key_*`` in GLSL), or the name of an int setting; None: no key
-    frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
-    its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
+    frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: the stages
+    of its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
     does not have.  ``upscales``: inputs can be smaller than the result; ``input_sized``: its histories and buffers that
     have the size of the inputs.  ``structs``: the formats that are its own; ``chain``: two
     methods, the second of which has the image of the first as its input.
@@ -246,7 +246,7 @@ class Method:
                 for name, setting in self.settings.items()}  # fmt: skip
 
     def number(self, value: int | str | None, values: Mapping[str, Value]) -> int | None:
-        """``value``, or the value of the setting with this name."""
+        """A number of method.toml: itself, or of the int setting with this name its value in ``values``."""
         return int(values[value]) if isinstance(value, str) else value
 
     @property
@@ -266,7 +266,7 @@ class Method:
 
     @property
     def shader_folders(self) -> tuple[Path, ...]:
-        """Where its shaders are, in the order of the search."""
+        """Folders of the shaders of a method in GLSL, in the order of the search."""
         return tuple(folder for folder in (self.folder, self.base) if folder is not None)
 
     @property

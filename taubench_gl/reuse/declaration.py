@@ -85,7 +85,7 @@ class StoredEntry(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class PassEntry(msgspec.Struct, forbid_unknown_fields=True):
-    """One table ``[[pass]]``."""
+    """The table of one pass, ``[[pass]]``; defaults as in ``contract.PassInfo``."""
 
     shader: Text
     writes: tuple[str, ...]
@@ -115,7 +115,7 @@ class MethodClass(Declared):
 
 
 class MethodFile(Declared):
-    """A method.toml."""
+    """The keys of a method.toml."""
 
     base: str | None = None
     light: Literal["own"] | None = None

@@ -36,10 +36,10 @@ LOBES = {
     name: tuple(channel for lobe in lobes if lobe in SCENE_LOBES for channel in lobe_channels((lobe,)))
     for name, lobes in REUSE_INPUTS.items()
 }
-"""Input -> the channels that it is the sum of."""
+"""Input -> the channels whose sum it is."""
 
 COMPOSED = ("direct", "diffuse", "specular", "emitted", "sample_count", "hit_distance", "variance")
-"""Written together with ``radiance``."""
+"""Inputs that the pass of ``radiance`` writes besides it."""
 
 SURFACE = ("diffuse_albedo", "specular_albedo", "reactive", "transparency")
 DERIVED = (*COMPOSED, *SURFACE, *NEEDS)
@@ -49,7 +49,7 @@ _FORMATS = {1: "r32f", 2: "rg32f", 4: "rgba32f"}
 
 
 def with_needs(reads: Collection[str]) -> tuple[str, ...]:
-    """Those of DERIVED that ``reads`` contains or needs."""
+    """Names of DERIVED among ``reads``, and those that they are computed from, in the order of DERIVED."""
     needed = {*reads, *(need for name in reads for need in NEEDS.get(name, ()))}
     return tuple(name for name in DERIVED if name in needed)
 
@@ -64,9 +64,9 @@ def channels_for(reads: Collection[str]) -> tuple[str, ...]:
 
 
 class ComposePass:
-    """``radiance`` = (direct + indirect + emission, or the sky) times exposure; unshaded pixels are filled.
+    """Computes ``radiance`` = (direct + indirect + emission, or the sky) times exposure; unshaded pixels are filled.
 
-    ``textures``: it, and those of COMPOSED that are asked for.
+    ``textures``: ``radiance``, and the inputs of COMPOSED that are asked for.
     """
 
     def __init__(
@@ -80,8 +80,11 @@ class ComposePass:
         derived: Collection[str] = (),
         samples: int = 1,
     ):
-        """``owner``: frees it; ``accumulate``: sum weighted samples of one frame; ``derived``: inputs to write, of
-        COMPOSED; ``samples``: of light in a shaded pixel."""
+        """Compile the pass for frames of ``source``; ``owner`` frees it.
+
+        ``rate``: name of the shading rate; ``accumulate``: sum weighted samples of one frame; ``derived``: inputs of
+        COMPOSED to write; ``samples``: light samples in a shaded pixel.
+        """
         self._hazards, self._source, self._settings = owner.gpu.hazards, source, settings
         self._rate, self._accumulate, self._samples = rate, accumulate, samples
         self._environment = environment_of(settings)
@@ -130,10 +133,10 @@ class ComposePass:
 
 
 class DerivedInputs:
-    """``textures`` of albedos, masks and demodulated light."""
+    """Computes inputs from the surface of every pixel: albedos, masks of upscalers, and demodulated light."""
 
     def __init__(self, owner: GpuOwner, size: tuple[int, int], reads: Collection[str], scene: Scene):
-        """``owner``: frees them."""
+        """Compile the passes for the inputs of SURFACE and NEEDS among ``reads``; ``owner`` frees them."""
         gpu, self._hazards, self._size = owner.gpu, owner.gpu.hazards, size
         needed = with_needs(reads)
         surface = tuple(name for name in SURFACE if name in needed)
@@ -164,7 +167,7 @@ class DerivedInputs:
             self._demodulate = owner.own(owner.context.compute(declaration))
 
     def run(self, channels: Mapping[str, moderngl.Texture], view: View) -> None:
-        """``channels``: of the current frame, and the composed light."""
+        """Write ``textures`` from the ``channels`` of the current frame and its composed light, seen from ``view``."""
         resources = {**channels, **self._tables, **self.textures, **_images(self.textures)}
         if self._surface is not None:
             values = {"size": self._size}

@@ -75,7 +75,7 @@ KEPT_REFERENCE_BYTES = 1 << 31
 """Reference images, and exact masks, are kept in memory for further seeds up to this size, else made again."""
 
 _EXACT_BYTES = 12
-"""Of a pixel: the exact mask and motion."""
+"""Bytes of the exact mask and motion of one pixel."""
 
 MAX_SEED = 65535
 
@@ -92,15 +92,15 @@ class MethodSpec:
 
     @classmethod
     def parse(cls, text: str) -> MethodSpec:
-        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``; or a chain.
+        """The method of a text ``NAME@setting=value@...``; NAME can be a folder, a file, ``exr:DIR`` or a chain.
 
         A path is labelled with its class, its file without suffix, or its folder; ``exr:DIR`` with its setting
         ``label``, by default the name of the folder.  Raises SettingsError.
         """
         if LINK in text:
             links = [cls.parse(part) for part in text.split(LINK)]
-            own = {k if "." in k else f"{_method_name(s)}.{k}": v for s in links for k, v in s.settings.items()}
-            return cls(LINK.join(s.label for s in links), LINK.join(str(s.method) for s in links), own)
+            settings = {k if "." in k else f"{_method_name(s)}.{k}": v for s in links for k, v in s.settings.items()}
+            return cls(LINK.join(s.label for s in links), LINK.join(str(s.method) for s in links), settings)
         name, *parts = text.split("@")
         pairs = [part.partition("=") for part in parts]
         if not name or any(not equals or not key for key, equals, _ in pairs):
@@ -117,7 +117,7 @@ def _method_name(spec: MethodSpec) -> str:
 
 
 def method_text(name: str, settings: Mapping[str, Value | str]) -> str:
-    """``NAME@setting=value@...``, which ``MethodSpec.parse`` reads."""
+    """The text ``NAME@setting=value@...`` of a method, which ``MethodSpec.parse`` reads."""
     return "@".join((name, *(f"{key}={value}" for key, value in settings.items())))
 
 
@@ -180,7 +180,8 @@ class EvaluationRequest(ReuseOptions):
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """``summary``: reuse.json (schema ``SCHEMA``); ``rows``: frames.csv, one per seed, frame and method."""
+    """Results of methods.  ``summary``: reuse.json (schema ``SCHEMA``); ``rows``: frames.csv, one per seed, frame and
+    method."""
 
     summary: dict[str, Any]
     rows: list[dict[str, Any]]
@@ -260,11 +261,11 @@ def evaluate_methods(
         rows = [row for step in zip(*(record.rows for record in records)) for row in step]
         counted = evaluator.frames[options.warmup :]
         yardsticks = {run.spec.label for run in evaluator.runs if run.facts["yardstick"]}
-        facts = {"yardsticks": yardsticks, "noise": evaluator.noise}
-        compared = compare_methods(rows, counted, options.cuts, **facts) if options.statistics else None
-        statistics = {"statistics": compared}
-        further = {"lighting": reasons, "provenance": provenance(owner.gpu, PassTimer.clock)}
-        summary = evaluator.summary() | statistics | further
+        statistics = None
+        if options.statistics:
+            statistics = compare_methods(rows, counted, options.cuts, yardsticks=yardsticks, noise=evaluator.noise)
+        origin = {"lighting": reasons, "provenance": provenance(owner.gpu, PassTimer.clock)}
+        summary = evaluator.summary() | {"statistics": statistics} | origin
     return Evaluation(summary, rows)
 
 
@@ -329,21 +330,22 @@ class _MethodRun:
         else:
             values = method_settings(method, self.spec.settings)
             timer = PassTimer(gpu)
-            how = {"input_size": inputs.size, "timer": timer, "count": method.own_light}
-            self.runner = MethodRunner(gpu, method, size, values, **how)
+            self.runner = MethodRunner(
+                gpu, method, size, values, input_size=inputs.size, timer=timer, count=method.own_light
+            )
             if method.own_light and size == inputs.size:
                 exposure = inputs.settings.lighting.exposure_factor
                 self.samples = self.samples or SampleRecord(self.record.warmup, exposure)
         self.facts |= {"settings": dict(self.runner.values), "memory_bytes": self.runner.bytes}
 
     def step(self, inputs: FrameInputs) -> _Stepped:
-        """One frame."""
+        """Run the method for one frame.  Raises MethodError."""
         result = read_result(self.runner.step(inputs))
         counts = None if self.samples is None else self.runner.light_counts()
         return _Stepped(result, self.runner.reported(inputs), counts)
 
     def release(self) -> None:
-        """Free the runner."""
+        """Free the runner, after which the method takes no part in later frames."""
         if self.runner is not None:
             self.runner.release()
             self.runner = None
@@ -360,7 +362,7 @@ class _Evaluator:
         request: EvaluationRequest,
         announce: Callable[[str], None] | None = None,
     ):
-        """``owner``: frees everything."""
+        """Load the methods and open inputs, reference and runners; ``owner`` frees them.  Raises TaubenchError."""
         self._owner = owner
         self._input_request, self._request, self._settings = inputs, request, inputs.settings
         self._reference_texture = None
@@ -450,7 +452,7 @@ class _Evaluator:
     def run(
         self, progress: Callable[[Progress], None] | None, on_frame: Callable[[EvaluatedFrame], None] | None
     ) -> None:
-        """All frames with every seed.  The runners of the first seed are open already."""
+        """Evaluate all frames with every seed.  The runners of the first seed are open already."""
         pairs = len(self.frames) - 1
         for repetition, seed in enumerate(self.seeds):
             if repetition:
@@ -542,8 +544,10 @@ class _Evaluator:
             error = warp_error(image.colors, previous.colors, motion, reusable(mask))
             self._warp_errors += [] if error is None else [error]
         halves = None if known.halves is None else tuple(np.where(valid[..., None], half, 0.0) for half in known.halves)
-        facts = {"emitters": known.emitters, "halves": halves}
-        reference = FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain, **facts)
+        classes = classify(mask)
+        reference = FrameReference(
+            frame, image, previous, mask, classes, motion, self._gain, emitters=known.emitters, halves=halves
+        )
         if halves is not None and not repetition:
             self._noise.append(half_noise(*halves, self._settings.lighting.tone_map, reference.scored))
         return reference
@@ -557,7 +561,7 @@ class _Evaluator:
         return image
 
     def _with_reference(self, inputs: FrameInputs, reference: FrameReference) -> FrameInputs:
-        """``inputs`` and the reference image, where a method reads it."""
+        """``inputs``, with the reference image as a further input where a method reads it."""
         if self._reference_texture is None:
             return inputs
         image = np.concatenate([reference.image.radiance, reference.image.valid[..., None]], axis=-1)
@@ -575,7 +579,10 @@ class _Evaluator:
 
     @property
     def noise(self) -> dict[str, float] | None:
-        """``half_noise`` of the reference, mean over the counted frames; None where it is not known."""
+        """Measure -> squared error that noise of the reference adds (``quality.half_noise``), mean over counted frames.
+
+        None where the reference has no two halves.
+        """
         counted = self._noise[self._request.warmup :]
         return {name: float(np.mean([n[name] for n in counted])) for name in counted[0]} if counted else None
 

@@ -131,7 +131,7 @@ def _bytes(shown: Array) -> Array:
 
 VIDEOS = (*CODECS, "none")
 SAVED = ("results",)
-"""What ``save`` accepts.  results: linear EXR of input, methods and reference (``recorded.ResultWriter``)."""
+"""Values of ``--save``.  results: linear EXR of input, methods and reference (``recorded.ResultWriter``)."""
 
 
 SHOWN_FILES = (
@@ -152,7 +152,10 @@ class ReuseFolder:
     def __init__(
         self, out: str | Path, fps: float, video: str = "mp4", save: Collection[str] = (), report: bool = False
     ):
-        """Raises SettingsError.  ``save``: of SAVED; ``report``: also store the images of the page."""
+        """Lock the folder ``out``.  Raises SettingsError for unknown names and a video without its package.
+
+        ``fps``: frames per second of the video; ``save``: names of SAVED; ``report``: also store images of the page.
+        """
         if unknown := sorted(set(save) - set(SAVED)):
             raise SettingsError(f"cannot save {unknown[0]!r}", hint=f"choose from {', '.join(SAVED)}")
         if video not in VIDEOS:

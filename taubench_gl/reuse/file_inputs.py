@@ -48,7 +48,7 @@ class FileInputs(Inputs):
     def __init__(
         self, request: InputRequest, reads: Collection[str], *, cuts: Collection[int] = (), exact: str | None = None
     ):
-        """``exact``: ``exr:DIR`` of noise-free frames.  Raises PathTracedError."""
+        """Open the files of ``request``.  ``exact``: ``exr:DIR`` of noise-free frames.  Raises PathTracedError."""
         super().__init__(request, reads, cuts)
         gpu, scene, camera = request.gpu, request.scene, request.camera
         sequence = PathTracedSequence.open(self.kind.files, mapping=request.mapping)
@@ -113,7 +113,10 @@ class FileInputs(Inputs):
 
     # -------------------------------------------------------------------------------------------- frame by frame
     def _previous_positions(self, passes: PathTracedFrame, position: Array, view: View, previous: View) -> Array:
-        """``pathtraced.source.Follow``, for the input and for noise-free files of the same frames."""
+        """Where the surfaces of a frame were in the previous one, (h, w, 3), as ``pathtraced.source.Follow`` asks.
+
+        The input and noise-free files of the same frames use it.
+        """
         if self.motion_from == "rasterized":
             points = (self._rasterized.read(name) for name in ("position", "prev_position"))
             tolerance = self.settings.metrics.threshold("position")

@@ -74,13 +74,13 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """``summary``: fit.json (schema ``SCHEMA``): settings, points, best, default, notes."""
+    """Result of a search.  ``summary``: fit.json (schema ``SCHEMA``): settings, points, best, default, notes."""
 
     summary: dict[str, Any]
 
     @property
     def best(self) -> dict[str, Value]:
-        """Setting -> best value."""
+        """The best value of every searched setting."""
         return dict(self.summary["best"]["settings"])
 
     @property
@@ -293,8 +293,8 @@ class _Search:
                 setting = self._method.settings[r.name]
                 bound = setting.minimum if edge == "low" else setting.maximum
                 allowed = bound is not None and float(bound) == float(value)
-                more = AT_LIMIT if allowed else MAY_BE_OUTSIDE
-                out.append(f"{r.name}: the best value {value:g} is at the {edge} edge of its range; {more}")
+                reason = AT_LIMIT if allowed else MAY_BE_OUTSIDE
+                out.append(f"{r.name}: the best value {value:g} is at the {edge} edge of its range; {reason}")
         values = [p["value"] for p in self.points if p["value"] is not None]
         if len(values) > 1 and max(values) - min(values) <= 1e-6 * max(abs(max(values)), 1e-12):
             out.append("the metric is constant over the range: the setting has no effect on it")

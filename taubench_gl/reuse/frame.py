@@ -167,7 +167,7 @@ def input_texture(gpu: Gpu, name: str, size: tuple[int, int]) -> moderngl.Textur
 
 
 def texture_bytes(*textures: moderngl.Texture) -> int:
-    """GPU memory of ``textures``."""
+    """Bytes of GPU memory that ``textures`` take."""
     return sum(t.width * t.height * t.components * int(t.dtype[1]) for t in textures)
 
 

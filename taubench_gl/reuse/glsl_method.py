@@ -164,6 +164,15 @@ def preamble(method: Method, info: PassInfo, variant: Variant = PLAIN) -> str:
         lines += [
             f"void write_{name}(ivec2 p, vec{n} v) {{}}" for name in info.writes if name in REPORTS for n in (3, 4)
         ]
+    return "\n".join(lines + _conveniences(method, info, pixel, step))
+
+
+def _conveniences(method: Method, info: PassInfo, pixel: str, step: str) -> list[str]:
+    """GLSL functions that are there where a pass reads the inputs that they need.
+
+    ``pixel``: the input pixel of pixel ``p`` of the pass; ``step``: factor from input pixels to pixels of the pass.
+    """
+    lines: list[str] = []
     for name, bits in (("mask", _REJECT), ("exact_mask", _REJECT | _CHANGED)):
         if name in info.reads:
             suffix = "" if name == "mask" else "_exact"
@@ -180,7 +189,7 @@ def preamble(method: Method, info: PassInfo, variant: Variant = PLAIN) -> str:
         lines.append(f"vec3 remodulate(ivec2 p, vec3 diffuse, vec3 specular) {{ ivec2 i = {pixel}; return "
                      "diffuse * fetch_diffuse_albedo(i).rgb + specular * fetch_specular_albedo(i).rgb + "
                      "fetch_emitted(i).rgb; }")  # fmt: skip
-    return "\n".join(lines)
+    return lines
 
 
 def _reader(name: str, form: Format, size: str) -> list[str]:
@@ -261,8 +270,8 @@ def group_size(info: PassInfo, group: tuple[int, int]) -> tuple[int, int]:
 
 def group_count(info: PassInfo, size: tuple[int, int], group: tuple[int, int]) -> tuple[int, int]:
     """Number of work groups of a pass.  Of blocks one more each way, so that a shifted grid covers the image."""
-    step, more = (info.block, 1) if info.block else (group, 0)
-    return -(-size[0] // step[0]) + more, -(-size[1] // step[1]) + more
+    step, border = (info.block, 1) if info.block else (group, 0)
+    return -(-size[0] // step[0]) + border, -(-size[1] // step[1]) + border
 
 
 def _images(method: Method, info: PassInfo, report: bool) -> tuple[str, ...]:
@@ -283,7 +292,7 @@ def reporting_passes(method: Method) -> tuple[PassInfo, ...]:
 
 
 def _records(method: Method, names: Sequence[str]) -> tuple[str, ...]:
-    """Those of what a pass reads or writes that are buffers of records."""
+    """The ``names`` among what a pass reads or writes that are buffers of records, not textures."""
     return tuple(name for name in names if format_of(method, name).struct is not None)
 
 
@@ -328,8 +337,10 @@ class GlslPasses(GpuOwner):
     def __init__(
         self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], count: bool = False
     ):
-        """``count``: what a method with ``light = "own"`` samples.  Its programs depend on the scene: they are compiled
-        for the first frame."""
+        """Compile the passes.  ``count``: count what a method with ``light = "own"`` samples.
+
+        The programs of such a method depend on the scene, so they are compiled for the first frame.
+        """
         super().__init__(gpu)
         self._method, self._variant = method, Variant(count=count and method.own_light)
         self._sizes = {"output": size, "input": input_size}
@@ -379,7 +390,7 @@ class GlslPasses(GpuOwner):
             stored.write(np.zeros((height, width * stored.components), dtype=stored.dtype))
 
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
-        """All passes of one frame.  -> the result.  Swaps the histories: they are ``prev_`` in the next frame."""
+        """Run all passes for one frame.  -> the result.  Swaps the histories: they are ``prev_`` in the next frame."""
         self._write_frame(frame, values, has_history)
         if frame.light is not self._variant.light and self._method.own_light:
             self._variant = replace(self._variant, light=frame.light)
@@ -486,7 +497,7 @@ class GlslPasses(GpuOwner):
         return np.frombuffer(self._before[name].read(), struct.dtype).reshape(height, width)[::-1]
 
     def light_counts(self) -> np.ndarray:
-        """As of ``MethodRunner.light_counts``."""
+        """What the last frame sampled in each pixel, as ``MethodRunner.light_counts``."""
         width, height = self._sizes["output"]
         return np.frombuffer(self._counts.read(), np.uint32).reshape(height, width, 3)[::-1]
 

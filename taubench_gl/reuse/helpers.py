@@ -17,14 +17,14 @@ from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
 from taubench_gl.srgb import LUMINANCE
 
 Image = Any
-"""numpy.ndarray or torch.Tensor."""
+"""An image or array of the method's library: numpy.ndarray or torch.Tensor."""
 
 REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
 _CHANGED = int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR)
 
 
 class Helpers:
-    """``frame``: the dict that ``step`` gets; ``size``: of the result, (width, height)."""
+    """Functions of one frame.  ``frame``: the dict that ``step`` gets; ``size``: (width, height) of the result."""
 
     def __init__(self, frame: Mapping[str, Any], size: tuple[int, int], input_size: tuple[int, int], library: Any = np):
         self._frame, self._xp = frame, library
@@ -93,7 +93,7 @@ class Helpers:
         return self.fetch(image, self._int(self._xp.stack([self._xp.floor(x + 0.5), self._xp.ceil(y - 0.5)], -1)))
 
     def sample(self, image: Image, at: Image) -> Image:
-        """Bilinear values."""
+        """Values of ``image`` at points ``at``, interpolated bilinearly."""
         low = self._xp.floor(at)
         f, b = at - low, self._int(low)
         fx, fy = f[..., :1], f[..., 1:]
@@ -118,7 +118,7 @@ class Helpers:
 
     # ------------------------------------------------------------------------------------------------ of the library
     def where(self, condition: Image, first: Image, second: Image) -> Image:
-        """``numpy.where`` or ``torch.where``."""
+        """Elements of one image or another by a condition, as ``numpy.where``."""
         return self._xp.where(condition, first, second)
 
     def concatenate(self, images: list[Image]) -> Image:

@@ -76,7 +76,7 @@ class InputKind:
 
     @property
     def text(self) -> str:
-        """The text for ``parse_input``."""
+        """The text that ``parse_input`` reads as this kind."""
         if self.files is not None:
             return self.files
         words = ["noisy"] * self.noisy + ([f"path-traced@{self.path_samples}"] if self.path_samples else [])
@@ -99,7 +99,7 @@ def parse_input(
     indirect_samples: int = DEFAULT.vpl_samples,
     seed: int = 0,
 ) -> InputKind:
-    """``full``, ``exr:DIR``, or words joined by ``+``.
+    """The kind of frames that a text of ``--input`` names: ``full``, ``exr:DIR``, or words joined by ``+``.
 
     Words: ``jittered noisy path-traced@N all-lights half checkerboard quarter upscale@S``.
 

@@ -25,7 +25,7 @@ from taubench_gl.evaluation import frame_range
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.features import COLUMNS
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import OTHER_EYE, Source
+from taubench_gl.frame.sources import OTHER_EYE, RasterSource, Source
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
@@ -71,7 +71,7 @@ class InputRequest:
 
     @property
     def animated(self) -> AnimatedScene:
-        """``scene``, which there is, with its camera and poses."""
+        """The scene with its camera and poses, at the frame rate of the settings; files without a scene have none."""
         return AnimatedScene(self.scene, self.camera, self.poser).at_rate(self.settings.sequence.fps)
 
 
@@ -109,7 +109,8 @@ class Inputs(GpuOwner):
     """Keep the exact masks for the sequences of other seeds, with the same frames."""
 
     def __init__(self, request: InputRequest, reads: Collection[str], cuts: Collection[int]):
-        """``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history."""
+        """``reads``: names of INPUTS that every frame contains, unless ``missing``; ``cuts``: frames declared to
+        have no history."""
         super().__init__(request.gpu)
         self.request, self.kind, self.reads = request, request.kind, frozenset(reads)
         self._cuts, self._index = frozenset(cuts), 0
@@ -135,7 +136,10 @@ class Inputs(GpuOwner):
         return self._inputs_of(frame, frame, view, cut and not self.stereo)
 
     def advance_eye(self, frame: int) -> FrameInputs:
-        """With history ``eye``, before ``advance``: the other eye in ``frame``, which itself has no history."""
+        """The inputs of the other eye in ``frame``, which itself has no history; call it before ``advance``.
+
+        Only frames whose history is the other eye (``stereo``) have it.
+        """
         raise NotImplementedError
 
     @property
@@ -181,7 +185,8 @@ class Inputs(GpuOwner):
             self._kept[frame] = self._exact_masks.mask.read(), self._exact_masks.motion.read()
 
     def _light(self, frame: int, view: View, previous: View, textures: Textures) -> SceneLight | None:
-        """For methods that compute direct light themselves; None: no method does, or these frames lack it."""
+        """Lights and surfaces for methods that compute direct light themselves; None: no method does, or these frames
+        lack it."""
         return None
 
     def _draw(self, frame: int) -> View:
@@ -216,11 +221,12 @@ class Inputs(GpuOwner):
 
     @property
     def exact_mask(self) -> moderngl.Texture | None:
-        """Of the exact frames; None: there are none."""
+        """The mask of the exact frames; None: there are none."""
         return None if self._exact_masks is None else self._exact_masks.mask
 
     @property
     def exact_motion(self) -> moderngl.Texture | None:
+        """The motion of the exact frames, pixels of the output; None: there are none."""
         return None if self._exact_masks is None else self._exact_masks.motion
 
     def shading_ms(self) -> float | None:
@@ -229,7 +235,7 @@ class Inputs(GpuOwner):
 
     @property
     def bytes(self) -> int:
-        """GPU memory of the inputs, without the exact source."""
+        """Bytes of GPU memory of the inputs, without the exact source."""
         raise NotImplementedError
 
     def describe(self) -> dict[str, Any]:
@@ -261,57 +267,70 @@ class RasterInputs(Inputs):
         jitter: Callable[[int], Array] = halton_jitter,
         extra: Collection[str] = (),
     ):
-        """Raises SettingsError.
+        """Open the sources and compile the passes.  Raises SettingsError.
 
         ``extra``: channels of the source besides those of ``reads``; ``exact``: provide ``exact_mask`` and
         ``exact_motion`` even if no method reads them; or the source that they are of, which stays the caller's:
         path-traced inputs need one.
         """
-        kind, scene, settings = request.kind, request.scene, request.settings
+        kind, settings = request.kind, request.settings
         self.output_size = (settings.sequence.width, settings.sequence.height)
         if kind.rate != "full" and min(self.output_size) < 2:
             raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
         super().__init__(request, reads, cuts)
         self.size = kind.input_size(self.output_size)
-        lit = light_settings(settings, kind)
-        self.settings = lit.replace(width=self.size[0], height=self.size[1])
-        exact_settings = lit.replace(history="frame")  # classes of pixels, and change over time
+        every_column = light_settings(settings, kind)
+        self.settings = every_column.replace(width=self.size[0], height=self.size[1])
+        # Exact masks class pixels and measure change over time: they compare with the last frame, also in stereo.
+        exact_settings = every_column.replace(history="frame")
         self.timer = PassTimer(request.gpu)
-        # The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an
-        # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
-        period = {} if kind.upscale == 1 else {"period": kind.jitter_period}
-        offset = (lambda frame: jitter(frame // cycle(kind.rate), **period)) if kind.jitter else None
-        extra = tuple(extra) + tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
-        extra += ("ids",) if "history_ids" in self.reads else ()
-        emits = decide(scene, self.settings)["emission"].enabled
-        extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
-        extra += channels_for(self.reads)
-        reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
-        extra += CHANNELS_READ if reshades else ()
-        samples_lights = LIGHTS in self.reads and kind.path_samples > 0
-        extra += LIGHT_CHANNELS if samples_lights else ()
-        animated, shading = request.animated, Shading() if kind.exact else kind.shading()
-        shading = replace(shading, both_frames=samples_lights)
-        how = {"extra": extra, "shading": shading, "jitter": offset, "timer": self.timer}
-        self.source = self.open_source(animated, self.settings, **how)
+        self._reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
+        self._samples_lights = LIGHTS in self.reads and kind.path_samples > 0
+        self.source = self._open_source(_sample_offset(kind, jitter), extra)
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact = None if isinstance(exact, bool) else exact
         if needs_exact and self.exact is None:
-            if kind.path_samples:
-                raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
-            self.exact = self.source
-            if not kind.exact or self.stereo:
-                self.exact = self.open_source(animated, exact_settings, shading=Shading(gather_each=kind.noisy))
+            self.exact = self._open_exact(exact_settings)
         self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
         if self.stereo:
             self.missing["exact_mask"] = "exact masks compare with the last frame, the history is the other eye"
+        self._open_passes()
+        if needs_exact:
+            self._exact_masks = MaskInputs(self, self.exact, exact_settings, self.exact.radiance)
+
+    def _open_source(self, offset: Callable[[int], Array] | None, extra: Collection[str]) -> RasterSource:
+        """The source of the input.  ``offset``: frame -> sub-pixel offset (2,), None: pixel centers."""
+        kind, emits = self.kind, decide(self.request.scene, self.settings)["emission"].enabled
+        channels = (*extra, *(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal")))
+        channels += ("ids",) * ("history_ids" in self.reads)
+        channels += ("emission",) * emits  # part of radiance, also where there is no color pass
+        channels += channels_for(self.reads)
+        channels += CHANNELS_READ * self._reshades + LIGHT_CHANNELS * self._samples_lights
+        shading = replace(Shading() if kind.exact else kind.shading(), both_frames=self._samples_lights)
+        animated = self.request.animated
+        return self.open_source(
+            animated, self.settings, extra=channels, shading=shading, jitter=offset, timer=self.timer
+        )
+
+    def _open_exact(self, settings: Settings) -> RasterSource:
+        """The source of the same frames without noise, at pixel centers: that of the input where it is exact."""
+        if self.kind.path_samples:
+            raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
+        if self.kind.exact and not self.stereo:
+            return self.source
+        return self.open_source(self.request.animated, settings, shading=Shading(gather_each=self.kind.noisy))
+
+    def _open_passes(self) -> None:
+        """The passes that compute inputs from the channels of the source."""
+        kind = self.kind
         derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
-        how = {"rate": kind.rate, "derived": derived, "samples": kind.samples}
-        self._compose = ComposePass(self, self.source, self.settings, **how)
+        self._compose = ComposePass(
+            self, self.source, self.settings, rate=kind.rate, derived=derived, samples=kind.samples
+        )
         self._derived = DerivedInputs(self, self.size, derived, self.source.renderer.scene)
         self._lit_by = kind.seed
         self.reshade: Reshade | None = None
-        if reshades and self.source.light is not None and self.source.light.written:
+        if self._reshades and self.source.light is not None and self.source.light.written:
             self.reshade = Reshade(self, self.source, self.settings)
         self.scene_light: SceneLight | None = None
         if LIGHTS in self.reads and LIGHTS not in self.missing:
@@ -321,8 +340,6 @@ class RasterInputs(Inputs):
                 self.scene_light = SceneLight(self, self.source, self.settings, kind.seed)
         if {"mask", "motion"} & self.reads or self.reshade is not None:
             self._masks = MaskInputs(self, self.source, self.settings, ())
-        if needs_exact:
-            self._exact_masks = MaskInputs(self, self.exact, exact_settings, self.exact.radiance)
 
     def _compute(self, frame: int, view: View, pair: Reprojection, declared: int) -> Textures:
         with self.timer.measure("compose"):
@@ -383,10 +400,13 @@ class RasterInputs(Inputs):
 
 
 class MaskInputs:
-    """``mask`` and ``motion`` of the current frame of a source, without jitter."""
+    """Computes ``mask`` and ``motion`` of the current frame of a source, without jitter."""
 
     def __init__(self, owner: GpuOwner, source: Source, settings: Settings, radiance: tuple[str, ...]):
-        """``owner``: frees them; ``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
+        """Compile the passes for frames of ``source``; ``owner`` frees them.
+
+        ``radiance``: which of direct, indirect and color to compare; empty: geometry only.
+        """
         self._hazards = owner.gpu.hazards
         self._evaluator = owner.open_evaluator(source, settings, images=True, radiance=radiance)
         self.mask, self.motion = self._evaluator.mask_texture, self._evaluator.motion_texture
@@ -401,6 +421,7 @@ class MaskInputs:
 
     @property
     def bytes(self) -> int:
+        """Bytes of GPU memory of both textures."""
         return texture_bytes(self.mask, self.motion)
 
     def write(self, mask: bytes, motion: bytes) -> None:
@@ -409,15 +430,29 @@ class MaskInputs:
         self.motion.write(motion)
 
     def run(self, pair: Reprojection, declared: int) -> None:
-        """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
+        """Write both textures.  ``pair``: reprojection without jitter; ``declared``: Reason.FIRST or CUT of the whole
+        frame, else 0."""
         self._evaluator.submit(pair, declared=declared)
         self._fill.run(None, {"mask": self.mask, "motion": self.motion}, size=self.mask.size)
         self._hazards.publish()
 
 
+def _sample_offset(kind: InputKind, jitter: Callable[..., Array]) -> Callable[[int], Array] | None:
+    """Frame -> sub-pixel offset (2,) of its samples; None: all frames are sampled at pixel centers.
+
+    The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an offset
+    per frame, a pixel would always be sampled in the same half or quarter of its area.
+    """
+    if not kind.jitter:
+        return None
+    period = {} if kind.upscale == 1 else {"period": kind.jitter_period}
+    return lambda frame: jitter(frame // cycle(kind.rate), **period)
+
+
 def light_settings(settings: Settings, kind: InputKind) -> Settings:
-    """``settings`` with every column; for noisy light with the light and indirect-light method that it estimates, for
-    path-traced light with its samples, other ones in every pixel and frame.
+    """``settings`` with every column, and with the method of light that an input of ``kind`` estimates.
+
+    Path-traced light has its samples, other ones in every pixel and frame.
 
     Raises SettingsError.
     """

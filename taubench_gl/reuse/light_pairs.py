@@ -36,11 +36,11 @@ def input_kind(options: TrainingOptions, seed: int) -> InputKind | None:
 
     Raises SettingsError for an input or a reference that a scene's frames do not have.
     """
-    given = {name: getattr(options, name) for name in ("light_samples", "vpl_samples", "seeds")}
-    given |= {name: text for name in ("input", "reference") if (text := getattr(options, name)) is not None}
+    fields = {name: getattr(options, name) for name in ("light_samples", "vpl_samples", "seeds")}
+    fields |= {name: text for name in ("input", "reference") if (text := getattr(options, name)) is not None}
     if options.input is None and options.reference is not None:
-        given["input"] = "path-traced@1" if reference_samples(options.reference) else "full"
-    request = EvaluationRequest(**given, metrics=())
+        fields["input"] = "path-traced@1" if reference_samples(options.reference) else "full"
+    request = EvaluationRequest(**fields, metrics=())
     request.check(seed)
     for text in (options.input, options.reference):
         if text is not None and is_sequence(text):
@@ -66,7 +66,10 @@ class LightPairs(GpuOwner):
         options: TrainingOptions,
         channels: tuple[str, ...] = (),
     ):
-        """``settings``: resolved for all columns; ``channels``: to read of every image.  Raises SettingsError."""
+        """Open inputs and reference.  Raises SettingsError.
+
+        ``settings``: resolved for all columns; ``channels``: names of the channels to read with every image.
+        """
         super().__init__(gpu)
         seed = settings.lighting.seed
         kind = input_kind(options, seed)

@@ -30,7 +30,7 @@ def builtin_methods() -> tuple[str, ...]:
 
 
 def frame_methods() -> tuple[str, ...]:
-    """Those of the built-in methods that reuse shaded frames; the others compute their direct light themselves."""
+    """Names of the built-in methods that reuse shaded frames; the others compute their direct light themselves."""
     return tuple(name for name in builtin_methods() if not load_method(name).own_light)
 
 

@@ -64,7 +64,7 @@ def _open(metric: str, module: str, make: Callable[[], Any]) -> Any:
 
 @contextmanager
 def _silence() -> Any:
-    """Both packages print and warn while they load."""
+    """Discard what LPIPS and ColorVideoVDP print and warn while they load."""
     with warnings.catch_warnings(), redirect_stdout(StringIO()):
         warnings.simplefilter("ignore")
         yield

@@ -54,7 +54,10 @@ class PythonSteps(GpuOwner):
     """One instance of the class: reads inputs back from the GPU and uploads its results."""
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], timer: PassTimer):
-        """``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales."""
+        """Raises MethodError without the library of the class.
+
+        ``size``: (width, height) of the result; ``input_size``: of the inputs, another only for a method that upscales.
+        """
         super().__init__(gpu)
         self._sizes = {"output_size": size, "input_size": input_size}
         self._library = _library(method)

@@ -254,8 +254,7 @@ def hdr_flip(radiance: Array, reference: Array) -> float | None:
     if exposures is None:
         return None
     parameters = dict(zip(("startExposure", "stopExposure"), exposures, strict=True))
-    how = {"applyMagma": False, "computeMeanError": False, "parameters": parameters}
-    error, _, _ = _flip().evaluate(*images, "HDR", **how)
+    error, _, _ = _flip().evaluate(*images, "HDR", applyMagma=False, computeMeanError=False, parameters=parameters)
     return float(np.mean(error, dtype=np.float64))
 
 

@@ -53,7 +53,7 @@ class RecordedFrames:
 
     @classmethod
     def parse(cls, source: str, settings: Mapping[str, Any]) -> RecordedFrames:
-        """``source``: ``exr:DIR``; ``settings``: as text or values.  Raises MethodError for all faults."""
+        """The sequence ``source`` (``exr:DIR``) with ``settings``, text or values.  Raises MethodError."""
         faults = [f"there is no setting {n!r}{suggestion(n, SETTINGS)}" for n in settings if n not in SETTINGS]
         values: dict[str, Any] = {name: str(settings[name]) for name in ("mapping", "layer") if name in settings}
         for name, kind, expected in (("offset", int, "an integer"), ("scale", float, "a number above 0")):
@@ -123,7 +123,7 @@ class RecordedRunner(Owner):
         mapping: str | None = None,
         seed: int = 0,
     ):
-        """Raises MethodError for another size, missing frames and files without a combined pass."""
+        """Open the files of ``seed``.  Raises MethodError for another size, missing frames or no combined pass."""
         super().__init__()
         self.size, self.bytes = size, None
         self.recorded, self._frames = recorded, frames
@@ -150,7 +150,7 @@ class RecordedRunner(Owner):
         return self._texture
 
     def reported(self, frame: FrameInputs) -> dict[str, Array]:
-        """Nothing: how the files were made is unknown."""
+        """No reports, as ``MethodRunner.reported``: how the files were made is unknown."""
         return {}
 
 

@@ -34,7 +34,7 @@ from taubench_gl.reuse.inputs import InputRequest, light_settings
 
 Array = np.ndarray
 MAX_SAMPLES = 256
-"""Most samples of ``SupersampledReference``."""
+"""Limit on the samples per pixel of ``SupersampledReference``."""
 
 FITTED = "path-traced"
 """The path-traced reference with the samples that fit a time."""
@@ -80,20 +80,20 @@ class SupersampledReference(GpuOwner):
     """Exact light at ``samples`` positions per pixel, the cell centers of a grid; mean of linear radiance."""
 
     def __init__(self, request: InputRequest, samples: int):
-        """Raises SettingsError for a number of samples outside 1..MAX_SAMPLES."""
+        """Open the frames of ``request``.  Raises SettingsError for a number of samples outside 1 .. MAX_SAMPLES."""
         if not 1 <= samples <= MAX_SAMPLES:
             raise SettingsError(f"reference samples is {samples}", hint=f"give 1 to {MAX_SAMPLES}")
         super().__init__(request.gpu)
         self._offsets = grid_offsets(samples)
         self._offset = self._offsets[0]
         settings = light_settings(request.settings, request.kind)
-        how = {"shading": Shading(gather_each=request.kind.noisy), "jitter": lambda frame: self._offset}
-        self._source = self.open_source(request.animated, settings, **how)
+        shading = Shading(gather_each=request.kind.noisy)
+        self._source = self.open_source(request.animated, settings, shading=shading, jitter=lambda frame: self._offset)
         self._compose = ComposePass(self, self._source, settings, accumulate=True)
         self._emits = self._source.effects["emission"].enabled
 
     def image(self, frame: int) -> ReferenceImage:
-        """``emitters``: of any of its samples."""
+        """The reference of ``frame``; in ``emitters`` are pixels where any sample shows an emitter."""
         share = 1.0 / len(self._offsets)
         emitters = np.full(self._source.size[::-1], False)
         for k, offset in enumerate(self._offsets):
@@ -109,7 +109,7 @@ class SupersampledReference(GpuOwner):
 
 
 def emitting(source: RasterSource) -> Array:
-    """(h, w) bool: the visible surface of the current frame emits; ``source`` has the channel ``emission``."""
+    """Pixels whose visible surface emits in the current frame, (h, w) bool; ``source`` has the channel ``emission``."""
     return (source.read("emission")[..., :3] > 0.0).any(axis=-1)
 
 
@@ -117,13 +117,13 @@ class FileReference:
     """Combined radiance of path-traced files ``exr:DIR`` with the frame numbers of the scene."""
 
     def __init__(self, request: InputRequest, spec: str, size: tuple[int, int], frames: range):
-        """Raises PathTracedError for another image size and for missing frames."""
+        """Open the files ``spec`` (``exr:DIR``).  Raises PathTracedError for another image size and missing frames."""
         self._sequence = PathTracedSequence.open(spec, mapping=request.mapping)
         self._sequence.require(size, frames, of="the input")
         self._exposure = request.settings.lighting.exposure_factor
 
     def image(self, frame: int) -> ReferenceImage:
-        """``emitters``: where the files have a pass of emission."""
+        """The reference of ``frame``; ``emitters`` is None where the files have no pass of emission."""
         emission = self._sequence.emission(frame)
         emitters = None if emission is None else (emission[..., :3] > 0.0).any(axis=-1)
         return ReferenceImage(self._sequence.radiance(frame, self._exposure), emitters)
@@ -141,7 +141,7 @@ class PathTracedReference(GpuOwner):
     cuts = True
 
     def __init__(self, request: InputRequest, samples: int, exact: bool = False):
-        """``exact``: as for ``References.open``.  Raises SettingsError."""
+        """Open geometry and stored light.  ``samples``, ``exact``: as of ``References.open``.  Raises SettingsError."""
         super().__init__(request.gpu)
         gpu, settings = request.gpu, request.settings
         self.references = References.open(self, request.animated, settings, samples, exact=exact)
@@ -209,7 +209,7 @@ class PathTracedReference(GpuOwner):
         return read_channel((self.previous if previous else self.current)[name], name)
 
     def describe(self) -> dict[str, Any]:
-        """``noise_*``: of the noisiest frame, ``pathtraced.references.Noise``."""
+        """The block ``reference`` of reuse.json; ``noise_*``: of the noisiest frame (``references.Noise``)."""
         noise = self.references.worst_noise
         return {
             "kind": "path-traced", "samples": self.references.samples, "path": None,

@@ -33,7 +33,7 @@ CHANNELS_READ = (*SURFACE, "prev_position")
 """Channels that the source has to have."""
 
 _MOVED = ("position", "normal", "geometric_normal", "prev_position")
-"""Of these, channels of the current frame."""
+"""Channels of the current frame that the passes read."""
 
 _DISCARDED = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL | Reason.SKY)
 _FORMATS = {"f4": "rgba32f", "f2": "rgba16f"}
@@ -43,7 +43,7 @@ class Reshade:
     """Textures of RESHADED for the frames of one source."""
 
     def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings):
-        """``owner``: frees them."""
+        """Compile the passes for frames of ``source``; ``owner`` frees them."""
         gpu, self._hazards, self._source = owner.gpu, owner.gpu.hazards, source
         self._size, self._exposure = source.size, settings.lighting.exposure_factor
         width, height = source.size

@@ -66,7 +66,7 @@ class MethodRunner(GpuOwner):
         self.method = method if isinstance(method, Method) else load_method(method)
         self.values = self.method.values(settings)
         self.timer = timer or PassTimer(gpu, enabled=False)
-        method_size, self._steps = self.own_size, 0
+        method_size, self._steps = self.method_size, 0
         require_memory(gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
         backend = open_backend(gpu, self.method, method_size, self.input_size, self.timer, count=count)
         self._backend = self.own(backend)
@@ -74,18 +74,18 @@ class MethodRunner(GpuOwner):
         self._resample = _Resample(self, method_size, self.size) if method_size != self.size else None
 
     @property
-    def own_size(self) -> tuple[int, int]:
-        """Of what the method itself writes, pixels."""
+    def method_size(self) -> tuple[int, int]:
+        """(width, height) in pixels of what the method itself writes, before its result is resampled."""
         return self.size if self.method.upscales else self.input_size
 
     @property
     def bytes(self) -> int:
         """GPU memory of history, buffers and result, without the memory of a Python class."""
-        return self.method.bytes(self.own_size, self.input_size)
+        return self.method.bytes(self.method_size, self.input_size)
 
     @property
     def time_ms(self) -> float | None:
-        """Of the last step, by the clock of the timer; None: it was not measured."""
+        """Milliseconds of the last step, by the clock of the timer; None: it was not measured."""
         samples = self.timer.samples_ms().get(self.method.name)
         return None if samples is None or not len(samples) else float(samples[-1])
 
@@ -116,9 +116,9 @@ class MethodRunner(GpuOwner):
         return self._backend.reported(frame, self.values)
 
     def light_counts(self) -> np.ndarray:
-        """Of the last step, with ``count``: each pixel's shadow rays, light samples, evaluations of reflected light.
+        """Shadow rays, light samples and evaluations of reflected light in each pixel of the last step.
 
-        (h, w, 3) uint32, row 0 at the top.
+        (h, w, 3) uint32, row 0 at the top; only of a runner with ``count``.
         """
         return self._backend.light_counts()
 

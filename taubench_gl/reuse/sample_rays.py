@@ -21,7 +21,7 @@ Array = np.ndarray
 
 
 class Fact(enum.IntFlag):
-    """Of one pixel, by rays in the current frame; GONE in the previous one."""
+    """What rays say of one pixel: GONE by rays of the previous frame, the others by rays of the current one."""
 
     LIT = 1 << 0  # a surface that scatters light
     HISTORY_REACHES = 1 << 1  # the light of the history reservoir
@@ -66,7 +66,7 @@ class SampleFrame:
     counts: Array = field(default_factory=lambda: np.zeros(0))
 
     def has(self, fact: Fact) -> Array:
-        """(h, w) bool."""
+        """Pixels with ``fact``, (h, w) bool."""
         return (self.facts & fact) != 0
 
     def reasons(self, mask: Array) -> Array:
@@ -91,7 +91,8 @@ class SampleRays(GpuOwner):
     """Traces the samples of methods in the frames of one ``SceneLight``."""
 
     def __init__(self, gpu: Gpu, light: SceneLight, size: tuple[int, int], moved_from: float):
-        """``moved_from``: distance from which a point has moved, scene units."""
+        """Compile the pass for the lights of ``light``.  ``moved_from``: distance from which a point has moved, scene
+        units."""
         super().__init__(gpu)
         self._light, self._size, self._moved_from = light, size, moved_from
         with self.opening():
@@ -105,7 +106,7 @@ class SampleRays(GpuOwner):
             self._textures = {n: self.own(gpu.texture(size)) for n in (*SAMPLE_REPORTS, "sample_facts")}
 
     def of(self, reported: dict[str, Array], motion: moderngl.Texture, counts: Array) -> SampleFrame:
-        """``reported`` of ``MethodRunner.reported``; ``motion``: the input; ``counts``: of ``light_counts``."""
+        """Trace the samples of a frame: ``reported`` and ``counts`` of a ``MethodRunner``, and the input ``motion``."""
         height, width = self._size[::-1]
         samples = {}
         for name in SAMPLE_REPORTS:

@@ -21,7 +21,7 @@ from taubench_gl.srgb import LUMINANCE
 Array = np.ndarray
 
 COUNTS = ("shadow_rays", "light_samples", "evaluations")
-"""Of ``SampleFrame.counts``."""
+"""Names of the columns of ``SampleFrame.counts``."""
 
 REACH = 2
 """Pixels to each side within which equal samples are duplicates."""
@@ -34,8 +34,8 @@ MAX_KEPT_BYTES = 1 << 31
 
 
 def history_counts(frame: SampleFrame, mask: Array) -> Array:
-    """(R, 4) int64 by REASONS: history kept, of it with a light that no longer reaches the pixel, rejected, of it with
-    a light that still does.  ``mask`` (h, w): exact reason words."""
+    """Pixels by REASONS, (R, 4) int64: history kept, kept with a light that no longer reaches the pixel, history
+    rejected, rejected with a light that still does.  ``mask`` (h, w): exact reason words."""
     reason, held = frame.reasons(mask), frame.history[..., 0] >= 0
     keep, reaches = frame.history[..., 3] > 0.5, frame.has(Fact.HISTORY_REACHES)
     which = (keep, keep & ~reaches, ~keep, ~keep & reaches)
@@ -129,7 +129,7 @@ class SampleRecord:
         self._bias.append([])
 
     def add(self, frame: SampleFrame, result: Array, reference: FrameReference) -> None:
-        """``result`` (h, w, 3 or more): radiance, exposure applied."""
+        """Score one frame.  ``result`` (h, w, 3 or more): radiance, exposure applied."""
         counted, allowed = self._index >= self.warmup, reusable(reference.mask)
         valid = reference.image.valid & np.isfinite(result[..., :3]).all(axis=-1) & reference.scored
         shown, expected = (

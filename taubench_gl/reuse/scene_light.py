@@ -172,7 +172,7 @@ class SceneLight:
         }  # fmt: skip
 
     def reseed(self, seed: int) -> None:
-        """Other random numbers for methods, in the current frame and later."""
+        """Give methods the random numbers of ``seed``, in the current frame and later."""
         self._seed = self._record["numbers"][1] = seed
         self._frame.write(self._record.tobytes())
 
@@ -186,7 +186,7 @@ class SceneLight:
 
     @property
     def channels(self) -> dict[str, moderngl.Texture]:
-        """Those of the current frame of the source."""
+        """The channels of the current frame of the source, by name."""
         return dict(self._source.current)
 
     @property
@@ -201,6 +201,6 @@ class SceneLight:
 
     @property
     def bytes(self) -> int:
-        """GPU memory."""
+        """Bytes of GPU memory of surfaces, frame record and light of the rest."""
         size = sum(buffer.size for buffer in self._surfaces) + self._frame.size
         return size + 16 * self.rest.width * self.rest.height

@@ -63,7 +63,7 @@ class ClassErrors:
     sums: dict[str, Array] = field(default_factory=dict)
 
     def add(self, classes: Array, errors: dict[str, Array], scored: Array) -> None:
-        """``classes``, ``scored`` (h, w); ``errors``: name -> (h, w), the same names for every frame."""
+        """Add one frame: ``classes``, ``scored`` (h, w), and ``errors``, name -> (h, w), the same names every time."""
         self.pixels += np.bincount(classes.ravel(), minlength=len(CLASSES))
         self.scored += np.bincount(classes[scored], minlength=len(CLASSES))
         everywhere = np.full(scored.shape, True)
@@ -123,7 +123,7 @@ class FrameReference:
 
     @cached_property
     def scored(self) -> Array:
-        """(h, w) bool: the pixels of measures of linear radiance; all where every pixel shows an emitter."""
+        """Pixels that measures of linear radiance count, (h, w) bool: all where every pixel shows an emitter."""
         if self.emitters is None or self.emitters.all():
             return np.full(self.mask.shape, True)
         return ~self.emitters
@@ -228,8 +228,8 @@ class MethodRecord:
         """Share of the pixels that show an emitting surface, and their mean ``error``."""
         if reference.emitters is None or not reference.emitters.any():
             return {"emitter_percent": None if reference.emitters is None else 0.0, "emitter_linear_mse": None}
-        own = float(error[reference.emitters].mean())
-        return {"emitter_percent": _percent(reference.emitters), "emitter_linear_mse": own}
+        mean = float(error[reference.emitters].mean())
+        return {"emitter_percent": _percent(reference.emitters), "emitter_linear_mse": mean}
 
     def _image_measures(
         self, shown: Displayed, expected: Displayed, errors: dict[str, Array], reference: FrameReference

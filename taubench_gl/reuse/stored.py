@@ -88,7 +88,8 @@ class _Summary(Struct):
 
 @dataclass(frozen=True, slots=True)
 class StoredEvaluation:
-    """``summary``: reuse.json; ``rows``: frames.csv, numbers as int or float, an empty cell as None."""
+    """An evaluation as its folder ``out`` holds it.  ``summary``: reuse.json; ``rows``: frames.csv, numbers as int or
+    float, an empty cell as None."""
 
     summary: dict[str, Any]
     rows: list[dict[str, Any]]

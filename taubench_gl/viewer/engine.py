@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import Reason
+from taubench_gl.conventions import COUNTED, OTHER_REPROJECTION, Reason
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.exact import exact_channels
@@ -23,8 +23,15 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.counts import Counts, counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
-from taubench_gl.metrics.reuse_rate import NO_SURFACE, RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
-from taubench_gl.report.reusable import sentence
+from taubench_gl.metrics.reuse_rate import (
+    NO_SURFACE,
+    RATE_COLUMNS,
+    RATES,
+    disjoint_reasons,
+    reusable_pixels,
+    unmeasured_rates,
+)
+from taubench_gl.report.reusable import both_sentence, percent_text, sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
 from taubench_gl.viewer.controls import IMAGE, MASKS
@@ -74,6 +81,9 @@ class ViewerEngine:
     comparisons: dict[str, Comparison] = field(default_factory=dict)  # value of the control ``against`` -> its images
     counts: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, int]] = field(default_factory=dict)  # rate -> disjoint reason -> pixels
+    other_counts: dict[str, int] | None = (
+        None  # rate -> reusable pixels under the other reprojection; None: not counted
+    )
     histograms: dict[str, Array] = field(default_factory=dict)  # feature -> (bins,) pixels per bin of its distance
     drawn: Drawn = field(default_factory=Drawn)
     pair: Reprojection | None = None
@@ -229,8 +239,9 @@ class ViewerEngine:
                 self._owner.free_parts(self._reversed)
             self._reversed = None
             self._active = self._evaluator = self._owner.open_evaluator(
-                self.feed.source, self.feed.settings, images=True, instead_of=self._evaluator
-            )
+                self.feed.source, self.feed.settings, images=True, both=self.feed.source.other == COUNTED,
+                instead_of=self._evaluator,
+            )  # fmt: skip
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
             self._resize(state)
@@ -327,6 +338,7 @@ class ViewerEngine:
         counts = self._active.read()
         self.counts = counts_of(counts.mask_histogram)
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
+        self.other_counts = None if counts.other is None else reusable_pixels(counts.other)
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.unmeasured = self.source.unmeasured
         if self.lights.active is not None:
@@ -335,7 +347,7 @@ class ViewerEngine:
 
     def _add_light(self, counts: Counts) -> None:
         """Add counts of coarse light, which come from fewer pixels, scaled to the number of pixels of the image."""
-        coarse = counts_of(counts.mask_histogram)
+        coarse, self.other_counts = counts_of(counts.mask_histogram), None
         share = self.counts["pixels"] / coarse["pixels"]
         names = (*(bit.name.lower() for bit in LIGHT_BITS), "reusable_shading")
         self.counts |= {name: round(share * coarse[name]) for name in names}
@@ -674,7 +686,12 @@ class ViewerEngine:
             return "surface", None, f"reusable pixels are unknown: {why}"
         percent = 100.0 * self.counts[f"reusable_{rate}"] / surface
         shares = {name: 100.0 * count / surface for name, count in self.reasons[rate].items()}
-        return rate, percent, sentence(percent, shares, rate, 100.0 * (pixels - surface) / pixels)
+        sky, chosen = 100.0 * (pixels - surface) / pixels, self.source.reprojection
+        if self.other_counts is None:
+            return rate, percent, sentence(percent, shares, rate, sky)
+        other = 100.0 * self.other_counts[rate] / surface
+        texts = {chosen: percent_text(percent), OTHER_REPROJECTION[chosen]: percent_text(other)}
+        return rate, percent, both_sentence(texts, chosen, percent, shares, rate, sky)
 
     def release(self) -> None:
         self._owner.release()

@@ -28,7 +28,7 @@ from taubench_gl.gpu.owner import Owner
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, plan_sequence
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
-from taubench_gl.run import SUMMARY_FILE, Run, load_run, total_discards
+from taubench_gl.run import SUMMARY_FILE, Run, load_run, not_reusable
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, FIELDS, Settings
@@ -385,7 +385,7 @@ def scene_path(out: Path | None, path: str) -> str:
 def worst_frame(run: Run) -> int | None:
     """Number of the frame with the most discards, which mask.png of the run shows; None without pairs."""
     rows = [row for row in run.frames if row.get("frame") is not None]
-    return int(max(rows, key=total_discards)["frame"]) if rows else None
+    return int(max(rows, key=not_reusable)["frame"]) if rows else None
 
 
 def _run_note(run: Run, sha256: str | None) -> str:

@@ -254,7 +254,7 @@ class Panels:
             self._ui.percent(percentages.get(name))
         metrics = engine.feed.settings.metrics
         mode = metrics.reprojection + (f", {OPTIONS['eye'].label}" if metrics.stereo else " reprojection")
-        self._ui.faint(f"{mode}: {words}", wrap=True)
+        self._ui.faint(words if engine.other_counts is not None else f"{mode}: {words}", wrap=True)
 
     def _thresholds(self) -> None:
         """A slider for each measured feature, with the histogram of its distances inside."""

@@ -117,11 +117,6 @@ def test_still_nodes_are_constant_bit_for_bit():
     assert len({poser.sample(t).world[:10].tobytes() for t in np.linspace(0, 9, 20)}) == 1
 
 
-def test_empty_scene():
-    state = sample(make_scene([]), 0.0)
-    assert state.world.shape == (0, 4, 4) and state.visible.shape == (0,)
-
-
 def test_visibility_is_animated_inherited_and_step():
     channels = [make_channel(0, "visible", [0, 1, 2], [[1], [0], [1]], "STEP")]
     poser = Poser(make_scene([-1, 0, 1], channels, visible=[1, 1, 0]))
@@ -235,13 +230,6 @@ def skinned_scene(rotation=HALF_Y, weights=((1, 0, 0, 0), (0, 1, 0, 0), (0.5, 0.
         translation=[[0, 0, 0], [1, 0, 0], [500, 0, 0]], rotation=[[0, 0, 0, 1], rotation, HALF_Y],
     )  # fmt: skip
     return scene, primitive
-
-
-def test_bind_pose_does_not_move_the_mesh():
-    scene, primitive = skinned_scene(rotation=[0, 0, 0, 1])
-    state = sample(scene, 0.0)
-    assert np.allclose(skin_matrices(scene, state, 0), np.eye(4))
-    assert np.allclose(pose_vertices(scene, state, 2, primitive), primitive.positions)
 
 
 def test_linear_blend_skinning_against_an_explicit_sum():

@@ -7,7 +7,6 @@ import pytest
 from raw_gltf import RawGltf
 
 from taubench_gl.animation import Poser, pose_vertices
-from taubench_gl.effects.census import census
 from taubench_gl.scene import load_scene
 
 FILES = [
@@ -68,19 +67,3 @@ def test_vertices(data, raw, name, animation):
                 expected = file.vertices(spec, t, node, number)
                 got = pose_vertices(scene, state, node, primitive)
                 assert np.abs(got - expected).max() < 1e-6 * max(1.0, np.abs(expected).max())
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("BoxAnimated/BoxAnimated.glb", {"dynamic_rigid_objects": 1, "static_rigid_objects": 1, "triangles": 254}),
-        ("CesiumMan/CesiumMan.glb", {"armatures": 1, "bones": 19, "dynamic_rigid_objects": 0}),
-        ("AnimatedMorphCube/AnimatedMorphCube.glb", {"morphs": 1, "morphs_dynamic": 1, "dynamic_rigid_objects": 0}),
-        ("LightsPunctualLamp/glTF/LightsPunctualLamp.gltf", {"static_point_lights": 5, "dynamic_point_lights": 0}),
-    ],
-)
-def test_census(data, name, expected):
-    (path,) = (data / "khronos").glob(f"{name.split('/')[0]}/**/{name.split('/')[-1]}")
-    scene = load_scene(path)
-    found = census(scene, np.linspace(0, scene.duration, 25))
-    assert {key: found[key] for key in expected} == expected

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_scenes import make_channel, make_scene, triangle_mesh
-from pyrr import matrix44
 from scipy.spatial import ConvexHull
 
 from taubench_gl.animation import (
@@ -273,15 +272,6 @@ def test_a_still_scene_gets_an_orbit_unless_a_camera_is_requested(name):
                           OrbitCamera(scene, size=(300, 400)).view_at(sample(scene, 0.3)).position)  # fmt: skip
     assert camera_of_run(scene, SequenceSettings(camera="Main")).node == 1
     assert camera_of_run(scene, SequenceSettings(camera=0)).node == 1
-
-
-def test_pyrr_look_at_against_explicit_cross_products():
-    eye = np.array([0.3, 0.4, -0.7])
-    z = eye / np.linalg.norm(eye)
-    x = np.cross([0, 1, 0], z)
-    x /= np.linalg.norm(x)
-    ours = np.stack([x, np.cross(z, x), z], axis=1)
-    assert np.allclose(matrix44.create_look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]))[:3, :3], ours, atol=1e-15)
 
 
 def test_bounds_cover_the_animation_without_hidden_nodes():

@@ -118,6 +118,8 @@ def test_a_study_without_a_terminal_says_where_a_job_is(monkeypatch):
     monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
     screen, said = StudyScreen("images"), []
     monkeypatch.setattr(screen, "say", said.append)
+    screen.advanced("a", 0)  # the head of a job, whose pairs are not known yet
+    assert not said
     screen.job_known("a", "demo/noisy", 0, 12)
     screen.advanced("a", 3)
     (line,) = said

@@ -26,11 +26,21 @@ from taubench_gl.scene import load_scene
 AFF = b"s 0 0 0 1\nv from 0 0 5 at 0 0 0 up 0 1 0 angle 40 hither .1 resolution 4 3\n"
 
 
-def zipped(files: dict[str, bytes]) -> bytes:
+def zipped(files: dict[str, bytes], compression: int = zipfile.ZIP_STORED) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as z:
         for name, data in files.items():
-            z.writestr(zipfile.ZipInfo(name), data)
+            z.writestr(zipfile.ZipInfo(name), data, compression)
+    return out.getvalue()
+
+
+def tarred(files: dict[str, bytes], mode: str = "w:gz") -> bytes:
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode=mode) as t:
+        for name, data in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(data)
+            t.addfile(member, io.BytesIO(data))
     return out.getvalue()
 
 
@@ -281,10 +291,7 @@ def test_file_without_a_scene_changes_nothing(tmp_path):
 @pytest.mark.parametrize("name", ["../out.aff", "/out.aff", "a/../../out.aff"])
 def test_archive_paths_outside_the_folder_are_refused(tmp_path, name):
     (tmp_path / "a.zip").write_bytes(zipped({name: AFF}))
-    with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as t:
-        member = tarfile.TarInfo(name)
-        member.size = len(AFF)
-        t.addfile(member, io.BytesIO(AFF))
+    (tmp_path / "a.tar.gz").write_bytes(tarred({name: AFF}))
     for archive in ("a.zip", "a.tar.gz"):
         with pytest.raises(DatasetError, match=r"out\.aff"):
             unpack(tmp_path / archive, tmp_path / "to" / archive)
@@ -349,18 +356,8 @@ def test_the_commands(server, tmp_path, monkeypatch):
 def test_an_archive_with_one_flipped_byte_is_unpacked_or_refused(tmp_path, kind):
     """Any byte: the modules raise exceptions of their own, of zlib and of lzma."""
     files = {f"in/{i}.aff": AFF * (20 + i) for i in range(3)}
-    data = io.BytesIO()
-    if kind == "zip":
-        with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as z:
-            for name, content in files.items():
-                z.writestr(name, content)
-    else:
-        with tarfile.open(fileobj=data, mode=f"w:{kind.removeprefix('tar.')}") as t:
-            for name, content in files.items():
-                member = tarfile.TarInfo(name)
-                member.size = len(content)
-                t.addfile(member, io.BytesIO(content))
-    whole, refused = data.getvalue(), 0
+    whole = zipped(files, zipfile.ZIP_DEFLATED) if kind == "zip" else tarred(files, f"w:{kind.removeprefix('tar.')}")
+    refused = 0
     for place in range(0, len(whole), max(1, len(whole) // 150)):
         flipped = bytearray(whole)
         flipped[place] ^= 0x55
@@ -377,19 +374,14 @@ def test_archives_that_unpack_to_far_more_than_their_size_are_refused(tmp_path, 
     """The limit on the ratio applies above RATIO_FROM; a tar is not read to its end."""
     monkeypatch.setattr("taubench_gl.datasets.scene_cache.RATIO_FROM", 1 << 20)
     zeros = bytes(1 << 20)
-    with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as z:
-        for i in range(8):
-            z.writestr(f"{i}.aff", zeros)
-    with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as t:
-        for i in range(8):
-            member = tarfile.TarInfo(f"{i}.aff")
-            member.size = len(zeros)
-            t.addfile(member, io.BytesIO(zeros))
+    files = {f"{i}.aff": zeros for i in range(8)}
+    (tmp_path / "a.zip").write_bytes(zipped(files, zipfile.ZIP_DEFLATED))
+    (tmp_path / "a.tar.gz").write_bytes(tarred(files))
     for archive in ("a.zip", "a.tar.gz"):
         with pytest.raises(DatasetError, match="more files or bytes"):
             unpack(tmp_path / archive, tmp_path / "to" / archive)
         assert not list((tmp_path / "to" / archive).iterdir())
-    (tmp_path / "b.zip").write_bytes(zipped({f"{i}.aff": zeros for i in range(8)}))  # not compressed
+    (tmp_path / "b.zip").write_bytes(zipped(files))  # not compressed
     unpack(tmp_path / "b.zip", tmp_path / "to" / "b")
     assert len(list((tmp_path / "to" / "b").iterdir())) == 8
 

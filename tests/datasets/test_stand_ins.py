@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from repeated import few
 from validator import errors
 
-from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.animation import Poser
 from taubench_gl.apps.cli import cli
 from taubench_gl.apps.scenes_command import STAND_IN_NAMES, describe
 from taubench_gl.datasets.stand_ins import STAND_INS, camera_path, make_stand_in
@@ -146,17 +146,6 @@ def test_summary_is_labeled_as_stand_in(made, gpu):
 
 @pytest.mark.long
 @each
-def test_table_4_of_the_whole_animation(recipe, made, gpu):
-    """Similar to the paper's row, which depends on its geometry and unpublished thresholds."""
-    settings = Settings(width=160, height=90, fps=60.0, columns=("frustum", "direct"), indirect="none", shadow_lights=1)
-    summary = evaluate_scene(made[recipe.name], settings).summary
-    assert_rows(summary["camera"], recipe)
-    frustum = PAPER[recipe.stands_for]["discard"]["frustum"]
-    assert summary["discard"]["frustum"]["mean_percent"] == pytest.approx(frustum, rel=0.5)
-
-
-@pytest.mark.long
-@each
 @pytest.mark.parametrize(
     ("fps", "columns", "light"),
     [(60.0, ("position", "normal"), {}), (24.0, ("color", "direct"), {"indirect": "none", "shadow_lights": 1})],
@@ -209,7 +198,3 @@ def test_invalid_names_and_suffixes_are_refused(tmp_path):
         make_stand_in("eternal-valley", tmp_path / "x.glb")
     with pytest.raises(SettingsError, match=r"\.glb"):
         make_stand_in("eternal-valley-fps", tmp_path / "x.obj")
-
-
-def test_stand_in_camera_is_the_default(made):
-    assert choose_camera(load_scene(made["eternal-valley-fps"])).node_name == "stand-in camera"

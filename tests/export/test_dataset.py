@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from export_tools import DEMO, settings
 
-import taubench_gl as tb
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.dataset import ExportedFrames, RenderedFrames, TrainingWindows
@@ -115,7 +114,3 @@ def test_stored_frames_are_those_that_are_rendered(tmp_path, monkeypatch, format
         for name in one:
             np.testing.assert_array_equal(one[name], two[name], err_msg=name)
     assert not np.array_equal(ours.arrays(0)["noisy"], ours.arrays(1)["noisy"])
-
-
-def test_names_of_the_package():
-    assert (tb.TrainingWindows, tb.ExportedFrames) == (TrainingWindows, ExportedFrames)

@@ -11,7 +11,6 @@ from export_tools import HEIGHT, WIDTH
 from taubench_gl.conventions import Reason
 from taubench_gl.export.channels import choose_channels
 from taubench_gl.export.frames import ExportFrame, FrameSource
-from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.export.sintel import masks_of
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
@@ -130,19 +129,3 @@ def test_shapes_that_are_replaced_once(gpu, data):
             assert np.array_equal(forward, old if number == 1 else np.zeros_like(old))
             assert np.array_equal(backward, new if number == 2 else np.zeros_like(new))
         assert frame.channels["ids"][..., 1].max() < 2**30, "marks stay inside"
-
-
-def test_a_plate_that_is_hidden_in_the_next_frame(data, tmp_path):
-    from PIL import Image
-
-    own = Settings(size=(96, 54), frames=(10, 13), columns=("frustum",))
-    export_scene(
-        data / "reports4" / "gltf" / "sintel_visible.gltf",
-        tmp_path,
-        own,
-        ExportOptions("sintel", channels=("flow", "masks", "depth")),
-    )
-    counts = [
-        np.count_nonzero(np.asarray(Image.open(path))) for path in sorted((tmp_path / "invalid").rglob("frame_*.png"))
-    ]
-    assert counts == [0, 144]

@@ -103,33 +103,6 @@ def drawn_moves(scene, frame, step) -> np.ndarray:
     return ~np.array([True, *still])[ids]
 
 
-def test_motion_includes_object_motion(scene, frames):
-    """The reference uses the rendered previous positions."""
-    frame = frames[9]
-    poser, camera = Poser(scene), choose_camera(scene)
-    pair = reprojection(frame.view, camera.view_at(poser.sample(8 / FPS)), WIDTH, HEIGHT)
-    position = np.concatenate([frame.channels["position"], frame.channels["depth"]], axis=-1).astype(np.float64)
-    moved = drawn_moves(scene, frame, -1)
-    assert moved.any()
-    reference = reproject(pair, position, frame.channels["prev_position"].astype(np.float64)).motion_px
-    assert np.nanmax(np.abs(frame.channels["motion"] - reference)) < 0.01
-    camera_only = reproject(pair, position).motion_px
-    assert np.nanmax(np.abs(frame.channels["motion"] - camera_only)[moved]) > 0.5
-
-
-def test_signs_of_motion():
-    """Motion is other - current, +x right, +y down, at the surface point in the middle of the image."""
-    scene = load_scene(DEMO)
-    (frame,) = drawn([9], ("position", "depth", "motion", "motion_forward"))
-    poser, camera = Poser(scene), choose_camera(scene)
-    y, x = HEIGHT // 2, WIDTH // 2
-    point = frame.channels["position"][y, x] + frame.view.position
-    for name, other in (("motion", 8), ("motion_forward", 10)):
-        there = project(camera.view_at(poser.sample(other / FPS)), point[None])[0]
-        np.testing.assert_allclose(frame.channels[name][y, x], there - [x, y], atol=0.02)
-        assert np.abs(there - [x, y]).max() > 0.1
-
-
 @pytest.mark.parametrize("mode", ["camera", "motion"])
 def test_masks_equal_those_of_evaluate(mode):
     """Every count of every pair, radiance included; the first frame of a slice is compared with the one before it."""

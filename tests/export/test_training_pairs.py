@@ -73,11 +73,11 @@ def test_references_are_shared_between_exports(tmp_path):
 
 
 def test_an_export_with_other_samples_is_another(tmp_path):
-    pairs(tmp_path, TrainingOptions(input="path-traced@1"), frames=(0, 1))
-    text = json.loads((tmp_path / "export.json").read_text())
-    assert text["training"] == dataclasses.asdict(TrainingOptions(input="path-traced@1"))
+    one, two = (TrainingOptions(input=f"path-traced@{spp}", reference="path-traced@4") for spp in (1, 2))
+    pairs(tmp_path, one, frames=(0, 1))
+    assert json.loads((tmp_path / "export.json").read_text())["training"] == dataclasses.asdict(one)
     with pytest.raises(OutputError):
-        pairs(tmp_path, TrainingOptions(input="path-traced@2"), frames=(0, 1))
+        pairs(tmp_path, two, frames=(0, 1))
 
 
 @pytest.mark.parametrize(
@@ -124,38 +124,25 @@ def test_pairs_without_words_have_no_light():
 
 
 @pytest.mark.parametrize(
-    "given",
+    "options",
     [
         {"input": "no"}, {"input": "exr:frames"}, {"input": "path-traced@1", "reference": "max"}, {"reference": "no"},
         {"reference": "path-traced"}, {"input": "full", "seeds": 2}, {"input": "path-traced@1+upscale@2"},
-        {"input": "path-traced@1+jittered"}, {"input": "half+jittered"},
+        {"input": "path-traced@1+jittered"}, {"input": "half+jittered"}, {"input": "noisy", "seeds": 0}, {"seeds": 2},
+        {"reference_samples": 0},
     ],
 )  # fmt: skip
-def test_words_that_an_export_does_not_have(tmp_path, given):
+def test_options_that_an_export_does_not_have(tmp_path, options):
     with pytest.raises(SettingsError):
-        pairs(tmp_path, TrainingOptions(**given))
-
-
-@pytest.mark.parametrize("given", [{"input": "exr:frames"}, {"input": "no"}, {"reference": "path-traced"}])
-def test_words_that_pairs_do_not_have(given):
-    with pytest.raises(SettingsError):
-        tb.pairs(DEMO, **given)
-
-
-def test_files_have_no_input(tmp_path):
-    with pytest.raises(SettingsError):
-        tb.pairs(f"exr:{tmp_path}", input="path-traced@1")
-
-
-@pytest.mark.parametrize("given", [{"seeds": 0, "input": "noisy"}, {"seeds": 2}, {"reference_samples": 0}])
-def test_numbers_out_of_range(given):
-    with pytest.raises(SettingsError):
-        TrainingOptions(**given)
-
-
-def test_training_pairs_are_no_part_of_the_sintel_layout():
+        pairs(tmp_path, TrainingOptions(**options))
     with pytest.raises(SettingsError):
         ExportOptions("sintel", training=TRAINING)
+
+
+@pytest.mark.parametrize("words", [{"input": "exr:frames"}, {"input": "no"}, {"reference": "path-traced"}, {}])
+def test_words_that_pairs_do_not_have(tmp_path, words):
+    with pytest.raises(SettingsError):
+        tb.pairs(DEMO if words else f"exr:{tmp_path}", **words or {"input": "path-traced@1"})
 
 
 def test_names_of_files():

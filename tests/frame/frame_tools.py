@@ -16,6 +16,7 @@ from taubench_gl.frame.passes.masks import MaskOptions, MaskPass
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.reprojection import Reprojection
@@ -133,10 +134,11 @@ def draw_pair(
 ) -> PairResult:
     """Draw the frames at ``times`` (previous, current), compare them, and read everything back."""
     channels = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
-    context = GpuContext(gpu)
-    renderer = Renderer(context, scene, camera, size, channels, culling=culling)
-    masks = MaskPass(context, size, MaskOptions(reprojection, sampling, write_mask=True, write_motion=True))
-    try:
+    with Owner() as owner:
+        context = owner.own(GpuContext(gpu))
+        renderer = owner.own(Renderer(context, scene, camera, size, channels, culling=culling))
+        options = MaskOptions(reprojection, sampling, write_mask=True, write_motion=True)
+        masks = owner.own(MaskPass(context, size, options))
         step = times[1] - times[0]
         renderer.draw(times[0], times[0] - step)
         before = renderer.view(times[0])[1]
@@ -146,34 +148,22 @@ def draw_pair(
         masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
         counts = masks.read()
         counts = replace(counts, mask_histogram=counts.mask_histogram.copy(), histograms=counts.histograms.copy())
+        images = read_channel(masks.mask, "mask")[..., 0], read_channel(masks.motion, "motion")
         names = renderer.channels if read else ()
-        return PairResult(
-            counts,
-            read_channel(masks.mask, "mask")[..., 0],
-            read_channel(masks.motion, "motion"),
-            {n: renderer.read(n) for n in names},
-            {n: renderer.read(n, previous=True) for n in names},
-            pair,
-            now,
-            before,
-        )
-    finally:
-        masks.release()
-        renderer.release()
-        context.release()
-        gpu.collect()
+        current, history = ({n: renderer.read(n, previous=previous) for n in names} for previous in (False, True))
+    gpu.collect()
+    return PairResult(counts, *images, current, history, pair, now, before)
 
 
 def draw_frame(gpu: Gpu, scene: Scene, camera, size, channels, *, time: float = 0.0, culling: str = "gltf"):
     """Channels of one frame, {name: (h, w, n)}, and its view."""
-    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(channels), culling=culling)
-    try:
+    with Owner() as owner:
+        context = owner.own(GpuContext(gpu))
+        renderer = owner.own(Renderer(context, scene, camera, size, set(channels), culling=culling))
         renderer.draw(time, time - 1 / 24)
-        return {n: renderer.read(n) for n in renderer.channels}, renderer.view(time)[1]
-    finally:
-        renderer.release()
-        renderer.context.release()
-        gpu.collect()
+        found = {n: renderer.read(n) for n in renderer.channels}, renderer.view(time)[1]
+    gpu.collect()
+    return found
 
 
 def find_scene(data: Path, name: str) -> Path:

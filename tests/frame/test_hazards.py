@@ -34,10 +34,9 @@ def glowing_card() -> Scene:
 def run(gpu, scene: Scene, *, shading: Shading = EXACT, extra: tuple[str, ...] = (), **settings) -> None:
     """Three frames and the masks of each pair, read back."""
     settings = Settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
-    source = RasterSource(gpu, AnimatedScene(scene), settings, shading=shading, extra=extra)
-    radiance = source.radiance if shading.exact else ()
-    masks = MaskPass.for_source(source.context, source, settings, radiance=radiance, images=True)
-    try:
+    with RasterSource(gpu, AnimatedScene(scene), settings, shading=shading, extra=extra) as source:
+        radiance = source.radiance if shading.exact else ()
+        masks = source.own(MaskPass.for_source(source.context, source, settings, radiance=radiance, images=True))
         before = source.advance(0)
         for frame in (1, 2):
             now = source.advance(frame)
@@ -47,10 +46,7 @@ def run(gpu, scene: Scene, *, shading: Shading = EXACT, extra: tuple[str, ...] =
             assert masks.read().mask_histogram.sum() == SIZE[0] * SIZE[1]
             for texture in (masks.mask, masks.motion, *source.current.values()):
                 assert len(np.frombuffer(texture.read(), np.uint8))
-    finally:
-        masks.release()
-        source.release()
-        gpu.collect()
+    gpu.collect()
 
 
 CASES = {

@@ -1,4 +1,4 @@
-"""Functions of the CPU, on which shaders depend, against SciPy, corners of the view and definitions."""
+"""Functions of the CPU, on which shaders depend, against SciPy, closed forms and definitions."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from taubench_gl.frame.materials import texels_at
 from taubench_gl.frame.passes import indirect
 from taubench_gl.frame.plan import frame_spec
 from taubench_gl.frame.spec import AnimatedScene
+from taubench_gl.metrics import environment
 from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Sampler, Scene, Texture
 from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -106,3 +107,47 @@ def test_sizes_of_indirect_light(points: int, suns: int, samples: int) -> None:
     assert layout["probe_origin"][:3] == pytest.approx(0.5 * (extent / counts - extent), abs=1e-6)
     assert layout["grid_origin"] == pytest.approx([*(-0.5 * extent - 8.16 / 94), 8.16 / 94], abs=1e-6)
     assert indirect.scene_center(spec) == pytest.approx([10.0, 0.0, 0.0])
+
+
+def linear_sky(direction: np.ndarray) -> np.ndarray:
+    """Radiance that is linear in the direction, so that every lobe of it has a closed form.  (..., 3) -> (..., 3)."""
+    return 1.0 + direction @ np.array([[0.3, 0.1, -0.2], [0.2, -0.4, 0.1], [-0.1, 0.2, 0.3]])
+
+
+def test_directions_and_lookups_of_a_linear_sky() -> None:
+    """Rows from the pole +Y, columns from -X over +Z; bilinear between texels and across the seam."""
+    height = 64
+    theta, phi = (np.arange(height) + 0.5) * np.pi / height, (np.arange(2 * height) + 0.5) * np.pi / height - np.pi
+    d = np.stack([np.outer(np.sin(theta), np.cos(phi)), np.outer(np.cos(theta), np.ones(2 * height)),
+                  np.outer(np.sin(theta), np.sin(phi))], axis=-1)  # fmt: skip
+    sky = linear_sky(d)
+    assert environment.directions(height) == pytest.approx(d, abs=1e-12)
+    assert environment.solid_angles(height).sum() * 2 * height == pytest.approx(4.0 * np.pi, rel=1e-3)
+    middle, across = (math3d.normalize(a + b) for a, b in ((d[20:40, :-1], d[20:40, 1:]), (d[10, 0], d[10, -1])))
+    assert environment.lookup(sky, d) == pytest.approx(sky, abs=2e-3)
+    assert environment.lookup(sky, middle) == pytest.approx(0.5 * (sky[20:40, :-1] + sky[20:40, 1:]), abs=2e-3)
+    assert environment.lookup(sky, across) == pytest.approx(0.5 * (sky[10, 0] + sky[10, -1]), abs=2e-3)
+
+
+def test_lobes_of_a_linear_sky() -> None:
+    """Diffuse irradiance over pi is 1 + 2/3 a . n; a GGX lobe keeps a share of a . n that a quadrature gives."""
+    sky, there = linear_sky(environment.directions(64)), linear_sky(environment.directions(32))
+    diffuse = environment.zonal_filter(sky, environment.cosine_lobe, 32)
+    assert diffuse == pytest.approx(1.0 + 2.0 / 3.0 * (there - 1.0), abs=2e-3)
+    mu = (np.arange(4000) + 0.5) / 4000
+    for roughness in (0.5, 0.9):
+        lobe = mu / ((0.5 * (1.0 + mu)) * (roughness**4 - 1.0) + 1.0) ** 2
+        share = float((lobe * mu).sum() / lobe.sum())
+        blurred = environment.zonal_filter(sky, environment.ggx_lobe(roughness), 32)
+        assert blurred == pytest.approx(1.0 + share * (there - 1.0), abs=2e-3)
+
+
+def test_probabilities_of_directions_are_those_of_the_power() -> None:
+    sky, omega = linear_sky(environment.directions(64)), environment.solid_angles(64)
+    choice, power = environment.direction_choice(sky).astype(np.float64), sky @ np.array([0.2126, 0.7152, 0.0722])
+    rows = np.cumsum((power * omega[:, None]).sum(axis=1))
+    assert choice[:, :-1, 1] == pytest.approx(power / rows[-1], rel=1.2e-2)  # bilinear texels are likely at their rims
+    assert choice[:, -1, 0] == pytest.approx(rows / rows[-1], abs=2e-3)
+    assert choice[:, :-1, 0] == pytest.approx(np.cumsum(power, axis=1) / power.sum(axis=1)[:, None], abs=2e-3)
+    dark = environment.direction_choice(np.zeros((16, 32, 3)))[:, :-1, 1]
+    assert dark == pytest.approx(np.full(dark.shape, 0.25 / np.pi), rel=2e-3)

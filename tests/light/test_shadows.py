@@ -26,7 +26,7 @@ SIZE = 256
 KINDS = ("directional", "point", "spot")
 
 
-def judged(case: Case, shot: Shot, lit: np.ndarray) -> tuple[np.ndarray, ...]:
+def sure_pixels(case: Case, shot: Shot, lit: np.ndarray) -> tuple[np.ndarray, ...]:
     """Pixels of the plane that the light reaches, and those that are surely lit and surely dark, which they are."""
     plane = on_plane(shot) & np.isfinite(lit)
     sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
@@ -43,7 +43,7 @@ def judged(case: Case, shot: Shot, lit: np.ndarray) -> tuple[np.ndarray, ...]:
 def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
     case = Case(kind, elevation, azimuth)
     shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
-    plane, sure_lit, sure_dark = judged(case, shot, lit)
+    plane, sure_lit, sure_dark = sure_pixels(case, shot, lit)
     # And the shadow's area, by pixels of equal area: all of the difference lies in the band.
     expected, got = np.mean(case.blocked(shot.points)[plane]), np.mean(1.0 - lit[plane])
     assert abs(expected - got) < 0.5 * np.mean(~(sure_lit | sure_dark)[plane]) + 1e-3
@@ -58,7 +58,7 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
     shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
     ray = shot.points - case.place
     off_axis = np.degrees(np.arccos(ray @ case.axis / np.linalg.norm(ray, axis=-1)))
-    plane, _, sure_dark = judged(case, shot, lit)
+    plane, _, sure_dark = sure_pixels(case, shot, lit)
     assert np.all(off_axis[plane] < 85.01) and np.any(off_axis[plane] > 84.9), "the cone lights what it should"
     assert np.sum(sure_dark & (off_axis > 80.0)) > 50, "no shadow to be seen at the rim"
 

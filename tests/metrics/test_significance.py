@@ -7,7 +7,7 @@ import pytest
 from references.significance import Estimate, block_means, holm_rejected, relative_difference, welch_p_values
 from scipy import stats
 
-from taubench_gl.metrics.significance import holm_adjusted
+from taubench_gl.metrics.bootstrap import holm_adjusted
 
 SHAPE = (14, 24, 3)
 

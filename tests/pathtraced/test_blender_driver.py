@@ -144,14 +144,6 @@ def test_seeds_are_rendered_into_folders_of_their_own(scene, tmp_path):
         render_seeds(scene, choose_camera(scene), range(4, 6), out, range(1), **values | {"python": "no such program"})
 
 
-def test_single_scatter_is_part_of_the_identity(scene):
-    jobs = [
-        make_job(scene, choose_camera(scene), range(1), 24.0, (16, 9), Quality(single_scatter=once))[0]
-        for once in (True, False)
-    ]
-    assert identity(jobs[0], "x") != identity(jobs[1], "x")
-
-
 def test_an_interrupted_render_continues_with_the_first_missing_frame(scene, tmp_path, monkeypatch):
     out, python = tmp_path / "out", fake_blender(tmp_path)
     monkeypatch.setenv("FAKE_STOPS_AFTER", "2")
@@ -206,7 +198,7 @@ def test_scripts_are_standalone(script):
     assert "bpy" not in sys.modules
 
 
-def test_the_environment_is_part_of_a_render_and_its_identity(scene):
+def test_environment_and_scattering_are_part_of_a_render_and_its_identity(scene):
     camera, frames = choose_camera(scene), range(1)
 
     def job_of(**quality):
@@ -219,7 +211,8 @@ def test_the_environment_is_part_of_a_render_and_its_identity(scene):
     np.testing.assert_allclose(np.multiply(entry["color"], entry["intensity"]), DEFAULT_SUN.irradiance)
     assert len(sunny["lights"]) == len(plain["lights"]) + 1
     jobs = [plain, sunny, job_of(image="a.hdr", image_sha256="1"), job_of(image="a.hdr", image_sha256="2")]
-    assert len({identity(job, "scene") for job in jobs}) == 4
+    jobs += [job_of(single_scatter=not Quality().single_scatter)]
+    assert len({identity(job, "scene") for job in jobs}) == 5
     moved = job_of(image="elsewhere.hdr", image_sha256="1")
     assert identity(moved, "scene") == identity(jobs[2], "scene")
 

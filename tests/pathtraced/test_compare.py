@@ -28,28 +28,6 @@ from taubench_gl.settings import Settings
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 
-def test_comparison_of_a_run_with_itself_and_with_another(renders, tmp_path):
-    for name, threshold in (("a", 0.1255), ("b", 0.9)):
-        settings = Settings(thresholds={"direct": threshold})
-        evaluate(
-            f"exr:{renders}", settings, out=tmp_path / name, save=("masks", "channels"), path_traced=options(renders)
-        )
-    same = compare_runs(tmp_path / "a", tmp_path / "a")
-    assert all(entry["difference_pp"] == 0.0 for entry in same["columns"].values())
-    assert all(entry["iou"] == 1.0 for entry in same["masks"].values())
-    assert all(entry["max"] == 0.0 for entry in same["features"].values())
-    assert {"position_mm", "normal_deg", "direct_percent", "indirect_percent", "color_levels"} <= set(same["features"])
-    other = compare_runs(tmp_path / "a", tmp_path / "b")
-    assert other["columns"]["direct"]["difference_pp"] > 0 and other["masks"]["direct"]["iou"] < 1.0
-    assert other["columns"]["position"]["difference_pp"] == 0.0
-    evaluate(f"exr:{renders}", Settings(frames=(5, None)), out=tmp_path / "c", path_traced=options(renders))
-    assert compare_runs(tmp_path / "a", tmp_path / "c")["pairs"] == 1
-    assert compare_runs(tmp_path / "a", tmp_path / "c")["masks"] == {"reason": NO_MASKS}
-    evaluate(f"exr:{renders}", Settings(frames=(4, 6)), out=tmp_path / "d", path_traced=options(renders))
-    with pytest.raises(OutputError):  # no common pair
-        compare_runs(tmp_path / "c", tmp_path / "d")
-
-
 @pytest.mark.parametrize(
     ("summary", "missing"),
     [({}, "scene"), ({"scene": {"name": "a"}, "discard": None}, "discard"),
@@ -63,9 +41,8 @@ def test_a_run_without_a_needed_value_is_refused(tmp_path, summary, missing):
     assert error.value.where == str(tmp_path) and missing in error.value.what
 
 
-@pytest.mark.long
-def test_a_comparison_on_disk(renders, tmp_path):
-    """Text, JSON, one HTML file with its image; recorded render times; the worst pair."""
+def test_a_comparison_and_its_files(renders, tmp_path):
+    """A run with itself, another threshold, fewer pairs; text, JSON, HTML with its image; times; the worst pair."""
     known = {"job": "1", "settings": {"samples": 4, "bounces": 12, "seed": 0, "crisp": False},
              "frame_seconds": {"4": 9.0, "5": 1.0, "6": 2.0}}  # fmt: skip
     for name, threshold in (("a", 0.1255), ("b", 0.9)):
@@ -75,7 +52,19 @@ def test_a_comparison_on_disk(renders, tmp_path):
         evaluate(
             f"exr:{renders}", settings, out=tmp_path / name, save=("masks", "channels"), path_traced=options(renders)
         )
+    same = compare_runs(tmp_path / "a", tmp_path / "a")
+    assert all(entry["difference_pp"] == 0.0 for entry in same["columns"].values())
+    assert all(entry["iou"] == 1.0 for entry in same["masks"].values())
+    assert all(entry["max"] == 0.0 for entry in same["features"].values())
+    assert {"position_mm", "normal_deg", "direct_percent", "indirect_percent", "color_levels"} <= set(same["features"])
+    evaluate(f"exr:{renders}", Settings(frames=(5, None)), out=tmp_path / "c", path_traced=options(renders))
+    assert compare_runs(tmp_path / "a", tmp_path / "c")["pairs"] == 1
+    evaluate(f"exr:{renders}", Settings(frames=(4, 6)), out=tmp_path / "d", path_traced=options(renders))
+    with pytest.raises(OutputError):  # no common pair
+        compare_runs(tmp_path / "c", tmp_path / "d")
     result = compare_runs(tmp_path / "a", tmp_path / "b")
+    assert result["columns"]["direct"]["difference_pp"] > 0 and result["masks"]["direct"]["iou"] < 1.0
+    assert result["columns"]["position"]["difference_pp"] == 0.0
     assert [entry["seconds"] for entry in result["time"]["runs"]] == [4.0, 6.0] and result["time"]["ratio"] == 1.5
     assert "thresholds" in result["settings_that_differ"]
     masks = [np.load(tmp_path / n / "masks" / f"mask_{result['worst']['frame']:05d}.npz")["mask"] for n in "ab"]
@@ -110,13 +99,6 @@ def test_a_comparison_without_masks_has_reasons(renders, tmp_path):
     }  # fmt: skip
     assert NO_MASKS in (tmp_path / "out" / "comparison.txt").read_text()
     assert not (tmp_path / "out" / "worst.png").exists()
-
-
-@pytest.mark.long
-def test_both_browsers_open_a_comparison(renders, tmp_path, both_browsers):
-    evaluate(f"exr:{renders}", out=tmp_path / "a", path_traced=options(renders))
-    save_comparison(compare_runs(tmp_path / "a", tmp_path / "a"), tmp_path / "out")
-    both_browsers(tmp_path / "out" / "comparison.html", "table tbody th")
 
 
 def test_feature_errors_are_the_planted_ones():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
-import json
 import sys
 
 import pytest
@@ -42,10 +41,3 @@ def test_errors_above_those_of_cycles_are_left_out(tool):
     assert [(samples, ratio) for samples, _, ratio, _ in tool.equal_error(ours, cycles, "indirect_pp")] == [
         (64, pytest.approx(1 / 64))
     ]
-
-
-def test_results_are_read_again(tool, tmp_path):
-    points = curve(tool, 0.1, 1.0, 0.5)
-    values = {"about": {"date": "today"}, "scenes": {"room": {"ours": [tool.asdict(p) for p in points]}}}
-    (tmp_path / "a.json").write_text(json.dumps(values))
-    assert tool.read_scenes([tmp_path / "a.json"]) == ({"room": {"ours": points}}, {"date": "today"})

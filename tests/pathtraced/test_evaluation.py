@@ -157,12 +157,9 @@ def test_contradicting_and_unknown_options_are_refused(renders):
         evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
 
 
-def test_the_noise_floor_of_one_render_against_itself_is_zero(renders):
+def test_the_noise_floor_of_two_seeds_is_noise_and_that_of_one_is_zero(renders, tmp_path):
     floor = evaluate_path_traced(f"exr:{renders}", None, options(renders, second_seed=renders)).summary["noise_floor"]
     assert {c: e["mean_percent"] for c, e in floor.items()} == {"color": 0.0, "direct": 0.0, "indirect": 0.0}
-
-
-def test_the_noise_floor_of_two_seeds_is_noise(renders, tmp_path):
     other = tmp_path / "other"
     other.mkdir()
     for f in (4, 5, 6):

@@ -15,7 +15,6 @@ from taubench_gl.pathtraced.passes import (
     ChannelIndex,
     load_mapping,
     missing_columns,
-    parse_mapping,
     presets,
     read_frame,
 )
@@ -102,14 +101,10 @@ def test_a_file_without_position_and_depth_is_refused(tmp_path):
     assert error.value.where == str(tmp_path / "frame_0001.exr")
 
 
-def test_sky_without_a_depth_pass_is_an_all_zero_pixel(tmp_path):
+def test_sky_with_and_without_a_depth_pass_and_nan_which_is_no_sky(tmp_path):
     channels, expected = blender_frame()
     kept = {k: v for k, v in channels.items() if "Depth" not in k}
-    np.testing.assert_array_equal(frame_of(tmp_path, kept)[0].sky, expected["sky"])
-
-
-def test_nan_is_kept_and_is_not_sky(tmp_path):
-    channels, _ = blender_frame()
+    np.testing.assert_array_equal(frame_of(tmp_path, kept)[0].sky, expected["sky"])  # all-zero positions
     for name in ("Position.X", "Depth.Z", "DiffDir.R"):
         channels[f"ViewLayer.{name}"][-1, 3] = np.nan
     frame, _ = frame_of(tmp_path, channels)
@@ -168,39 +163,39 @@ def test_unreal_files(tmp_path):
     assert frame.combined[0, 0].tolist() == np.float32([0.1, 0.2, 0.3]).tolist()
 
 
-@pytest.mark.parametrize("multipart", [False, True])
-def test_unity_files(tmp_path, multipart):
-    """The Recorder's names, one layer per AOV; left-handed +Y up, motion normalized to the resolution."""
-    _, expected = blender_frame()
-    shaped = planes(expected["position"] * [-1, 1, 1], "Position", "RGB")
-    shaped |= planes(expected["normal"] * [-1, 1, 1], "Normals", "RGB")
-    shaped |= planes(-expected["motion"] / [WIDTH, HEIGHT], "Motion Vectors" if multipart else "MotionVectors", "RG")
-    shaped |= planes(expected["direct"], "Beauty", "RGB")
-    frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping("unity"))
-    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-5)
-    np.testing.assert_allclose(frame.normal, expected["normal"], rtol=1e-5)
-    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
-    np.testing.assert_array_equal(frame.combined, expected["direct"])
+NAMES = {
+    "godot": ({"position": "Position", "combined": "Color", "motion": "Motion"}, [1, 1, 1], 1),
+    "unity": ({"position": "Position", "normal": "Normals", "combined": "Beauty", "motion": "MotionVectors"},
+              [-1, 1, 1], -1),
+    "unity, multi-part": ({"position": "Position", "motion": "Motion Vectors"}, [-1, 1, 1], -1),
+}  # fmt: skip
+"""Program -> names of its files, its axes in those of glTF, and the sign of its motion, fractions of the image."""
 
 
-def test_godot_files(tmp_path):
-    """One layer per texture; velocity is previous - current in fractions of the image, +y down."""
+@pytest.mark.parametrize("program", NAMES)
+def test_files_of_game_engines(tmp_path, program):
+    """One layer per texture; Unity is left-handed and has the motion to the current frame."""
     _, expected = blender_frame()
-    shaped = planes(expected["position"], "Position", "RGB") | planes(expected["direct"], "Color", "RGB")
-    shaped |= planes(expected["motion"] / [WIDTH, HEIGHT], "Motion", "RG")
-    frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping("godot"))
-    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-5)
-    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
-    np.testing.assert_array_equal(frame.combined, expected["direct"])
+    names, axes, sign = NAMES[program]
+    stored = {"position": expected["position"] * axes, "normal": expected["normal"] * axes,
+              "combined": expected["direct"], "motion": sign * expected["motion"] / [WIDTH, HEIGHT]}  # fmt: skip
+    shaped = {}
+    for name, file_name in names.items():
+        shaped |= planes(stored[name], file_name, "RG" if name == "motion" else "RGB")
+    frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping(program.partition(",")[0]))
+    for name in names:
+        truth = expected["direct" if name == "combined" else name]
+        np.testing.assert_allclose(getattr(frame, name), truth, rtol=1e-5)
 
 
 @pytest.mark.parametrize(
     ("values", "key"),
     [
-        ([], "passes"),
+        ({"up": "y"}, "passes"),
+        ([], "the file"),
         ({"passes": {"hue": "x"}}, "hue"),
         ({"passes": {"position": {"channels": ["x"]}}}, "position"),
-        ({"passes": {"position": 3}}, "position"),
+        ({"passes": {"position": 3}}, "passes.position"),
         ({"up": "x", "passes": {}}, "up"),
         ({"motion": {"unit": "m"}, "passes": {}}, "motion.unit"),
         ({"rows": "down", "passes": {}}, "rows"),
@@ -209,10 +204,12 @@ def test_godot_files(tmp_path):
         ({"motion": {"zero": "1"}, "passes": {}}, "motion.zero"),
     ],
 )
-def test_faulty_mappings_name_the_key(values, key):
+def test_faulty_mappings_name_the_key(tmp_path, values, key):
+    path = tmp_path / "m.json"
+    path.write_text(json.dumps(values))
     with pytest.raises(PathTracedError) as error:
-        parse_mapping(values, "m.toml")
-    assert error.value.where == "m.toml" and key in error.value.what
+        load_mapping(path)
+    assert error.value.where == str(path) and key in error.value.what and "\n" not in str(error.value)
 
 
 def test_an_unknown_preset_is_refused(tmp_path):

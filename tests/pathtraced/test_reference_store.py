@@ -105,20 +105,6 @@ def test_an_interrupted_frame_keeps_its_samples(tmp_path):
     assert not [p for p in tmp_path.rglob("*") if "partial" in p.name]
 
 
-def test_two_writers_keep_each_others_samples(tmp_path):
-    """The second begins before the first has stored, ends after it with fewer samples, and takes over the rest."""
-    first, second = References(Dice(), store(tmp_path), 64), References(Dice(), store(tmp_path), 20)
-    view = Dice().view(1)
-    sums = second._load(1)
-    first.frame(1)
-    for half, start, count in sums.missing(20):
-        second._part(sums, 1, half, start, count)
-    second._save(1, sums)
-    stored = store(tmp_path).load(1, view, SIZE)
-    assert stored.samples == sums.samples == 64
-    np.testing.assert_allclose(stored.sums, expected(1, 64).sums, rtol=1e-6)
-
-
 def test_halves_are_kept_apart(tmp_path):
     """Of two interrupted writers each has more samples of one half."""
     view, all_samples = Dice().view(0), expected(0, 40)
@@ -330,26 +316,11 @@ def test_other_views_have_other_files(tmp_path):
     assert len(list(made.folder.glob("*.npz"))) == 3
 
 
-def test_list_and_clear(tmp_path):
-    made = store(tmp_path)
-    References(Dice(), made, 8).frame(0)
-    References(Dice(), made, 4).frame(1)
-    (one,) = listed(tmp_path)
-    assert (one.key, one.frames, one.samples, one.current) == (made.folder.name, 2, 4, True)
-    assert one.about["name"] == "scene" and one.bytes > 0
-    about = made.folder / "reference.json"
-    about.write_text(json.dumps(json.loads(about.read_text()) | {"code": "old"}))
-    assert not listed(tmp_path)[0].current
-    clear([one.key], tmp_path)
-    assert not listed(tmp_path) and not listed(tmp_path / "missing")
-    with pytest.raises(OutputError):
-        clear([one.key], tmp_path)
-
-
 def test_commands_list_and_clear(tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path))
     made = store(tmp_path / "references")
     References(Dice(), made, 8).frame(0)
+    References(Dice(), made, 4).frame(1)
 
     def invoke(*arguments: str):
         # Through the whole program: click keeps the help texts of a group that runs by itself, which pages are made of.
@@ -357,9 +328,17 @@ def test_commands_list_and_clear(tmp_path, monkeypatch):
 
     assert made.folder.name in invoke("list").output
     (row,) = json.loads(invoke("list", "--json").output)
-    assert (row["key"], row["frames"], row["samples"], row["current"]) == (made.folder.name, 1, 8, True)
+    assert (row["key"], row["frames"], row["samples"], row["current"]) == (made.folder.name, 2, 4, True)
+    assert not listed(tmp_path / "missing")
+    with pytest.raises(OutputError):
+        clear(["unknown"], tmp_path / "references")
     assert invoke("clear").exit_code == 2
     assert isinstance(invoke("clear", "unknown").exception, SettingsError)
     assert invoke("clear", "--old").exit_code == 0 and made.folder.is_dir()
     assert invoke("clear", made.folder.name).exit_code == 0 and not made.folder.exists()
+    References(Dice(), made, 8).frame(0)
+    about = made.folder / "reference.json"
+    about.write_text(json.dumps(json.loads(about.read_text()) | {"code": "old"}))
+    assert not listed(tmp_path / "references")[0].current
+    assert invoke("clear", "--old").exit_code == 0 and not made.folder.exists()
     assert json.loads(invoke("list", "--json").output) == []

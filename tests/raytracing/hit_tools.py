@@ -12,12 +12,14 @@ import numpy as np
 from shader_tools import rows_glsl, with_main
 
 from taubench_gl.animation import CameraTrack, pose_vertices
+from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES
 from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import BUFFER, IMAGE, ComputePass
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
 
@@ -85,10 +87,8 @@ void main() {
 class Hits:
     """Attributes of the hits of one scene's renderer, and programs that use them."""
 
-    def __init__(self, renderer: Renderer, options: HitOptions, **how):
-        self.renderer = renderer
-        self.attributes = HitAttributes(renderer, options, **how)
-        self.structure: SceneStructure | None = None
+    def __init__(self, renderer: Renderer, attributes: HitAttributes, structure: SceneStructure | None):
+        self.renderer, self.attributes, self.structure = renderer, attributes, structure
 
     def at(self, time: float) -> None:
         """Draw the frame at ``time`` seconds, and renew what hits find there."""
@@ -142,11 +142,6 @@ class Hits:
         rows[:, 0, :3], rows[:, 1, 0], rows[:, 1, 1], rows[:, 1, 2:] = directions, draws, triangles, weights
         return _surfaces(self.run("raytracing/surface.glsl", SURFACES, rows, 7))
 
-    def release(self) -> None:
-        self.attributes.release()
-        if self.structure is not None:
-            self.structure.release()
-
 
 @dataclass(frozen=True)
 class Surfaces:
@@ -182,24 +177,20 @@ def opened(
     *,
     traced: bool = False,
     textures: str = "finest",
-    **how,
+    atlas_bytes: int = ATLAS_BYTES,
 ) -> Iterator[Hits]:
     """A renderer and its hits; no frame is drawn.  ``textures``: as in Settings.
 
     ``traced``: with the acceleration structure, and without culling, as rays see both sides.
     """
     culling = "none" if traced else "gltf"
-    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(CHANNELS), culling=culling, textures=textures)
-    hits = Hits(renderer, options or HitOptions(), **how)
-    if traced:
-        hits.structure = SceneStructure(renderer)
-    try:
-        yield hits
-    finally:
-        hits.release()
-        renderer.release()
-        renderer.context.release()
-        gpu.collect()
+    with Owner() as owner:
+        context = owner.own(GpuContext(gpu))
+        renderer = Renderer(context, scene, camera, size, set(CHANNELS), culling=culling, textures=textures)
+        owner.own(renderer)
+        attributes = owner.own(HitAttributes(renderer, options or HitOptions(), atlas_bytes=atlas_bytes))
+        yield Hits(renderer, attributes, owner.own(SceneStructure(renderer) if traced else None))
+    gpu.collect()
 
 
 @dataclass(frozen=True)

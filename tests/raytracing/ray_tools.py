@@ -13,6 +13,7 @@ from taubench_gl.animation import pose_vertices
 from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Camera, Scene
 
@@ -35,21 +36,19 @@ class Traced:
 
 
 @contextmanager
-def traced(gpu: Gpu, scene: Scene, camera=None, *, size=(8, 8), alpha_test: bool = False, **how) -> Iterator[Traced]:
+def traced(
+    gpu: Gpu, scene: Scene, camera=None, *, size=(8, 8), alpha_test: bool = False, keep_previous: bool = False
+) -> Iterator[Traced]:
     """The structure of ``scene`` at time 0, seen from ``camera`` (None: the origin of the world)."""
     from frame_tools import still_camera
 
-    context = GpuContext(gpu)
-    channels = {"position", "geometric_normal"} | ({"prev_position"} if how.get("keep_previous") else set())
-    renderer = Renderer(context, scene, camera or still_camera(Camera()), size, channels)
-    structure = SceneStructure(renderer, alpha_test=alpha_test, **how)
-    query = RayQuery(context, structure)
-    try:
-        yield Traced(renderer, structure, query).at(0.0)
-    finally:
-        for item in (query, structure, renderer, context):
-            item.release()
-        gpu.collect()
+    channels = {"position", "geometric_normal", *("prev_position",) * keep_previous}
+    with Owner() as owner:
+        context = owner.own(GpuContext(gpu))
+        renderer = owner.own(Renderer(context, scene, camera or still_camera(Camera()), size, channels))
+        structure = owner.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
+        yield Traced(renderer, structure, owner.own(RayQuery(context, structure))).at(0.0)
+    gpu.collect()
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from click.testing import CliRunner
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import SettingsError
 from taubench_gl.paths import ASSETS
-from taubench_gl.reject.evaluate import OBJECTS, STRATA, TRUTHS, evaluate_tests, stratum_names
-from taubench_gl.reject.fit import fitted
+from taubench_gl.reject.evaluate import evaluate_tests
+from taubench_gl.reject.output import fitted
+from taubench_gl.reject.scores import OBJECTS, STRATA, TRUTHS, stratum_names
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 

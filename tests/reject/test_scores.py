@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.metrics.classifier import Confusion, Curve
+from taubench_gl.reject.scores import Confusion, Curve
 
 
 def data(count=4000, seed=3):

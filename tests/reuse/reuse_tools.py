@@ -4,17 +4,22 @@ evaluations."""
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from reuse_scenes import settings as small_settings
 
+from taubench_gl.animation import choose_camera
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import srgb_encode
 from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
@@ -64,6 +69,21 @@ def evaluate(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
     """
     more = {"input": "full", "metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
     return evaluate_methods(scene, methods, small_settings(frames=frames, **more.pop("settings", {})), **more)
+
+
+@contextmanager
+def open_inputs(gpu: Gpu, scene, kind="full", reads=(), *, seed=3, settings=None, **options) -> Iterator[RasterInputs]:
+    """Inputs of a scene.  ``settings``: changes to ``reuse_scenes.settings``; ``options``: of ``RasterInputs``."""
+    chosen = small_settings(**(settings or {}))
+    request = InputRequest(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=seed))
+    with RasterInputs(request, reads, **options) as inputs:
+        yield inputs
+    gpu.collect()
+
+
+def arrays(frame: FrameInputs) -> dict[str, Array]:
+    """The inputs of a frame, (h, w, components), row 0 at the top."""
+    return {name: read_channel(texture, name).copy() for name, texture in frame.textures.items()}
 
 
 def display(rgb: Array) -> Array:

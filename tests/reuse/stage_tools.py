@@ -20,7 +20,9 @@ def noisy_steps(size: tuple[int, int], moving: int = 3, still: int = 3, noise: f
     rng = np.random.default_rng(11)
     steps = []
     for step in synthetic_steps(size, moving, speed=3.0, noise=noise):
-        steps.append(replace(step, inputs=_rounded(step.inputs, rng)))
+        inputs = stored(step.inputs)
+        inputs["emission"] = (0.1 * rng.random(inputs["emission"].shape)).astype(np.float32)
+        steps.append(replace(step, inputs=inputs | {"direct": _noise(inputs["direct"], rng)}))
     for index in range(moving, moving + still):
         last = steps[-1].inputs
         changed = _still(last) | {n: _noise(last[n], rng) for n in ("radiance", "direct")}
@@ -28,11 +30,18 @@ def noisy_steps(size: tuple[int, int], moving: int = 3, still: int = 3, noise: f
     return steps
 
 
-def _rounded(inputs: Mapping[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+def stored(inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """``inputs`` rounded to the types of their textures."""
     out = {n: np.asarray(v, dtype=np.uint32 if "mask" in n or "ids" in n else np.float32) for n, v in inputs.items()}
-    out["base_color"] = out["base_color"].astype(np.float16).astype(np.float32)
-    out["emission"] = (0.1 * rng.random(out["emission"].shape)).astype(np.float32)
-    out["direct"] = _noise(out["direct"], rng)
+    return out | {"base_color": out["base_color"].astype(np.float16).astype(np.float32)}
+
+
+def emitting_steps(size: tuple[int, int], frames: int, seed: int) -> list[Step]:
+    """Noisy frames of a fast camera whose surfaces emit a little; inputs as their textures store them."""
+    rng, out = np.random.default_rng(seed), []
+    for step in synthetic_steps(size, frames, speed=3.0, noise=0.4):
+        emission = (0.1 * rng.random(step.inputs["emission"].shape)).astype(np.float32)
+        out.append(replace(step, inputs=stored(step.inputs) | {"emission": emission}))
     return out
 
 

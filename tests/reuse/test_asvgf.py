@@ -3,20 +3,17 @@ difference to SVGF; light that changes, less lag."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from references.reuse_methods import Asvgf, gradient_lambda, gradient_samples
-from reuse_scenes import settings
-from reuse_tools import bypassed, play, still_steps
+from reuse_tools import bypassed, open_inputs, play, still_steps
 from stage_tools import differing, noisy_steps
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.frame import read_result
-from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
@@ -138,25 +135,18 @@ def test_path_traced_light_that_moves_away(gpu):
     b.light(translation=(1.0, 3.0, 1.0), intensity=4.0)
     b.animate(lamp, "translation", [0.0, 7.5 / 24, 7.51 / 24], [(0.0, 2.0, 0.0)] * 2 + [(0.0, -50.0, 0.0)])
     b.camera(translation=(0.0, 2.0, 3.0), rotation=turn_x(-35.0), yfov=np.radians(50.0), znear=0.1)
-    scene = b.build()
-    request = InputRequest(gpu, scene, choose_camera(scene), settings(width=48, height=36, indirect="auto"),
-                           parse_input("path-traced@1"))  # fmt: skip
-    more = {"gradient_budget": False}
-    names = {"svgf": ("svgf", {}), "asvgf": ("asvgf", {}), "additional": ("asvgf", more)}
+    names = {"svgf": ("svgf", {}), "asvgf": ("asvgf", {}), "additional": ("asvgf", {"gradient_budget": False})}
     reads = {name for method, _ in names.values() for name in load_method(method).reads}
-    inputs = RasterInputs(request, tuple(reads))
-    runners = {label: MethodRunner(gpu, name, inputs.size, values) for label, (name, values) in names.items()}
-    try:
-        means = []
+    changes, means = {"width": 48, "height": 36, "indirect": "auto"}, []
+    with ExitStack() as stack:
+        inputs = stack.enter_context(open_inputs(gpu, b.build(), "path-traced@1", reads, seed=0, settings=changes))
+        runners = {label: stack.enter_context(MethodRunner(gpu, name, inputs.size, values))
+                   for label, (name, values) in names.items()}  # fmt: skip
         for index in range(9):
             frame = inputs.advance(index)
             images = {name: read_result(runner.step(frame)) for name, runner in runners.items()}
             images["input"] = read_channel(frame.textures["radiance"], "radiance")
             means.append({name: float(image[..., :3].mean()) for name, image in images.items()})
-    finally:
-        inputs.release()
-        for runner in runners.values():
-            runner.release()
     before, after = means[7]["input"], means[8]["input"]
     assert before > 2 * after > 0
     left = {name: (means[8][name] - after) / (before - after) for name in names}

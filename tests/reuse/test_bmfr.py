@@ -9,9 +9,9 @@ import pytest
 from references import reuse_methods as reference
 from references.reuse_methods.bmfr import BLOCK, FEATURES, feature_noise, mirrored
 from reuse_tools import bypassed, play, still_steps
+from stage_tools import emitting_steps
 
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.synthetic import synthetic_steps
 
 SIZE = (80, 45)
 LIMITS = {"position_limit": 0.3, "normal_limit": 0.3}
@@ -20,16 +20,7 @@ Array = np.ndarray
 
 @pytest.fixture(scope="module")
 def steps():
-    """Four noisy frames of the moving scene, with emission, rounded to the types of the textures."""
-    rng = np.random.default_rng(21)
-    out = []
-    for step in synthetic_steps(SIZE, 4, speed=3.0, noise=0.4):
-        inputs = {n: np.asarray(v, dtype=np.uint32 if "mask" in n or "ids" in n else np.float32)
-                  for n, v in step.inputs.items()}  # fmt: skip
-        inputs["base_color"] = inputs["base_color"].astype(np.float16).astype(np.float32)
-        inputs["emission"] = (0.1 * rng.random(inputs["emission"].shape)).astype(np.float32)
-        out.append(replace(step, inputs=inputs))
-    return out
+    return emitting_steps(SIZE, 4, seed=21)
 
 
 def bmfr_frames(steps, exposure: float = 1.0) -> list[Array]:

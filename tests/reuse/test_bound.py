@@ -28,7 +28,7 @@ BLENDING = (
 
 @pytest.fixture(scope="module")
 def done():
-    return evaluate(still(), [*BLENDING, "taa_clamp", "svgf"], (0, 6), input="noisy+jittered", seeds=2)
+    return evaluate(still(), [*BLENDING, "taa_clamp", "svgf"], (0, 4), input="noisy+jittered", seeds=2)
 
 
 def test_no_blending_method_beats_its_bound(done):
@@ -65,7 +65,7 @@ def test_seeds_give_other_noise_and_one_reference(done):
     assert done.summary["seeds"] == [0, 1]
     rows = [r for r in done.rows if r["method"] == "none" and r["frame"] == 3]
     assert [r["seed"] for r in rows] == [0, 1] and rows[0]["linear_mse"] != rows[1]["linear_mse"]
-    alone = evaluate(still(), ["none"], (0, 6), input="noisy+jittered")
+    alone = evaluate(still(), ["none"], (0, 4), input="noisy+jittered")
     first = [r["linear_mse"] for r in done.rows if r["method"] == "none" and r["seed"] == 0]
     assert [r["linear_mse"] for r in alone.rows] == first
     means = [r["linear_mse"] for r in done.rows if r["method"] == "none" and r["frame"] > 0]

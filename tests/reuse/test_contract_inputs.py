@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 from references.lobes import lobe_albedos, transparency
 from reuse_scenes import glowing, lit_room, settings, still
-from reuse_tools import PLAIN_GLSL, PLAIN_TOML, play, still_steps, write_method
+from reuse_tools import PLAIN_GLSL, PLAIN_TOML, arrays, open_inputs, play, still_steps, write_method
 
-from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.errors import MethodError
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import MAX_REACTIVE, MIN_ALBEDO
-from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
-SMALL = {
-    "width": 40,
-    "height": 30,
-    "light": "auto",
-    "indirect": "auto",
-    "bounces": 3,
-    "shadow_size": 32,
-    "exposure": 2.0,
-}
+SMALL = {"width": 40, "height": 30, "light": "auto", "indirect": "auto", "bounces": 3, "shadow_size": 32}
+SMALL |= {"exposure": 2.0}
 LIGHT = ("diffuse", "specular", "emitted")
 DEMODULATED = ("diffuse_demodulated", "specular_demodulated", "diffuse_albedo", "specular_albedo")
 CHANNELS = ("position", "normal", "base_color", "material")
@@ -47,32 +34,16 @@ def varied():
     return b.build()
 
 
-@contextmanager
-def given(gpu, kind, reads, scene=None, **more):
-    scene = scene or varied()
-    made = settings(**(SMALL | more))
-    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input(kind, seed=3), Poser(scene))
-    inputs = RasterInputs(request, reads)
-    try:
-        yield inputs
-    finally:
-        inputs.release()
-        gpu.collect()
-
-
-def arrays(inputs, frames=1):
-    frame = None
-    for index in range(frames):
-        frame = inputs.advance(index)
-    return frame, {n: read_channel(t, n).astype(np.float64) for n, t in frame.textures.items()}
+def varied_inputs(gpu, kind, reads, scene=None, **changes):
+    return open_inputs(gpu, scene or varied(), kind, reads, settings=SMALL | changes)
 
 
 @pytest.mark.parametrize(
     "kind", ["full", "noisy", "path-traced@2", "noisy+quarter+jittered", "path-traced@1+upscale@2"]
 )
 def test_radiance_is_the_sum_of_its_parts(gpu, kind):
-    with given(gpu, kind, (*LIGHT, "position", "sample_count")) as inputs:
-        _, a = arrays(inputs)
+    with varied_inputs(gpu, kind, (*LIGHT, "position", "sample_count")) as inputs:
+        a = float_arrays(inputs.advance(0))
     parts = [a[name][..., :3] for name in LIGHT]
     np.testing.assert_allclose(sum(parts), a["radiance"][..., :3], rtol=1e-5, atol=1e-6)
     assert all(part.max() > 0 for part in parts)
@@ -85,8 +56,8 @@ def test_radiance_is_the_sum_of_its_parts(gpu, kind):
 
 
 def test_albedos_and_demodulated_light(gpu):
-    with given(gpu, "path-traced@1", (*LIGHT, *DEMODULATED, *CHANNELS, "transparency")) as inputs:
-        _, a = arrays(inputs)
+    with varied_inputs(gpu, "path-traced@1", (*LIGHT, *DEMODULATED, *CHANNELS, "transparency")) as inputs:
+        a = float_arrays(inputs.advance(0))
     diffuse, specular = lobe_albedos(a, MIN_ALBEDO)
     np.testing.assert_allclose(a["diffuse_albedo"][..., :3], diffuse, rtol=1e-3)
     np.testing.assert_allclose(a["specular_albedo"][..., :3], specular, rtol=2e-3, atol=2e-5)
@@ -105,8 +76,8 @@ def test_light_without_texture_has_no_texture(gpu):
         b.node(mesh=b.mesh(box((1.0, 1.0, 0.1), material=plain)), translation=(x, 0.0, -2.0))
     b.light(translation=(0.0, 0.0, 40.0), intensity=4000.0)
     b.camera(yfov=np.radians(40.0), znear=0.1)
-    with given(gpu, "full", ("diffuse", "diffuse_demodulated"), scene=b.build(), indirect="none") as inputs:
-        _, a = arrays(inputs)
+    with varied_inputs(gpu, "full", ("diffuse", "diffuse_demodulated"), scene=b.build(), indirect="none") as inputs:
+        a = float_arrays(inputs.advance(0))
     left, right = (a["diffuse"][15, x, 0] for x in (10, 30))
     assert right == pytest.approx(8 * left, rel=0.01)
     left, right = (a["diffuse_demodulated"][15, x, 0] for x in (10, 30))
@@ -114,8 +85,8 @@ def test_light_without_texture_has_no_texture(gpu):
 
 
 def test_statistics_of_paths(gpu):
-    with given(gpu, "path-traced@4", ("hit_distance", "sample_count", "variance")) as inputs:
-        _, a = arrays(inputs)
+    with varied_inputs(gpu, "path-traced@4", ("hit_distance", "sample_count", "variance")) as inputs:
+        a = float_arrays(inputs.advance(0))
         info = inputs.source.read("path_info").astype(np.float64)
     np.testing.assert_array_equal(a["hit_distance"][..., 0], info[..., 0])
     np.testing.assert_array_equal(a["sample_count"][..., 0], 4)
@@ -126,20 +97,20 @@ def test_statistics_of_paths(gpu):
 def test_variance_is_that_of_many_frames(gpu):
     """Of one frame against the spread of 48 frames: not below it, and above it by what stratified samples gain."""
     scene = still()
-    with given(gpu, "path-traced@4", ("variance", "radiance"), scene=scene, width=20, height=15) as inputs:
-        frames = [arrays_of(inputs.advance(k)) for k in range(48)]
+    with varied_inputs(gpu, "path-traced@4", ("variance", "radiance"), scene=scene, width=20, height=15) as inputs:
+        frames = [float_arrays(inputs.advance(k)) for k in range(48)]
     spread = np.var([a["radiance"][..., :3] @ LUMINANCE for a in frames], axis=0, ddof=1).mean()
     stated = np.mean([a["variance"] for a in frames])
     assert spread < stated < 3 * spread  # exposure 2: without its square, stated would be a quarter
 
 
-def arrays_of(frame):
-    return {n: read_channel(t, n).astype(np.float64) for n, t in frame.textures.items()}
+def float_arrays(frame):
+    return {name: values.astype(np.float64) for name, values in arrays(frame).items()}
 
 
 def test_reactive_pixels_are_those_of_blended_surfaces(gpu):
-    with given(gpu, "full", ("reactive", "ids", "base_color")) as inputs:
-        _, a = arrays(inputs)
+    with varied_inputs(gpu, "full", ("reactive", "ids", "base_color")) as inputs:
+        a = float_arrays(inputs.advance(0))
     scene = varied()
     index = (a["ids"][..., 1].astype(np.int64) & 0x7FFFFFFF) - 1
     blended = np.array([m.alpha_mode == "BLEND" for m in scene.materials] + [False])[index]

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("coarse_light")
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 COMMAND = (
     "reuse", "evaluate", str(DEMO), "--methods", "none,accumulate", "--size", "32x18", "--frames", "0:3", "--bounces",
-    "2", "--reference-time", "1", "--light", "auto", "--metrics", "psnr,flicker", "--video", "none",
+    "2", "--reference-time", "1", "--light", "auto", "--exposure", "1", "--metrics", "psnr,flicker", "--video", "none",
 )  # fmt: skip
 
 

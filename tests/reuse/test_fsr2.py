@@ -11,6 +11,7 @@ from references.reuse_methods.fsr2 import BLOCK, Grids, Prepared, bilinear, pixe
 from reuse_scenes import drifting_checks, settings
 from reuse_tools import bypassed, still_steps
 from reuse_tools import play as play_same_size
+from stage_tools import stored
 
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
@@ -41,8 +42,7 @@ def steps():
     out = []
     for index in range(6):
         step = moving[min(index, 2)]
-        inputs = {n: np.asarray(v, dtype=np.uint32 if "mask" in n or "ids" in n else np.float32)
-                  for n, v in step.inputs.items()}  # fmt: skip
+        inputs = stored(step.inputs)
         if index > 2:
             inputs |= {"motion": np.zeros_like(inputs["motion"]), "prev_position": inputs["position"]}
         if index == 2:  # faster than before

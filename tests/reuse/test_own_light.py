@@ -157,11 +157,11 @@ def test_points_of_a_moving_panel(gpu, tmp_path):
 
 
 def test_the_panel_is_sampled_without_bias(gpu):
-    """Against quadrature over 32x32 points of each triangle, twelve t-values at 1e-4 together."""
+    """Against quadrature over 16x16 points of each triangle, twelve t-values at 1e-4 together."""
     scene = panel(0.0)
     results, surfaces, rows, _ = run_seeds(gpu, scene, load_method("ris"), 1, range(64), {"candidates": 4})
     view_position = np.array([0.0, 1.2, 2.0])
-    u = (np.arange(32) + 0.5) / 32
+    u = (np.arange(16) + 0.5) / 16
     grid = np.stack(np.meshgrid(u, u), axis=-1).reshape(-1, 2)
     points = surfaces["position"][..., :3].astype(np.float64)
     exact = own_light.reflected(surfaces, rows[0])

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from references.reshading import BLOCK, chosen_pixels, moved_positions
 from reuse_scenes import SECONDS, lit_room, settings, still
+from reuse_tools import arrays, open_inputs
 
-from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
-from taubench_gl.reuse.input_kind import parse_input
-from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
@@ -36,16 +33,13 @@ def scene_of(camera=(0.0, 0.0, 0.0), light=(0.0, 0.0, 0.0), thing=(0.0, 0.0, 0.0
     return b.build()
 
 
-def frames_of(gpu, scene, kind, count=3, **more):
-    made = settings(width=SIZE[0], height=SIZE[1], light="auto", indirect="auto", bounces=3, exposure=2.0,
-                    environment="none", shadow_size=64, **more)  # fmt: skip
-    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input(kind, seed=5), Poser(scene))
-    inputs = RasterInputs(request, READS)
-    try:
-        return [{n: read_channel(t, n).copy() for n, t in inputs.advance(k).textures.items()} for k in range(count)]
-    finally:
-        inputs.release()
-        gpu.collect()
+LIT = {"width": SIZE[0], "height": SIZE[1], "light": "auto", "environment": "none"}
+
+
+def frames_of(gpu, scene, kind, count=3):
+    changes = LIT | {"indirect": "auto", "bounces": 3, "exposure": 2.0, "shadow_size": 64}
+    with open_inputs(gpu, scene, kind, READS, seed=5, settings=changes) as inputs:
+        return [arrays(inputs.advance(k)) for k in range(count)]
 
 
 def gradients(frame):
@@ -95,19 +89,13 @@ def test_a_moving_light_has_gradients(gpu, kind):
 
 def test_choice_and_motion_of_samples_equal_their_reference(gpu):
     scene, number = scene_of(camera=(0.6, 0.1, -0.4), thing=(1.2, 0.0, 0.4)), 2
-    made = settings(width=SIZE[0], height=SIZE[1], light="auto", environment="none", exposure=1.0)
-    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input("noisy", seed=5), Poser(scene))
     reads = ("reshaded", "motion", "mask", "position", "prev_position", "history_position")
-    inputs = RasterInputs(request, reads)
-    try:
+    with open_inputs(gpu, scene, "noisy", reads, seed=5, settings=LIT | {"exposure": 1.0}) as inputs:
         for k in range(number + 1):
             frame = inputs.advance(k)
-        a = {n: read_channel(t, n).astype(np.float64) for n, t in frame.textures.items()}
+        a = {name: values.astype(np.float64) for name, values in arrays(frame).items()}
         link, position = inputs.reshade.samples()
         delta = frame.pair.camera_delta
-    finally:
-        inputs.release()
-        gpu.collect()
     width, height = SIZE
     x, y = np.meshgrid(np.arange(width), np.arange(height))
     column = np.floor(x + a["motion"][..., 0] + 0.5).astype(int)

@@ -14,6 +14,7 @@ import pytest
 from references import reuse_methods as reference
 from references.shading_rate import shaded
 from reuse_tools import play, write_method
+from stage_tools import emitting_steps
 from test_reuse_methods import rotation, warp
 
 from taubench_gl.animation import View
@@ -21,7 +22,7 @@ from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.metrics import blending
 from taubench_gl.paths import SHADERS
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
-from taubench_gl.reuse.synthetic import LENS, synthetic_steps
+from taubench_gl.reuse.synthetic import LENS
 from taubench_gl.srgb import LUMINANCE
 
 SIZE = (80, 45)
@@ -30,16 +31,7 @@ Array = np.ndarray
 
 @pytest.fixture(scope="module")
 def steps():
-    """Three noisy frames with inputs rounded to the types of their textures."""
-    out = []
-    rng = np.random.default_rng(11)
-    for step in synthetic_steps(SIZE, 3, speed=3.0, noise=0.4):
-        inputs = {n: np.asarray(v, dtype=np.uint32 if "mask" in n or "ids" in n else np.float32)
-                  for n, v in step.inputs.items()}  # fmt: skip
-        inputs["base_color"] = inputs["base_color"].astype(np.float16).astype(np.float32)
-        inputs["emission"] = (0.1 * rng.random(inputs["emission"].shape)).astype(np.float32)
-        out.append(replace(step, inputs=inputs))
-    return out
+    return emitting_steps(SIZE, 3, seed=11)
 
 
 def agree(got: Array, expected: Array, atol: float = 2e-5, flips: float = 1e-3) -> None:

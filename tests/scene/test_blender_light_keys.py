@@ -81,19 +81,19 @@ def test_strict_reads_by_the_book(tmp_path: Path) -> None:
     assert counts(scene) == {"not-animated": 1}
 
 
-def test_a_light_that_is_off_in_the_first_frame(tmp_path: Path) -> None:
-    fade = np.linspace(0.0, 1.0, 5)
-    gltf = written(static=(0.0, 0.0, 0.0), keys=(68300.0 * fade, 136600.0 * fade, 2.0 * fade))
-    scene = load_scene(gltf.save(tmp_path))
-    for light, static in enumerate(STATIC):
-        np.testing.assert_allclose(keys_of(scene, light), static * fade, rtol=1e-6)
+FADE = np.linspace(0.0, 1.0, 5)
 
 
-def test_the_light_is_written_at_another_frame(tmp_path: Path) -> None:
-    """Option "Use Current Frame": the light's own strength is that of the last key here, not of the first."""
-    scene = load_scene(written(static=tuple(2.0 * i for i in STATIC)).save(tmp_path))
-    for light, static in enumerate(STATIC):
-        np.testing.assert_allclose(keys_of(scene, light), static * RISE, rtol=1e-6)
+@pytest.mark.parametrize(("shares", "curve", "factor"), [
+    ((0.0,) * 3, FADE, 1.0), ((2.0,) * 3, RISE, 1.0), ((32.0,) * 3, RISE, 32.0),
+], ids=["off in the first frame", "written at the last key", "an exposure of 5 stops"])  # fmt: skip
+def test_the_static_strength_of_a_light(tmp_path: Path, shares: tuple, curve: np.ndarray, factor: float) -> None:
+    """Blender writes the strength of the current frame, and from 4.5 on the light's exposure, which its keys lack."""
+    static = tuple(share * i for share, i in zip(shares, STATIC))
+    keys = tuple(scale * curve for scale in (68300.0, 136600.0, 2.0))
+    scene = load_scene(written(static=static, keys=keys).save(tmp_path))
+    for light, strength in enumerate(STATIC):
+        np.testing.assert_allclose(keys_of(scene, light), factor * strength * curve, rtol=1e-6)
 
 
 def test_unitless_and_raw_files(tmp_path: Path) -> None:
@@ -109,19 +109,11 @@ def test_unitless_and_raw_files(tmp_path: Path) -> None:
             np.testing.assert_allclose(keys_of(scene, light), scene.lights[light].intensity * RISE, rtol=1e-6)
 
 
-def test_the_exposure_of_a_light(tmp_path: Path) -> None:
-    """Blender 4.5 and later: in the light's own intensity, here 5 stops, and not in its keys."""
-    scene = load_scene(written(static=tuple(32.0 * i for i in STATIC)).save(tmp_path))
-    for light, static in enumerate(STATIC):
-        np.testing.assert_allclose(keys_of(scene, light), 32.0 * static * RISE, rtol=1e-6)
-
-
 def test_an_exporter_that_writes_the_right_unit_some_day(tmp_path: Path) -> None:
     keys = tuple(i * RISE for i in STATIC)
     assert KEYS_SINCE < KEYS_SEEN
     later = f"{KEYS_SEEN[0]}.{KEYS_SEEN[1] + 1}.0"
-    fade = np.linspace(0.0, 1.0, 5)
-    for static, values in ((STATIC, keys), ((0.0, 0.0, 0.0), tuple(i * fade for i in STATIC))):
+    for static, values in ((STATIC, keys), ((0.0, 0.0, 0.0), tuple(i * FADE for i in STATIC))):
         scene = load_scene(written(later, static, values).save(tmp_path))
         assert counts(scene) == {}
         for light in range(3):
@@ -131,7 +123,7 @@ def test_an_exporter_that_writes_the_right_unit_some_day(tmp_path: Path) -> None
 
 
 def test_what_convert_wrote_has_the_right_unit(tmp_path: Path) -> None:
-    gltf = written(static=(0.0, 0.0, 0.0), keys=tuple(i * np.linspace(0, 1, 5) for i in STATIC))
+    gltf = written(static=(0.0, 0.0, 0.0), keys=tuple(i * FADE for i in STATIC))
     gltf.json["asset"]["extras"] = {"taubench_gl": {"name": "lamps", "note": "converted from lamps.blend"}}
     scene = load_scene(gltf.save(tmp_path))
     assert keys_of(scene, POINT)[-1] == pytest.approx(STATIC[POINT]) and counts(scene) == {}

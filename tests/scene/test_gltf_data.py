@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -57,13 +56,6 @@ def test_all_good_files_load(data: Path) -> None:
     assert len(files) >= 130
     refused = [str(e) for p in files if (e := outcome(p)) is not None]
     assert not refused
-
-
-def test_bad_files_never_crash(data: Path) -> None:
-    files = scenes(data / "bad_gltf")
-    assert len(files) >= 200
-    for path in files:
-        outcome(path)
 
 
 def test_bad_files_of_other_projects(data: Path) -> None:
@@ -137,15 +129,17 @@ def test_clean_reports_load_by_default(data: Path) -> None:
     assert refused == set(documented)
 
 
-def test_repaired_files_have_one_note_of_each_kind(data: Path) -> None:
-    repaired = 0
-    for path in scenes(data / "bad_gltf"):
+def test_bad_files_never_crash_and_repaired_ones_have_one_note_of_each_kind(data: Path) -> None:
+    files, repaired = scenes(data / "bad_gltf"), 0
+    assert len(files) >= 200
+    for path in files:
+        refused = outcome(path) is not None
         try:
             kinds = [note.kind for note in load_scene(path).notes if note.kind and note.kind != "extension"]
         except SceneError:
             continue
         assert len(set(kinds)) == len(kinds), path.name
-        repaired += outcome(path) is not None
+        repaired += refused
     assert repaired >= 80
 
 
@@ -196,56 +190,6 @@ def test_counts_agree_with_pygltflib(data: Path, name: str) -> None:
         for child in node.children or []:
             assert scene.nodes.parent[child] == i
         assert scene.nodes.names[i] == (node.name or "")
-
-
-def binary(path: Path, document: dict, buffer: int) -> bytes:
-    uri = document["buffers"][buffer].get("uri")
-    if uri is not None:
-        return (path.parent / uri.replace("%20", " ")).read_bytes()
-    data = path.read_bytes()
-    start = 20 + struct.unpack_from("<I", data, 12)[0] + 8
-    return data[start:]
-
-
-@pytest.mark.parametrize("name", [s for s in SAMPLES if "Unicode" not in s])
-def test_positions_agree_with_struct(data: Path, name: str) -> None:
-    """Every vertex of every drawn primitive, decoded number by number."""
-    path = data / name
-    scene, document = load_scene(path), read_json(path)
-    compared = 0
-    for mesh, declared in zip(scene.meshes, document["meshes"], strict=True):
-        if len(mesh.primitives) != len(declared["primitives"]):
-            continue  # points and lines are left out
-        for primitive, source in zip(mesh.primitives, declared["primitives"], strict=True):
-            accessor = document["accessors"][source["attributes"]["POSITION"]]
-            view = document["bufferViews"][accessor["bufferView"]]
-            raw = binary(path, document, view["buffer"])
-            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-            stride = view.get("byteStride", 12)
-            expected = [struct.unpack_from("<3f", raw, start + i * stride) for i in range(accessor["count"])]
-            np.testing.assert_array_equal(primitive.positions, np.array(expected, np.float32))
-            assert primitive.triangles.max() < len(expected)
-            compared += 1
-    assert compared
-
-
-def test_draco_and_meshopt_agree_with_the_plain_box(data: Path) -> None:
-    """BoxDraco and BoxMeshopt hold the same cube, compressed with loss."""
-    boxes = [
-        load_scene(data / "gltf_transform" / f).meshes[0].primitives[0] for f in ("BoxDraco.gltf", "BoxMeshopt.glb")
-    ]
-    for box in boxes:
-        assert len(box.triangles) == 12
-        corners = box.positions[box.triangles.reshape(-1)].astype(np.float64)
-        span = corners.max(axis=0) - corners.min(axis=0)
-        np.testing.assert_allclose(span, span[0], rtol=1e-3)
-        unit = (corners - corners.min(axis=0)) / span
-        np.testing.assert_allclose(unit, unit.round(), atol=2e-3)
-        a, b, c = corners.reshape(-1, 3, 3).swapaxes(0, 1)
-        normals = np.cross(b - a, c - a)
-        outward = np.einsum("ij,ij->i", normals, (a + b + c) / 3 - corners.mean(axis=0))
-        assert np.all(outward > 0)
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=1) / span[0] ** 2, 1.0, rtol=5e-3)
 
 
 def test_interpolation_written_as_a_number(data: Path) -> None:
@@ -301,10 +245,3 @@ def test_arrays_are_read_only_and_finite(data: Path) -> None:
             array[...] = 0
     np.testing.assert_allclose(primitive.weights.sum(axis=1), 1.0, atol=1e-6)
     assert primitive.joints.dtype == primitive.triangles.dtype == np.uint32
-
-
-def test_images_decode(data: Path) -> None:
-    scene = load_scene(data / "khronos" / "Duck" / "Duck.glb")
-    pixels = scene.images[0].decode()
-    assert pixels.dtype == np.uint8 and pixels.shape == (*scene.images[0].size[::-1], 4)
-    assert pixels[..., :3].std() > 10

@@ -89,13 +89,6 @@ def test_a_window_stays_open_whatever_corner_comes_first(start, tmp_path):
     np.testing.assert_array_equal(covered(triangles[..., :2], points), inside(WALL, points))
 
 
-def test_files_that_were_filled(data):
-    folder = data / "reports4" / "objects"
-    for name, area in (("concave.obj", 3.0), ("concave_ok.obj", 3.0), ("wall.obj", 10.0)):
-        triangles = placed(load_scene(folder / name))
-        assert np.linalg.norm(areas(triangles), axis=1).sum() == pytest.approx(area), name
-
-
 def test_aff_polygons_of_any_shape(tmp_path):
     corners = "\n".join(f"{x} {y} 0" for x, y in WALL)
     tie = "\n".join(" ".join(map(str, corner)) for corner in BOW_TIE + [0, 0, 5])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from ray_caster import gather
+from references.visibility import PreviousSurfaces, visibility
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Visibility
@@ -13,7 +14,6 @@ from taubench_gl.frame.passes.pathtracing import pixel_footprint
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.metrics.visibility import PreviousSurfaces, visibility
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -39,15 +39,12 @@ def look(gpu: Gpu, scene, camera, size, frame=1, *, fps=24.0, **settings) -> Sig
     settings = Settings(
         width=size[0], height=size[1], fps=fps, columns=("frustum", "position"), reprojection="motion", **settings
     )
-    source = RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=CHANNELS)
-    try:
+    with RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=CHANNELS) as source:
         source.advance(frame)
         channels = {name: source.read(name) for name in source.channels}
         assert source.visibility.structure.unfinished_rays == 0
-        return Sight(channels["prev_visibility"][..., 0], channels, source)
-    finally:
-        source.release()
-        gpu.collect()
+    gpu.collect()
+    return Sight(channels["prev_visibility"][..., 0], channels, source)
 
 
 def surfaces_before(sight: Sight) -> PreviousSurfaces:
@@ -58,7 +55,7 @@ def surfaces_before(sight: Sight) -> PreviousSurfaces:
 
 
 def reference(sight: Sight, *, snapped: float = 1.0, offset=(0.0, 0.0)) -> Array:
-    """Bits by ``metrics.visibility``.  ``offset``: of the points, previous pixels right and up."""
+    """Bits by ``references.visibility``.  ``offset``: of the points, previous pixels right and up."""
     frame, size = sight.source.renderer.frame, sight.source.size
     before = frame.before[1]
     pair = reprojection(frame.view, before, *size)

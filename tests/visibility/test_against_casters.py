@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from frame_tools import find_scene
+from references.visibility import SNAP
 from sight_tools import look, reference, surely, surfaces_before
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Visibility
-from taubench_gl.metrics.visibility import SNAP
 from taubench_gl.scene import load_scene
 
 SCENES = {"AnimatedMorphCube.glb": 30, "BoxAnimated.glb": 20}

@@ -13,8 +13,8 @@ from taubench_gl.evaluation import plan_scene
 from taubench_gl.evaluation.exact import ExactReasons, exact_channels
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.math3d import normalize
+from taubench_gl.metrics.exact_rates import light_reasons
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
-from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Light
 from taubench_gl.settings import Settings

@@ -58,6 +58,7 @@ class MaskOptions:
     others: tuple[str, ...] = ()  # of OTHERS
     cuts: bool = False  # channel ``ids`` marks surfaces without history
     absent: bool = False  # and surfaces that are ABSENT in the other frame, which are CUT too
+    both: bool = False  # also counts the masks of the other reprojection
     write_mask: bool = False
     write_motion: bool = False
     write_distances: bool = False  # channels ``distances`` and ``changes`` of masks.comp.glsl
@@ -71,7 +72,7 @@ class MaskOptions:
         """Geometry channels that the pass reads, declared as samplers."""
         names = [Use(TEXTURE, name, "sampler2D") for name in ("position", "normal")]
         names += [Use(TEXTURE, f"history_{n.name}", "sampler2D", READ, n.name, history=True) for n in names]
-        motion = self.reprojection == "motion"
+        motion = self.both or self.reprojection == "motion"
         return names + [Use(TEXTURE, "prev_position", "sampler2D")] * motion
 
 
@@ -104,7 +105,8 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
     geometry = options.geometry()
     p = (
         ComputePass("masks", ("masks/masks.comp.glsl",))
-        .define(MOTION=options.reprojection == "motion", BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
+        .define(MOTION=options.reprojection == "motion", BOTH=options.both)
+        .define(BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
         .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion)
         .define(WRITE_DISTANCES=options.write_distances, **tuning.defines)
         .define(**{f"HAS_{name.upper()}": FEATURE[name] in options.values for name in VALUES})
@@ -123,6 +125,8 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
     )
     for name in dict.fromkeys(f.channel for f in options.values):
         p.texture(name).texture(f"history_{name}", resource=name, history=True)
+    if options.both:
+        p.buffer("other_histogram", "uint", access=UPDATE, given=True)
     if options.cuts:
         p.texture("ids", "usampler2D")
     if options.write_mask:
@@ -137,10 +141,11 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
 
 @stage(options=("previous_pose", "cuts", *LIGHT_FEATURES))
 def masks(spec: FrameSpec) -> Sequence[Pass]:
-    mode = "motion" if "previous_pose" in spec.enabled else "camera"
+    metrics, moves = spec.settings.metrics, "previous_pose" in spec.enabled
+    mode = metrics.reprojection if moves else "camera"
     radiance = tuple(name for name in LIGHT_FEATURES if name in spec.enabled)
-    others = tuple(name for name in OTHERS if name in spec.settings.metrics.columns)
-    options = MaskOptions(mode, spec.settings.metrics.sampling, radiance, others, "cuts" in spec.enabled)
+    others = tuple(name for name in OTHERS if name in metrics.columns)
+    options = MaskOptions(mode, metrics.sampling, radiance, others, "cuts" in spec.enabled, both=moves)
     return (mask_pass(options, spec.size, spec.tuning),)
 
 
@@ -157,7 +162,7 @@ class MaskPass(Owner):
         self._tuning = Tuning(context.gpu.software)
         self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
         ctx = context.gpu.ctx
-        sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS
+        sizes = [4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS] + [4 * MASK_WORDS] * options.both
         self._counters, self._zeros = (tuple(self.own(ctx.buffer(bytes(n))) for n in sizes) for _ in range(2))
         # What is read are copies, of the last two runs: NVIDIA's driver moves a buffer that is read or mapped to the
         # memory of the host, where atomics take a hundred times as long.
@@ -181,11 +186,13 @@ class MaskPass(Owner):
         images: bool = False,
         distances: bool = False,
         absent: bool = False,
+        both: bool = False,
     ) -> MaskPass:
         """The mask pass of ``source`` with the metric of ``settings``.
 
         ``reprojection``, ``radiance``: None: those of the source; ``images``: mask and motion are written, with
-        ``distances`` also the distances of every pixel; ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.
+        ``distances`` also the distances of every pixel; ``absent``: surfaces that ``ids`` mark as ABSENT are CUT;
+        ``both``: the other reprojection is counted too.
         """
         options = MaskOptions(
             reprojection=source.reprojection if reprojection is None else reprojection,
@@ -194,6 +201,7 @@ class MaskPass(Owner):
             others=source.others,
             cuts=source.cuts or absent,
             absent=absent,
+            both=both,
             write_mask=images,
             write_motion=images,
             write_distances=distances,
@@ -225,9 +233,10 @@ class MaskPass(Owner):
         copy = self._context.gpu.ctx.copy_buffer
         for counter, zeros in zip(self._counters, self._zeros, strict=True):
             copy(counter, zeros)
-        words, histograms = self._counters
+        words, histograms, *other = self._counters
         resources = {**current, **{f"history_{name}": texture for name, texture in history.items()}}
         resources |= {"mask_histogram": words, "histograms": histograms, "mask": self.mask, "motion": self.motion}
+        resources["other_histogram"] = other[0] if other else None
         resources |= {"distances": self.distances, "changes": self.changes}
         # A pass has eight images at most.
         dtypes = {resources[use.key].dtype for use in self.options.geometry()}
@@ -249,5 +258,7 @@ class MaskPass(Owner):
         run = self._runs if run is None else run
         if not self._runs - 1 <= run <= self._runs or run < 1:
             raise ValueError(f"run {run} of {self._runs} is not kept: only the last two are")
-        mask_histogram, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._copies[run % 2])
-        return Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))
+        words, histograms, *other = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._copies[run % 2])
+        # uint32 wraps around, so differences below 0 add up.
+        of_other = words + other[0] if other else None
+        return Counts(words, histograms.reshape(len(FEATURES), HISTOGRAM_BINS), of_other)
