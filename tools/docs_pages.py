@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from live_pages import CARD, LESSONS, METHODS_PAGES, RUN
 
-from taubench_gl.demos.lessons import demos
+from taubench_gl.demos.lessons import DEMOS
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.reuse import verdict
 
@@ -142,10 +142,10 @@ def card(page: str, image: str, title: str, text: str = "") -> str:
 def lesson_cards() -> Iterator[str]:
     """One link per lesson of the folder."""
     names = {path.name for path in live_files() if path.parent.name == LESSONS}
-    for demo in demos():
+    for demo in DEMOS.values():
         if {f"{demo.stem}.html", f"{demo.stem}.webp"} <= names:
             page, image = f"{LESSONS}/{demo.stem}.html", f"{LESSONS}/{demo.stem}.webp"
-            yield card(page, image, f"{demo.number}. {demo.title}", demo.question.text)
+            yield card(page, image, f"{demo.number}. {demo.text.title}", demo.text.question)
 
 
 def methods_cards(folder: Path) -> Iterator[str]:

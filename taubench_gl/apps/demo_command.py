@@ -21,7 +21,7 @@ from taubench_gl.settings import OUTPUT, SIZE, DeviceSettings, Settings, parse_s
 if TYPE_CHECKING:
     from taubench_gl.demos.demo import Demo
     from taubench_gl.demos.gallery import Shown
-    from taubench_gl.demos.lecture import OptionGroup
+    from taubench_gl.demos.texts import LecturePart
 
 EXIT_NOT_AS_EXPECTED = 1
 Size = tuple[int, int] | None
@@ -38,10 +38,10 @@ class DemoType(click.ParamType):
         return find_demo(value) if isinstance(value, str) else value
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Names with their titles."""
-        from taubench_gl.demos.lessons import demos
+        """The names that begin with ``incomplete``, with the titles of their demos."""
+        from taubench_gl.demos.lessons import DEMOS
 
-        return [CompletionItem(d.name, help=d.title) for d in demos() if d.name.startswith(incomplete)]
+        return [CompletionItem(n, help=d.text.title) for n, d in DEMOS.items() if n.startswith(incomplete)]
 
 
 @command(
@@ -87,8 +87,8 @@ def demo(
     Each number is compared with its theoretical value; the exit code is 1 if one differs.  Without a name, lists the
     demos.
     """
-    from taubench_gl.demos.lecture import LECTURE
-    from taubench_gl.demos.lessons import demos, find_demo
+    from taubench_gl.demos.lessons import DEMOS, find_demo
+    from taubench_gl.demos.texts import TEXTS
 
     only_one("--all, --lecture and names exclude each other", "give one of them", every, lecture, named)
     only_one("--notebook, --scene and --view exclude each other", "give one of them", notebook, scene_file, viewing)
@@ -96,10 +96,10 @@ def demo(
         raise SettingsError("no demo was named", hint="--scene and --view need one, see 'taubench-gl demo'")
     if scene_file is not None and scene_file.suffix.lower() != ".glb":
         raise SettingsError(f"{scene_file.name} does not end in .glb", hint="scenes are written as one binary file")
-    parts = LECTURE if lecture else ()
-    selected = demos() if every else [find_demo(part.demo) for part in parts] or list(dict.fromkeys(named))
+    parts = TEXTS.lecture if lecture else ()
+    selected = list(DEMOS.values()) if every else [find_demo(part.demo) for part in parts] or list(dict.fromkeys(named))
     if listing or not selected:
-        _list(selected or demos())
+        _list(selected or list(DEMOS.values()))
         return 0
     if scene_file is not None or viewing:
         _scene(selected, scene_file, size)
@@ -112,7 +112,7 @@ def demo(
 
 def _list(selected: list[Demo]) -> None:
     for lesson in selected:
-        click.echo(f"{lesson.number:>2}  {lesson.name:<12} {lesson.title}")
+        click.echo(f"{lesson.number:>2}  {lesson.name:<12} {lesson.text.title}")
 
 
 def _scene(selected: list[Demo], path: Path | None, size: Size) -> None:
@@ -136,7 +136,6 @@ def _scene(selected: list[Demo], path: Path | None, size: Size) -> None:
 
 def write_session(lesson: Demo, scene: Path, size: Size) -> Path:
     """A session file beside ``scene`` that opens the lesson: its pair, its masks and its text."""
-    from taubench_gl.demos.opening import opening_settings
     from taubench_gl.demos.stage import SIZE
     from taubench_gl.glossary import key_of
     from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -145,17 +144,17 @@ def write_session(lesson: Demo, scene: Path, size: Size) -> Path:
 
     width, height = size or SIZE
     defaults = {"width": width, "height": height, "indirect": "none", **FIXED_LIGHTING}
-    settings = Settings(**(defaults | opening_settings(lesson)))
+    settings = Settings(**(defaults | lesson.opening_settings()))
     masks = {key_of(mask) for mask in lesson.opening.masks}
     opened = {"lesson", "compare", "masks", "thresholds", "playback"}
     values = {"frame": lesson.opening.frame, "channel": "color", "against": "history", "overlays": 1, "panels": 1,
               "samples": 0}  # fmt: skip
     values |= {f"show.{name}": int(name in masks) for name in OVERLAYS}
     values |= {f"section.{name}": int(name in opened) for name in SECTIONS}
-    look_for = (f"- {item}" for item in lesson.look_for)
+    look_for = (f"- {item}" for item in lesson.text.look_for)
     description = [
-        f"{lesson.number}. {lesson.title}",
-        lesson.idea,
+        f"{lesson.number}. {lesson.text.title}",
+        lesson.text.idea,
         "The page of this demo shows:",
         *look_for,
         "Press Y twice: the previous frame in turn with this one.",
@@ -175,7 +174,7 @@ def _notebooks(selected: list[Demo], out: Path, size: Size) -> None:
 
 
 def _run(
-    selected: list[Demo], out: Path, index: bool, parts: Sequence[OptionGroup], size: Size, machine: DeviceSettings
+    selected: list[Demo], out: Path, index: bool, parts: Sequence[LecturePart], size: Size, machine: DeviceSettings
 ) -> int:
     from taubench_gl.demos.gallery import open_stage, run_demos
     from taubench_gl.demos.stage import SIZE
@@ -193,9 +192,9 @@ def _run(
 def _show(shown: Shown) -> None:
     """Print idea, things to look for and numbers of a demo."""
     lesson, result = shown.demo, shown.result
-    click.secho(f"\n{lesson.number}. {lesson.title}", bold=True)
-    click.echo(textwrap.fill(lesson.idea, 110))
-    for item in lesson.look_for:
+    click.secho(f"\n{lesson.number}. {lesson.text.title}", bold=True)
+    click.echo(textwrap.fill(lesson.text.idea, 110))
+    for item in lesson.text.look_for:
         click.echo(textwrap.fill(item, 110, initial_indent="  - ", subsequent_indent="    "))
     for f in result.findings:
         click.secho(f"  {'PASS' if f.as_expected else 'FAIL'} ", fg="green" if f.as_expected else "red", nl=False)

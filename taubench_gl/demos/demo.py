@@ -1,17 +1,22 @@
-"""Records of a demo: one idea, things to look for, a figure, and measured numbers with their theoretical values."""
+"""Records of a demo: opening pair, figure, and measured numbers with their theoretical values."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import Reason
+from taubench_gl.demos.texts import LessonText
 from taubench_gl.demos.theory import edge_pixels
+from taubench_gl.features import TABLE
+from taubench_gl.glossary import label_of
+from taubench_gl.report.mask_images import as_bytes
 
 if TYPE_CHECKING:
     from taubench_gl.demos.sheet import Sheet
@@ -20,6 +25,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 RGB = tuple[int, int, int]
+FPS = 1.0
+"""Frames per second of a demo whose opening names no other rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +43,13 @@ class Expected:
 
     @classmethod
     def near(cls, value: float, tolerance: float, source: str, digits: int = 2) -> Expected:
-        """``value`` ± ``tolerance``, in the unit of the number."""
+        """The range ``value`` ± ``tolerance``, both in the unit of the number; ``digits``: decimals in its text."""
         text = f"{value:.{digits}f}" + (f" ± {tolerance:.{digits}f}" if tolerance else " exactly")
         return cls(value - tolerance, value + tolerance, text, source)
 
     @classmethod
     def between(cls, low: float, high: float, source: str, digits: int = 2) -> Expected:
-        """``low`` to ``high``; either may be infinite."""
+        """The range ``low`` to ``high``, of which one may be infinite; ``digits``: decimals in its text."""
         if math.isinf(high):
             text = f"at least {low:.{digits}f}"
         else:
@@ -51,11 +58,11 @@ class Expected:
 
     @classmethod
     def share(cls, region: Array, source: str) -> Expected:
-        """Percent of the pixels in ``region`` (h, w) bool, ± half of the pixels on its edge."""
+        """The share of the pixels in ``region`` (h, w) bool, percent, ± half of the pixels on its edge."""
         return cls.near(100.0 * float(region.mean()), 50.0 * edge_pixels(region) / region.size, source)
 
     def met_by(self, number: float) -> bool:
-        """Whether ``number`` is in the range; False for NaN."""
+        """Whether ``number`` is in the range.  NaN never is."""
         return bool(self.low <= number <= self.high)
 
 
@@ -71,23 +78,27 @@ class Finding:
 
     @property
     def as_expected(self) -> bool:
+        """Whether the measured number is in the theoretical range."""
         return self.expected.met_by(self.number)
 
     @property
     def text(self) -> str:
-        """``31.25 %``."""
+        """The measured number with its unit: ``31.25 %``."""
         return f"{self.number:.{self.digits}f} {self.unit}".strip()
 
     @property
     def expected_text(self) -> str:
-        """``36.18 ± 0.44 %``, ``100.00 % exactly``."""
+        """The theoretical range with its unit: ``36.18 ± 0.44 %``, ``100.00 % exactly``."""
         value, exactly, _ = self.expected.text.partition(" exactly")
         return f"{value} {self.unit}".strip() + exactly
 
 
 @dataclass(frozen=True, slots=True)
 class ColorBar:
-    """The colors of images of values.  ``colors``: name of a color map; ``ticks``: place in [0, 1] and text."""
+    """The scale of images whose colors are values.
+
+    ``label``: the quantity and its unit; ``ticks``: place in [0, 1] and text; ``colors``: a color map of Matplotlib.
+    """
 
     label: str
     ticks: tuple[tuple[float, str], ...]
@@ -121,7 +132,7 @@ class Parameter:
     digits: int = 2
 
     def picture(self, i: int) -> Array:
-        """The image at value ``i``.  (h, w, 3) uint8."""
+        """The image at the value with index ``i``, (h, w, 3) uint8."""
         if self.plane is None or self.base is None:
             return self.images[i]
         out = self.base.copy()
@@ -130,9 +141,36 @@ class Parameter:
 
     @property
     def as_expected(self) -> tuple[bool, ...]:
-        """For every value: whether the number agrees with its theory; True where there is none."""
+        """Whether the number at each value agrees with its theory; True where there is no theory."""
         rows = zip(self.measured, self.expected, self.tolerance, strict=True)
         return tuple(e is None or abs(m - e) <= t for m, e, t in rows)
+
+
+def swept(
+    name: str,
+    unit: str,
+    values: Sequence[float],
+    at: Callable[[float], tuple[Array, float, float | None, float]],
+    *,
+    start: float,
+    meaning: str,
+    number_unit: str,
+    source: str,
+    note: str = "",
+    bar: ColorBar | None = None,
+    digits: int = 2,
+) -> Parameter:
+    """A parameter that is measured at each of ``values``.
+
+    ``at(value)``: image (h, w, 3), uint8 or float in [0, 1], measured number, its theoretical value, and the tolerance.
+    ``start``: the value that is shown first, or one near it; the other arguments: fields of Parameter.
+    """
+    images, measured, expected, tolerance = zip(*map(at, values))
+    return Parameter(
+        name, unit, tuple(map(float, values)), meaning, number_unit, measured, expected, tolerance, source,
+        start=int(np.argmin(np.abs(np.asarray(values) - start))), images=tuple(map(as_bytes, images)), note=note,
+        bar=bar, digits=digits,
+    )  # fmt: skip
 
 
 def value_texts(parameter: Parameter) -> list[str]:
@@ -142,33 +180,42 @@ def value_texts(parameter: Parameter) -> list[str]:
 
 
 def threshold_parameter(
-    distance: Array, values: Array, expected: Array, base: Array, mark: RGB, *, start: float, **texts: Any
+    distance: Array,
+    values: Array,
+    expected: Array,
+    base: Array,
+    mark: RGB,
+    *,
+    name: str,
+    unit: str,
+    start: float,
+    source: str,
+    note: str,
 ) -> Parameter:
-    """A threshold: at each of ``values``, pixels with a greater ``distance`` (h, w) are marked and counted.
+    """A threshold: at each of ``values``, the pixels with a greater ``distance`` (h, w) are marked and counted.
 
-    ``expected``: distances in theory, (h, w); the tolerance is half of the pixels on the edges of its marked region.
-    ``base`` (h, w, 3) uint8; ``start``: the value that is shown first, in place of the nearest one; ``texts``: fields
-    of Parameter.
+    ``expected``: distances in theory, (h, w); the tolerance is half of the pixels on the edges of the region that a
+    threshold marks.  ``base`` (h, w, 3) uint8: the image under the marks; ``start``: the value that is shown first, in
+    place of the nearest one; ``name``, ``unit``, ``source`` and ``note``: fields of Parameter.
     """
     values, first = with_value(values, start)
     regions = [expected > value for value in values]
     return Parameter(
-        values=tuple(map(float, values)),
-        meaning=texts.pop("meaning", "of the pixels are discarded"),
-        number_unit="%",
-        measured=tuple(100.0 * float((distance > value).mean()) for value in values),
-        expected=tuple(100.0 * float(region.mean()) for region in regions),
-        tolerance=tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions),
-        start=first,
-        plane=np.searchsorted(values, distance, side="left").astype(np.uint8),
-        base=base,
-        mark=mark,
-        **texts,
-    )
+        name, unit, tuple(map(float, values)), "of the pixels are discarded", "%",
+        tuple(100.0 * float((distance > value).mean()) for value in values),
+        tuple(100.0 * float(region.mean()) for region in regions),
+        tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions), source, start=first,
+        plane=np.searchsorted(values, distance, side="left").astype(np.uint8), base=base, mark=mark, note=note,
+    )  # fmt: skip
+
+
+def percent(region: Array) -> float:
+    """The share of the pixels in ``region`` (h, w) bool, percent."""
+    return 100.0 * float(region.mean())
 
 
 def with_value(values: Array, value: float) -> tuple[Array, int]:
-    """Positive ``values`` (n,) with ``value`` in place of the nearest one, and its index."""
+    """Positive ``values`` (n,) with ``value`` in place of the one with the nearest logarithm, and its index."""
     at = int(np.argmin(np.abs(np.log(np.asarray(values) / value))))
     return np.where(np.arange(len(values)) == at, value, values), at
 
@@ -186,21 +233,10 @@ class Opening:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
-    """What the reader guesses before seeing the first finding: a number from ``low`` to ``high`` in its unit.
-
-    Neither the idea nor a frame states the answer, and the page shows nothing else before the guess.
-    """
-
-    text: str
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True)
 class Screens:
-    """Images beside the question, where the opening's pair and masks do not show what is asked.  (h, w, 3) uint8 each.
+    """Images beside the question, where the opening's pair and masks do not show what is asked.
 
+    Each image is (h, w, 3), uint8 or float in [0, 1].
     ``answer``: shown after the guess, in place of the mask; ``note``: what it shows; ``frames``: previous and current
     frame, None for those of the pair.
     """
@@ -212,7 +248,7 @@ class Screens:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Findings and figure of a demo; the first finding is its main number.
+    """What one run of a demo measures and draws; the first finding is its main number.
 
     ``sheet`` is the figure, ``path`` its PNG once it is saved; ``colors``: legend entry -> 8-bit sRGB.
     """
@@ -239,38 +275,54 @@ class Result:
 class Demo:
     """One numbered demo.
 
-    ``idea``: two or three sentences for students; ``look_for``: what to notice in the figure; ``question``: asked
-    before the first finding is shown.  ``run`` measures and draws; ``scene`` builds its scene, for the viewer and
-    other commands; ``opening``: the pair of it that page and viewer show.
+    ``run`` measures and draws; ``scene`` builds its scene, for the viewer and other commands; ``opening``: the pair of
+    frames of that scene that page and viewer show.
     """
 
     number: int
-    name: str
-    title: str
+    text: LessonText
     run: Callable[[Stage], Result]
-    idea: str
-    look_for: tuple[str, ...]
-    question: Question
-    opening: Opening
     scene: Callable[[], Scene]
-    see_also: tuple[tuple[str, str], ...] = ()  # (text, page of docs/)
+    opening: Opening
+
+    @property
+    def name(self) -> str:
+        """The word that selects the demo on the command line."""
+        return self.text.name
 
     @property
     def stem(self) -> str:
-        """``03-behind``: start of its file names."""
+        """The start of the names of its files: ``03-behind``."""
         return f"{self.number:02d}-{self.name}"
 
+    def opening_settings(self) -> dict[str, Any]:
+        """Fields of Settings of the opening pair: columns of its masks and color, the camera, and what it sets.
 
-REGISTRY: dict[str, Demo] = {}
+        The camera is named, because an evaluation of a still scene otherwise has a framing orbit.
+        """
+        scene = self.scene()
+        camera = list(scene.camera_nodes).index(choose_camera(scene).node)
+        return {"columns": self._columns(), "fps": FPS, "camera": camera, **self.opening.settings}
+
+    def _columns(self) -> tuple[str, ...]:
+        """The columns that measure the masks of the opening, and color."""
+        shown = 0
+        for mask in self.opening.masks:
+            shown |= mask
+        measured = (f.name for f in TABLE if f.name != "color" and any(bit & shown for bit in (f.bit, *f.details)))
+        return ("frustum", *measured, "color")
+
+    def pair_text(self) -> str:
+        """The opening pair in words: ``Frames 0 and 1 at 1 frame per second; masks: position; history: eye.``"""
+        frame, settings = self.opening.frame, self.opening.settings
+        fps = settings.get("fps", FPS)
+        named = {key: value for key, value in settings.items() if key not in ("fps", "columns")}
+        parts = [f"masks: {', '.join(map(label_of, self.opening.masks))}"]
+        parts += [f"{key.replace('_', ' ')}: {_value_text(value)}" for key, value in named.items()]
+        frames = f"Frame {frame}, both eyes," if named.get("history") == "eye" else f"Frames {frame - 1} and {frame}"
+        return f"{frames} at {fps:g} frame{'s' if fps != 1 else ''} per second; {'; '.join(parts)}."
 
 
-def demo(number: int, name: str, title: str, **fields: Any) -> Callable[[Callable[[Stage], Result]], Any]:
-    """Register a function as the run of demo ``number``; ``fields``: the others of Demo."""
-
-    def register(run: Callable[[Stage], Result]) -> Callable[[Stage], Result]:
-        if name in REGISTRY or any(d.number == number for d in REGISTRY.values()):
-            raise ValueError(f"two demos have number {number} or name {name}")
-        REGISTRY[name] = Demo(number, name, title, run, **fields)
-        return run
-
-    return register
+def _value_text(value: Any) -> str:
+    """A setting in words; a dict, as of thresholds by feature, as ``position 0.125``."""
+    return ", ".join(f"{k} {v:.4g}" for k, v in value.items()) if isinstance(value, dict) else str(value)

@@ -35,7 +35,7 @@ def explore(parameter: Parameter, width: int = 640) -> Any:
 
 
 def number_text(parameter: Parameter, i: int) -> str:
-    """``12.38 % of the pixels are discarded; theory 12.38 ± 1.40``."""
+    """The number at value ``i`` with its theory: ``12.38 % of the pixels are discarded; theory 12.38 ± 1.40``."""
     digits, expected = parameter.digits, parameter.expected[i]
     text = f"{parameter.measured[i]:.{digits}f} {parameter.number_unit}".strip() + f" {parameter.meaning}"
     if expected is None:

@@ -16,11 +16,10 @@ import numpy as np
 from taubench_gl import __version__
 from taubench_gl.data_files import read_bytes
 from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
-from taubench_gl.demos.lecture import Part, minutes_text
 from taubench_gl.demos.lessons import find_demo
-from taubench_gl.demos.opening import opening_settings, pair_text
 from taubench_gl.demos.sheet import WIDTH, as_bytes
 from taubench_gl.demos.stage import SIZE, LitPair, Stage
+from taubench_gl.demos.texts import LecturePart, minutes_text
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.glossary import label_of
@@ -52,7 +51,7 @@ class Shown:
 def open_pair(stage: Stage, demo: Demo) -> LitPair:
     """The pair of frames that the page and the viewer open at."""
     frame = demo.opening.frame
-    return stage.evaluate(demo.scene(), frames=(frame - 1, frame + 1), **opening_settings(demo))[1][0]
+    return stage.evaluate(demo.scene(), frames=(frame - 1, frame + 1), **demo.opening_settings())[1][0]
 
 
 @contextmanager
@@ -78,7 +77,7 @@ def run_demos(
     out: str | Path,
     *,
     index: bool = False,
-    lecture: Sequence[Part] = (),
+    lecture: Sequence[LecturePart] = (),
     on_demo: Callable[[Shown], None] | None = None,
 ) -> list[Shown]:
     """Run demos in order and write the figures and the page of each to the folder ``out``.
@@ -101,8 +100,10 @@ def run_demos(
     return shown
 
 
-def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[Part] = ()) -> str:
-    """The page of one demo.
+def demo_page(
+    demo: Demo, result: Result, pair: LitPair, around: Around = None, lecture: Sequence[LecturePart] = ()
+) -> str:
+    """The HTML page of one demo.
 
     ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
     folder; ``lecture``: minutes and notes of its demos, one of which is this one.
@@ -111,7 +112,7 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
     parameter, findings, screens = result.parameter, result.findings, _screens(demo, result, pair)
     bar = parameter.bar and _gradient(parameter.bar)
     page = Page(
-        f"{demo.number}. {demo.title}", f"demo {demo.number}, {demo.name}", heading="",
+        f"{demo.number}. {demo.text.title}", f"demo {demo.number}, {demo.name}", heading="",
         tools=tag("button", "Lecture", id="lecture", type="button",
                   title="One step per screen; arrow keys change it, Escape ends it"),
         intro=(macro("head", DEMO)(demo),), styles=("demo.css",), scripts=("demo.js",),
@@ -126,17 +127,17 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
     )  # fmt: skip
 
     def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
-        said = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
-        notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in said]
+        spoken = [(getattr(part, name), i + 1) for i, part in enumerate(lecture) if part.demo == demo.name]
+        notes = [macro("notes", DEMO)(text, i, len(lecture), minutes_text(lecture[:i])) for text, i in spoken]
         page.add(name, title, macro(part, DEMO)(*values), *notes, link=link, step=True)
 
     step("idea", "", "idea", demo, screens)
-    own = result.screens
-    key = [] if own else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
-    about = ("", own.note) if own else (pair_text(demo), "")
+    screen = result.screens
+    key = [] if screen else [(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks]
+    about = ("", screen.note) if screen else (demo.pair_text(), "")
     step("question", "Guess first", "question", demo, screens, key, *about, link="Question")
     uri, ratio = data_uri(read_bytes(result.path)), WIDTH / result.sheet.height
-    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.look_for)
+    step("figure", "Figure", "figure", uri, ratio, result.caption, demo.text.look_for)
     size = parameter.picture(0).shape[1::-1]
     step("parameter", "Drag a parameter", "parameter", parameter, size, bar, link="Parameter")
     strips = [_strip(finding) for finding in findings]
@@ -146,15 +147,15 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: Around = None, 
 
 def _screens(demo: Demo, result: Result, pair: LitPair) -> list[tuple[str, str, float]]:
     """Name, image and width / height of the previous frame, the current frame, and the answer."""
-    own = result.screens
-    frames = (own and own.frames) or tuple(as_bytes(frame["color"][..., :3]) for frame in (pair.before, pair.now))
-    answer = own.answer if own else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
+    special = result.screens
+    frames = (special and special.frames) or tuple(frame["color"][..., :3] for frame in (pair.before, pair.now))
+    answer = special.answer if special else mask_overlay(pair.mask, pair.now["color"][..., :3], demo.opening.masks)
     images = zip(("previous", "current", "answer"), (*frames, answer))
-    return [(name, data_uri(_webp(image), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
+    return [(name, data_uri(_webp(as_bytes(image)), "webp"), image.shape[1] / image.shape[0]) for name, image in images]
 
 
 def _gradient(bar: ColorBar) -> str:
-    """The color map as a CSS gradient, from left to right."""
+    """The color map of a color bar as a CSS gradient, from left to right."""
     import matplotlib
 
     stops = matplotlib.colormaps[bar.colors](np.linspace(0.0, 1.0, 17))
@@ -163,19 +164,19 @@ def _gradient(bar: ColorBar) -> str:
 
 
 def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
-    """The data of the guess; infinite ends of the expected range are those of the guess."""
-    asked, expected = demo.question, finding.expected
-    digits = max(0, 2 - math.floor(math.log10(asked.high - asked.low)))
+    """What the page's script needs for the guess; infinite ends of the expected range become the ends of the guess."""
+    (low, high), expected = demo.text.guess, finding.expected
+    digits = max(0, 2 - math.floor(math.log10(high - low)))
     return {
-        "low": asked.low, "high": asked.high, "guess_digits": min(digits, 3), "unit": finding.unit,
+        "low": low, "high": high, "guess_digits": min(digits, 3), "unit": finding.unit,
         "measured": finding.number, "text": finding.text, "meaning": finding.meaning,
-        "expected": [max(expected.low, asked.low), min(expected.high, asked.high)],
+        "expected": [max(expected.low, low), min(expected.high, high)],
         "theory": f"{finding.expected_text} ({expected.source})",
     }  # fmt: skip
 
 
 def _parameter(parameter: Parameter) -> dict[str, Any]:
-    """The data that the page redraws from."""
+    """What the page's script needs to redraw image and number at each value of the parameter."""
     names = ("name", "unit", "values", "meaning", "number_unit", "measured", "expected", "tolerance", "mark", "digits")
     out = {name: getattr(parameter, name) for name in names} | {"texts": value_texts(parameter)}
     if parameter.plane is not None and parameter.base is not None:
@@ -185,17 +186,17 @@ def _parameter(parameter: Parameter) -> dict[str, Any]:
 
 
 def _webp(image: Array) -> bytes:
-    """(h, w, 3) uint8 as WebP, lossless where it has few colors: then smaller, and its pixels stay sharp."""
+    """The bytes of a WebP file with an image (h, w, 3) uint8; lossless, and then smaller, where it has few colors."""
     from PIL import Image
 
     picture, buffer = Image.fromarray(image), io.BytesIO()
-    few = picture.getcolors(FEW_COLORS) is not None
+    few = picture.getcolors(FEW_COLORS) is not None  # None: it has more
     picture.save(buffer, format="WEBP", quality=82, method=4, lossless=few)
     return buffer.getvalue()
 
 
 def png_bytes(image: Array) -> bytes:
-    """(h, w) or (h, w, 3) uint8 as PNG."""
+    """The bytes of a PNG file with an image (h, w) or (h, w, 3), uint8."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -203,8 +204,8 @@ def png_bytes(image: Array) -> bytes:
     return buffer.getvalue()
 
 
-def index_page(shown: Sequence[Shown], lecture: Sequence[Part] = ()) -> str:
-    """One card per demo with a link to its page in the same folder, in a ``lecture`` with its minutes."""
+def index_page(shown: Sequence[Shown], lecture: Sequence[LecturePart] = ()) -> str:
+    """The HTML index: one card per demo with a link to its page in the same folder and its minutes in ``lecture``."""
     good = sum(s.result.as_expected for s in shown)
     lead = (
         f"Every demo was rendered and measured on this machine. In {good} of {len(shown)}, every value is as theory "
@@ -219,11 +220,12 @@ def index_page(shown: Sequence[Shown], lecture: Sequence[Part] = ()) -> str:
 
 
 def _strip(finding: Finding) -> dict[str, float] | None:
-    """Pixels (0 .. 120) of the expected range and of the measured value on a line; None for infinite ones."""
+    """Places of the expected range and of the measured value on a line of 120 pixels; None if one is infinite."""
     low, high, value = finding.expected.low, finding.expected.high, finding.number
     if not all(map(math.isfinite, (low, high, value))):
         return None
     middle = 0.5 * (low + high)
+    # The range fills most of the line, unless the value is so far outside that it needs the space.
     reach = max(high - low, 2.2 * abs(value - middle)) or 1.0
 
     def x(number: float) -> float:
@@ -234,16 +236,16 @@ def _strip(finding: Finding) -> dict[str, float] | None:
 
 
 def _links(around: Around) -> list[dict[str, str]]:
-    """Links to the previous demo, the index and the next demo."""
+    """The links below a page: to the previous demo, the index and the next demo; none if the page is alone."""
     if around is None:
         return []
+    links = [("", INDEX_FILE, "all demos")]
     before, after = around
-    links = [{"rel": "", "file": INDEX_FILE, "text": "all demos"}]
     if before is not None:
-        links.insert(0, {"rel": "prev", "file": f"{before.stem}.html", "text": f"← {before.number}. {before.title}"})
+        links.insert(0, ("prev", f"{before.stem}.html", f"← {before.number}. {before.text.title}"))
     if after is not None:
-        links.append({"rel": "next", "file": f"{after.stem}.html", "text": f"{after.number}. {after.title} →"})
-    return links
+        links.append(("next", f"{after.stem}.html", f"{after.number}. {after.text.title} →"))
+    return [dict(zip(("rel", "file", "text"), link)) for link in links]
 
 
 def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SIZE) -> Path:
@@ -253,11 +255,11 @@ def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SI
     import nbformat
     from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-    look = "\n".join(f"- {item}" for item in demo.look_for)
+    look = "\n".join(f"- {item}" for item in demo.text.look_for)
     cells = [
         new_markdown_cell(
-            f"# {demo.number}. {demo.title}\n\n{demo.idea}\n\n**What to look for**\n\n{look}\n\n"
-            f"**Guess first.** {demo.question.text}"
+            f"# {demo.number}. {demo.text.title}\n\n{demo.text.idea}\n\n**What to look for**\n\n{look}\n\n"
+            f"**Guess first.** {demo.text.question}"
         ),
         new_code_cell(_RUN.format(name=demo.name, width=size[0], height=size[1])),
         new_markdown_cell("## Measured numbers and theory"),

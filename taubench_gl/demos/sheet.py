@@ -26,10 +26,14 @@ _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58
 BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 """From the palette of Okabe and Ito (2008), as the mask colors."""
+CHECKER = (237, 237, 237)
+"""The light squares of ``checkerboard``, for a legend.  8-bit sRGB."""
 
 
 class Sheet:
-    """``columns`` x ``rows`` panels of one aspect ratio above ``below`` units for plots.  Lengths in layout units.
+    """A figure: ``columns`` x ``rows`` panels of one aspect ratio, above ``below`` units for plots.
+
+    Lengths are in layout units, of which a sheet is WIDTH wide.
 
     ``bars``: leave room for a color bar below each panel.  ``colors``: those of the legend.
     """
@@ -52,12 +56,12 @@ class Sheet:
         FigureCanvasAgg(self._figure)
 
     def axes(self, left: float, top: float, width: float, height: float) -> Any:
-        """Axes at a position from the top left of the sheet."""
+        """Add axes at a place from the top left of the sheet."""
         place = (left / WIDTH, 1 - (top + height) / self.height, width / WIDTH, height / self.height)
         return self._figure.add_axes(place)
 
     def plot(self, left: float, top: float, width: float, height: float, **labels: Any) -> Any:
-        """Axes of a plot below the panels in the common style.  ``labels``: arguments of ``Axes.set``."""
+        """Add the axes of a plot in the common style.  ``labels``: arguments of ``Axes.set``."""
         axes = self.axes(left, top, width, height)
         axes.set_facecolor(PAPER)
         for side in ("top", "right"):
@@ -84,7 +88,7 @@ class Sheet:
         axes.legend(**{"frameon": False, "fontsize": 12, "loc": place} | options)
 
     def place(self, column: int, row: int) -> tuple[float, float, float, float]:
-        """Left, top, width and height of a panel."""
+        """The place of a panel on the sheet: left, top, width and height."""
         left = _PAD + column * (self._width + _PAD)
         top = _TITLE + row * (self._height + _TITLE + self._bar + 0.5 * _PAD)
         return left, top, self._width, self._height
@@ -135,8 +139,9 @@ class Sheet:
             axes.text(x + 28, 26, text, fontsize=13, color=INK, va="center")
             x += width + gap
 
-    def text(self, left: float, top: float, text: str, *, size: float = 13, color: str = INK, **more: Any) -> None:
-        self._figure.text(left / WIDTH, 1 - top / self.height, text, fontsize=size, color=color, va="top", **more)
+    def text(self, left: float, top: float, text: str, *, size: float = 13, color: str = INK) -> None:
+        """Add a line of text, ``size`` in points, whose top left corner is at a place of the sheet."""
+        self._figure.text(left / WIDTH, 1 - top / self.height, text, fontsize=size, color=color, va="top")
 
     def save(self, path: Path) -> Path:
         """Write the sheet as PNG, whole or not at all.  Raises OutputError."""
@@ -147,7 +152,7 @@ class Sheet:
 
 
 def text_width(text: str, size: float) -> float:
-    """Width of ``text`` at ``size`` points, layout units."""
+    """The width of ``text`` at ``size`` points, in layout units."""
     from matplotlib.textpath import TextPath
 
     return TextPath((0, 0), text, size=size).get_extents().width * 100 / 72
@@ -213,12 +218,12 @@ def checkerboard(image: Array, where: Array, cell: int) -> Array:
 
 
 def reason_entries(*reasons: Reason) -> list[tuple[str, RGB]]:
-    """Legend entries of mask colors."""
+    """The legend entries of mask colors: label and 8-bit sRGB of each reason."""
     return [(label_of(reason), color_of(reason)) for reason in reasons]
 
 
 def rgb(color: Reason | str) -> RGB:
-    """8-bit sRGB of a reason or of ``#rrggbb``."""
+    """The 8-bit sRGB color of a reason, or of a text ``#rrggbb``."""
     return tuple(bytes.fromhex(color[1:])) if isinstance(color, str) else REASON_COLORS[color]  # type: ignore
 
 
@@ -236,18 +241,24 @@ def heat(values: Array, top: float, colors: str = "viridis") -> Array:
 
 
 def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:
-    """A part of an image, for an enlarged panel."""
+    """The part of an image (h, w, ...) with its top left pixel at (``left``, ``top``), for an enlarged panel."""
     return image[top : top + height, left : left + width]
 
 
+def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
+    """``image`` (h, w, 3) resampled with its nearest pixels to ``shape`` = (height, width)."""
+    rows, columns = (np.arange(n) * m // n for n, m in zip(shape, image.shape[:2]))
+    return image[rows][:, columns]
+
+
 def enlarged_frames(pair: LitPair, *part: int) -> tuple[Array, Array]:
-    """A part of the previous and of the current image.  (h, w, 3) uint8 each."""
+    """A part, as of ``enlarged``, of the previous and of the current image of a pair.  (h, w, 3) uint8 each."""
     before, now = (as_bytes(enlarged(frame["color"][..., :3], *part)) for frame in (pair.before, pair.now))
     return before, now
 
 
 def frame_of(left: int, top: int, width: int, height: int) -> Any:
-    """The outline of a part of an image, for the panel of the whole image."""
+    """The outline of a part of an image, as of ``enlarged``, for the panel of the whole image."""
     from matplotlib.patches import Rectangle
 
     return Rectangle((left, top), width, height, fill=False, edgecolor="white", linewidth=1.6)

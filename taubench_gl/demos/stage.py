@@ -48,14 +48,15 @@ class LitPair:
     row: Mapping[str, Any]  # row of frames.csv
 
     def has(self, bits: int) -> Array:
-        """Pixels with any of ``bits``.  (h, w) bool."""
+        """Which pixels have any of ``bits``.  (h, w) bool."""
         return (self.mask & np.uint32(bits)) != 0
 
     def percent(self, bits: int) -> float:
+        """The share of the pixels with any of ``bits``, percent."""
         return 100.0 * float(self.has(bits).mean())
 
     def row_width(self, bits: int) -> float:
-        """Pixels with any of ``bits`` in the middle row."""
+        """The number of pixels with any of ``bits`` in the middle row."""
         return float(self.has(bits)[self.mask.shape[0] // 2].sum())
 
 
@@ -77,10 +78,19 @@ class Stage:
 
     @property
     def pixels(self) -> int:
+        """The number of pixels of an image."""
         return self.size[0] * self.size[1]
 
+    @property
+    def cell(self) -> int:
+        """Side of a square of a ``checkerboard`` over an image, pixels."""
+        return max(self.size[0] // 60, 1)
+
     def settings(self, **settings: Any) -> Settings:
-        """Settings with the size and backend of the stage; defaults: one frame per second, no indirect light."""
+        """Settings of an evaluation with the size and backend of the stage.
+
+        ``settings``: fields of Settings; the defaults are one frame per second and no indirect light.
+        """
         defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none", **FIXED_LIGHTING}
         return Settings(**(defaults | settings | {"backend": self.gpu.backend, "device": self.device}))
 
@@ -152,6 +162,7 @@ class Stage:
             yield inputs, runners
 
     def release(self) -> None:
+        """Release what the stage holds on the GPU."""
         self.bench.release()
 
 
@@ -166,27 +177,40 @@ class Props(SceneBuilder):
     """A SceneBuilder with diffuse materials and a few shapes."""
 
     def paint(self, color: tuple[float, float, float], **more: object) -> int:
-        """A Lambertian material without specular lobe."""
+        """Add a Lambertian material without specular lobe.  ``more``: fields of Material."""
         return self.material(base_color=(*color, 1.0), metallic=0.0, roughness=1.0, specular=0.0, **more)
 
+    def glow(self, *radiance: float) -> int:
+        """Add a black material that emits ``radiance``, one number for gray or R, G and B."""
+        color = radiance if len(radiance) == 3 else radiance * 3
+        return self.material(base_color=(0, 0, 0, 1), emissive=color, specular=0.0)
+
+    def still_camera(self, yfov: float, seconds: float) -> int:
+        """Add a camera at the origin that stands still for ``seconds``, so that the scene has that duration."""
+        camera = self.camera(yfov=yfov, znear=0.05)
+        self.animate(camera, "translation", [0.0, seconds], [(0, 0, 0), (0, 0, 0)])
+        return camera
+
     def thing(self, *primitives: Primitive, **node: object) -> int:
-        """A node with a mesh.  Returns the node."""
+        """Add a node with a mesh of ``primitives``.  ``node``: fields of ``build.Node``."""
         return self.node(mesh=self.mesh(*primitives), **node)
 
     def ball(self, radius: float, color: tuple[float, float, float], rings: int = 48, **node: object) -> int:
+        """Add a sphere around its node."""
         return self.thing(dataclasses.replace(sphere(radius, rings), material=self.paint(color)), **node)
 
     def block(self, half: tuple[float, float, float], color: tuple[float, float, float], **node: object) -> int:
+        """Add a box around its node.  ``half``: half of its sides, meters."""
         return self.thing(box(half, material=self.paint(color)), **node)
 
     def wall(self, half_width: float, half_height: float, color: tuple[float, float, float], **node: object) -> int:
-        """A rectangle that faces +Z of its node."""
+        """Add a rectangle that faces +Z of its node."""
         return self.thing(quad(half_width, half_height, material=self.paint(color)), **node)
 
     def checkered(
         self, half_width: float, half_height: float, cells: tuple[int, int], colors: tuple, **node: object
     ) -> int:
-        """A rectangle of ``cells`` squares in two colors, facing +Z of its node."""
+        """Add a rectangle of ``cells`` squares in two ``colors``, facing +Z of its node."""
         return self.thing(*checkered(half_width, half_height, cells, [self.paint(c) for c in colors]), **node)
 
 

@@ -71,7 +71,7 @@ def area(polygon: Array) -> float:
 
 
 def pixel_rays(size: Size, yfov: float) -> Array:
-    """Directions of the pixel centers, z = -1.  (h, w, 3)."""
+    """View directions through the pixel centers, z = -1.  (h, w, 3)."""
     return rays(size, Camera(yfov=yfov))
 
 
@@ -95,6 +95,22 @@ def edge_pixels(region: Array) -> int:
                           (slice(1, -1), slice(2, None)), (slice(1, -1), slice(None, -2))):  # fmt: skip
         changes |= padded[rows, columns] != region
     return int(changes.sum())
+
+
+def share_deviation(share: float, count: float) -> float:
+    """The standard deviation of a share (0 to 1) that is counted over ``count`` independent pixels or rows."""
+    return math.sqrt(share * (1.0 - share) / count)
+
+
+def normal_change(threshold: float, sigma: Array, samples: float) -> float:
+    """Percent of the pixels in which two means of many samples differ by more than ``threshold``.
+
+    ``sigma``: standard deviation of one sample in each pixel; means are normal by the central limit theorem, and their
+    difference has sqrt(2 / ``samples``) times that.
+    """
+    with np.errstate(divide="ignore"):
+        x = threshold * math.sqrt(samples) / (2.0 * sigma)
+    return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()]))
 
 
 def maxwell_tail(threshold: float, sigma: float) -> float:

@@ -2,50 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from taubench_gl.demos.demo import Demo, Result
 from taubench_gl.demos.gallery import Shown, open_pair, run_demos
-from taubench_gl.demos.lessons import demos
+from taubench_gl.demos.lessons import DEMOS
 from taubench_gl.demos.stage import LitPair, Stage
 
 SIZE = (160, 90)
+SLOW = ("cost", "lock", "reservoirs", "samples")
 
 
 class Runs:
-    """Results by name, computed on first use."""
+    """Pages and pairs of demos, made on first use."""
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self._shown: dict[str, Shown] = {}
-        self._pairs: dict[str, LitPair] = {}
+        self._kept: dict[tuple[str, str], Any] = {}
 
-    def of(self, demo: Demo, gpu) -> Result:
-        return self.shown(demo, gpu).result
+    def _once(self, kind: str, demo: Demo, gpu, make: Callable[[Stage], Any]) -> Any:
+        if (kind, demo.name) not in self._kept:
+            stage = Stage(gpu, SIZE)
+            try:
+                self._kept[kind, demo.name] = make(stage)
+            finally:
+                stage.release()
+                gpu.collect()
+        return self._kept[kind, demo.name]
 
     def shown(self, demo: Demo, gpu) -> Shown:
         """The demo with its result and its page, which has no neighbors."""
-        if demo.name not in self._shown:
-            stage = Stage(gpu, SIZE)
-            try:
-                self._shown[demo.name] = run_demos(stage, [demo], self.folder)[0]
-            finally:
-                stage.release()
-                gpu.collect()
-        return self._shown[demo.name]
+        return self._once("page", demo, gpu, lambda stage: run_demos(stage, [demo], self.folder)[0])
+
+    def of(self, demo: Demo, gpu) -> Result:
+        """The numbers and the figure of a demo."""
+        return self.shown(demo, gpu).result
 
     def pair(self, demo: Demo, gpu) -> LitPair:
         """The pair that the page opens at."""
-        if demo.name not in self._pairs:
-            stage = Stage(gpu, SIZE)
-            try:
-                self._pairs[demo.name] = open_pair(stage, demo)
-            finally:
-                stage.release()
-                gpu.collect()
-        return self._pairs[demo.name]
+        return self._once("pair", demo, gpu, lambda stage: open_pair(stage, demo))
 
 
 @pytest.fixture(scope="session")
@@ -53,9 +52,7 @@ def runs(tmp_path_factory) -> Runs:
     return Runs(tmp_path_factory.mktemp("demos"))
 
 
-SLOW = ("cost", "lock", "reservoirs", "samples")
-
-
-@pytest.fixture(params=[pytest.param(d.name, marks=pytest.mark.long if d.name in SLOW else ()) for d in demos()])
+@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.long if name in SLOW else ()) for name in DEMOS])
 def demo(request) -> Demo:
-    return next(d for d in demos() if d.name == request.param)
+    """Each demo in turn."""
+    return DEMOS[request.param]

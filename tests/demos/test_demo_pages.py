@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import re
 from collections.abc import Iterator
@@ -10,14 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from repeated import few
 
 from taubench_gl.demos.demo import Demo
 from taubench_gl.demos.gallery import demo_page, index_page
-from taubench_gl.demos.lecture import LECTURE
-from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.lessons import DEMOS, find_demo
+from taubench_gl.demos.texts import TEXTS
 
+LECTURE = TEXTS.lecture
 WINDOWS = ((1280, 720), (1920, 1080), (390, 844))
-QUICK = ("thresholds",)
+QUICK = "thresholds"
 """A parameter that repaints a mask."""
 FILLED = 0.45
 """Least part of a window's width and height below the title that the content of a step spans."""
@@ -46,48 +49,50 @@ def opened(browser) -> Iterator[Any]:
 def canvas(page: Any) -> np.ndarray:
     """Pixels of the drawn image, (h, w, 3)."""
     data = page.evaluate("document.getElementById('drawn').toDataURL('image/png').split(',')[1]")
-    import base64
-
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(int)
 
 
-def drive(demo: Demo, runs: Any, gpu: Any, opened: Any) -> None:
-    """One lesson: the guess, the images of the pair, every way to drag, and every step in three windows."""
-    shown = runs.shown(demo, gpu)
-    page = opened(shown.page)
-    drive_question(demo, shown.result, page)
-    drive_frames(page)
-    drive_parameter(shown.result.parameter, page)
+def press(page: Any, *keys: str) -> None:
+    for key in keys:
+        page.keyboard.press(key)
+
+
+def now(page: Any) -> str:
+    """The step of the lecture that is shown."""
+    return page.locator(".step.now").get_attribute("id")
+
+
+def body(page: Any) -> str:
+    return page.locator("body").inner_text()
+
+
+def drive_steps(name: str, page: Any) -> None:
+    """Every step in three windows, with the keys of the lecture."""
     page.click("#lecture")
     count = page.locator(".step").count()
     for width, height in WINDOWS:
         page.set_viewport_size({"width": width, "height": height})
-        page.keyboard.press("Home")
+        press(page, "Home")
         for i in range(count):
             assert page.locator("#place").inner_text() == f"{i + 1} / {count}"
-            check_slide(page, f"{demo.name}, step {i + 1}, {width}x{height}")
-            page.keyboard.press("ArrowRight")
+            check_slide(page, f"{name}, step {i + 1}, {width}x{height}")
+            press(page, "ArrowRight")
     page.set_viewport_size({"width": 1280, "height": 720})
-    page.keyboard.press("Escape")
+    press(page, "Escape")
     assert page.locator("html.lecture").count() == 0 and page.locator("#numbers").is_visible()
 
 
 def check_slide(page: Any, where: str) -> None:
     """One step with the title above it, which fill the window without being wider."""
+    window, title = page.viewport_size, page.locator("h1").bounding_box()
     assert page.locator(".step.now").count() == 1 and page.locator("h1").is_visible(), where
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), f"{where} is too wide"
-    if page.viewport_size["width"] > page.viewport_size["height"]:  # a tall window is of a telephone, which scrolls
+    if window["width"] > window["height"]:  # a tall window is of a telephone, which scrolls
         assert page.evaluate("document.documentElement.scrollHeight <= 1.1 * innerHeight"), f"{where} is too high"
-    title = page.locator("h1").bounding_box()
-    left, right, top, bottom = page.evaluate(
-        """() => {
-            const parts = [...document.querySelectorAll(".step.now > :not(h2)")];
-            const boxes = parts.map((part) => part.getBoundingClientRect()).filter((box) => box.width);
-            const of = (name, pick) => pick(...boxes.map((box) => box[name]));
-            return [of("left", Math.min), of("right", Math.max), of("top", Math.min), of("bottom", Math.max)];
-        }"""
-    )
-    window, below = page.viewport_size, title["y"] + title["height"]
+    boxes = page.locator(".step.now > :not(h2)").evaluate_all("all => all.map((part) => part.getBoundingClientRect())")
+    sides = zip(*((box["left"], box["right"], box["top"], box["bottom"]) for box in boxes if box["width"]))
+    left, right, top, bottom = (pick(side) for pick, side in zip((min, max, min, max), sides))
+    below = title["y"] + title["height"]
     assert title["y"] >= 0 and top >= below - 1, f"{where}: the title is hidden"
     assert right - left >= 0.9 * window["width"], f"{where}: {right - left} of {window['width']} px wide"
     assert bottom - top >= FILLED * (window["height"] - below), f"{where}: {bottom - top} px high"
@@ -95,22 +100,21 @@ def check_slide(page: Any, where: str) -> None:
 
 def drive_question(demo: Demo, result: Any, page: Any) -> None:
     """Before the guess neither text, name of an image nor key shows the number, its theory or the answer's image."""
-    asked, first = demo.question, result.findings[0]
-    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.look_for]
-    before, tree = page.locator("body").inner_text(), page.locator("body").aria_snapshot()
+    (low, high), first = demo.text.guess, result.findings[0]
+    secrets = [first.text, first.expected_text, first.expected.source, result.caption, *demo.text.look_for]
+    before, tree = body(page), page.locator("body").aria_snapshot()
     assert [s for s in secrets if s in before or s in tree] == []
-    assert asked.low < asked.high and asked.low <= first.number <= asked.high
+    assert low < high and low <= first.number <= high
     assert [s.get_attribute("id") for s in page.locator(".step").all() if s.is_visible()] == ["idea", "question"]
-    page.keyboard.press("3")
+    press(page, "3")
     page.locator("#guess").focus()
-    page.keyboard.press("End")
-    assert seen_images(page) == ["current"] and first.text not in page.locator("body").inner_text()
-    assert float(page.locator("#guessed").inner_text().split()[0]) == pytest.approx(asked.high)
+    press(page, "End")
+    assert seen_images(page) == ["current"] and first.text not in body(page)
+    assert float(page.locator("#guessed").inner_text().split()[0]) == pytest.approx(high)
     page.click("#reveal")
     words = page.locator("#answer").inner_text()
     assert first.text in words and first.expected_text in words and page.locator(".guessmark").count() == 1
-    after = page.locator("body").inner_text()
-    assert [s for s in secrets if s not in after] == [] and seen_images(page) == ["answer"]
+    assert [s for s in secrets if s not in body(page)] == [] and seen_images(page) == ["answer"]
 
 
 def seen_images(page: Any) -> list[str]:
@@ -122,9 +126,9 @@ def seen_images(page: Any) -> list[str]:
 
 def drive_frames(page: Any) -> None:
     for key, name in (("1", "previous"), ("3", "answer"), ("2", "current")):
-        page.keyboard.press(key)
+        press(page, key)
         assert seen_images(page) == [name]
-    page.keyboard.press("f")
+    press(page, "f")
     for name in ("previous", "current", "previous"):
         page.wait_for_selector(f".screen[data-shown={name}]")
     page.click("#flicker")
@@ -132,11 +136,11 @@ def drive_frames(page: Any) -> None:
 
 
 def drive_parameter(parameter: Any, page: Any) -> None:
-    slider, last = page.locator("#value"), len(parameter.values) - 1
+    last = len(parameter.values) - 1
     assert page.get_attribute("#drawn", "data-value") == str(parameter.start)
-    slider.focus()
+    page.locator("#value").focus()
     for key, i in (("Home", 0), ("End", last), ("ArrowLeft", last - 1)):
-        page.keyboard.press(key)
+        press(page, key)
         assert page.get_attribute("#drawn", "data-value") == str(i)
         number = f"{parameter.measured[i]:.{parameter.digits}f} {parameter.number_unit}".strip()
         assert page.locator("#reading b").inner_text() == number
@@ -149,50 +153,49 @@ def drive_parameter(parameter: Any, page: Any) -> None:
     assert page.locator("#curve circle").count() == len(parameter.values) + 1
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", few(sorted(DEMOS, key=lambda name: name != QUICK)))
 def test_lesson(name, runs, gpu, opened):
-    drive(find_demo(name), runs, gpu, opened)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", [d.name for d in demos() if d.name not in QUICK])
-def test_every_lesson(name, runs, gpu, opened):
-    drive(find_demo(name), runs, gpu, opened)
+    """The guess, the images of the pair, every way to drag, and every step."""
+    demo = find_demo(name)
+    shown = runs.shown(demo, gpu)
+    page = opened(shown.page)
+    drive_question(demo, shown.result, page)
+    drive_frames(page)
+    drive_parameter(shown.result.parameter, page)
+    drive_steps(name, page)
 
 
 def test_keyboard_and_screen_reader(runs, gpu, opened):
     """A lesson by keys alone; every control and image has a name, and values are read with their unit."""
-    shown = runs.shown(find_demo("thresholds"), gpu)
+    shown = runs.shown(find_demo(QUICK), gpu)
     page = opened(shown.page)
 
     def tab_to(selector: str) -> None:
         for _ in range(12):
-            page.keyboard.press("Tab")
+            press(page, "Tab")
             if page.evaluate("(s) => document.activeElement.matches(s)", selector):
                 return
         raise AssertionError(f"{selector} is not reached")
 
     tab_to("#lecture")
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     page.wait_for_selector("html.lecture")
-    page.keyboard.press("PageDown")
+    press(page, "PageDown")
     assert page.evaluate("document.activeElement.id") == "question"  # a screen reader reads the name of the step
     tab_to("#guess")
-    page.keyboard.press("End")
+    press(page, "End")
     assert page.get_attribute("#guess", "aria-valuetext") == page.locator("#guessed").inner_text()
     tab_to("#reveal")
-    page.keyboard.press("Enter")
+    press(page, "Enter")
     assert shown.result.findings[0].text in page.locator("#answer").inner_text()
-    page.keyboard.press("1")
-    page.keyboard.press("3")
+    press(page, "1", "3")
     assert page.get_by_role("img", name="Answer in the current frame").count() == 1
-    page.keyboard.press("PageDown")
-    page.keyboard.press("PageDown")
+    press(page, "PageDown", "PageDown")
     tab_to("#value")
-    page.keyboard.press("End")
+    press(page, "End")
     last = page.get_attribute("#value", "aria-valuetext")
     assert last.endswith(" m") and page.get_by_role("img", name=f"Image at position threshold {last}").count() == 1
-    page.keyboard.press("Escape")
+    press(page, "Escape")
     tree = page.locator("body").aria_snapshot()
     names = ('slider "Your guess"', 'slider "Position threshold:"', 'button "Flicker"', 'region "Guess first"')
     assert [name for name in names if name not in tree] == []
@@ -201,14 +204,12 @@ def test_keyboard_and_screen_reader(runs, gpu, opened):
 
 @pytest.mark.long
 def test_firefox_redraws_the_parameter(runs, gpu, firefox):
-    shown = runs.shown(find_demo("thresholds"), gpu)
+    shown = runs.shown(find_demo(QUICK), gpu)
     parameter = shown.result.parameter
     page = firefox(shown.page, "#drawn[data-value]")
     last = len(parameter.values) - 1
-    page.execute_script(
-        "const s = document.getElementById('value'); s.value = arguments[0]; s.dispatchEvent(new Event('input'));",
-        [last],
-    )
+    script = "const s = document.getElementById('value'); s.value = arguments[0]; s.dispatchEvent(new Event('input'));"
+    page.execute_script(script, [last])
     # The number of a threshold is counted from the pixels that were painted.
     number = f"{parameter.measured[last]:.{parameter.digits}f} {parameter.number_unit}"
     assert page.execute_script("return document.querySelector('#reading b').textContent") == number
@@ -220,19 +221,18 @@ def test_the_lecture_goes_on_with_the_next_demo(runs, gpu, opened, tmp_path):
         page = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), around)
         (tmp_path / f"{demo.stem}.html").write_text(page, encoding="utf-8")
     page = opened(tmp_path / f"{first.stem}.html", "#lecture-4")
-    for key in ("", "Home", "End"):  # no key and no address leads past the question
-        page.keyboard.press(key) if key else None
-        assert page.locator(".step.now").get_attribute("id") == ("idea" if key == "Home" else "question")
+    for keys, step in (((), "question"), (("Home",), "idea"), (("End",), "question")):
+        press(page, *keys)
+        assert now(page) == step, "no key and no address leads past the question"
     assert page.locator("#answer").inner_text() == ""
-    page.keyboard.press("PageDown")  # the next step of the question is its answer
-    assert page.locator(".step.now").get_attribute("id") == "question" and page.locator(".guessmark").count() == 0
+    press(page, "PageDown")  # the next step of the question is its answer
+    assert now(page) == "question" and page.locator(".guessmark").count() == 0
     assert runs.of(first, gpu).findings[0].text in page.locator("#answer").inner_text()
-    page.keyboard.press("End")
-    page.keyboard.press("PageDown")
+    press(page, "End", "PageDown")
     page.wait_for_url(re.compile(second.stem))
     page.wait_for_selector("html.lecture")
-    assert page.locator(".step.now").get_attribute("id") == "idea"
-    page.keyboard.press("ArrowLeft")
+    assert now(page) == "idea"
+    press(page, "ArrowLeft")
     page.wait_for_url(re.compile(first.stem))
 
 
@@ -249,41 +249,37 @@ def test_the_lecture_opens_at_an_address_that_is_typed(runs, gpu, opened):
 def test_without_scripts_everything_is_shown(runs, gpu, browser):
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
-    page.goto(runs.shown(find_demo("thresholds"), gpu).page.as_uri())
+    page.goto(runs.shown(find_demo(QUICK), gpu).page.as_uri())
     assert all(page.locator(".step").nth(i).is_visible() for i in range(page.locator(".step").count()))
     assert page.locator(".findings").is_visible() and seen_images(page) == ["answer"]
     context.close()
 
 
 def test_paper_has_everything_and_the_notes(runs, gpu, opened, tmp_path):
-    page = opened(lecture_page(runs, gpu, tmp_path, 3))
+    page = opened(lecture_page(runs, gpu, tmp_path))
     page.emulate_media(media="print")
     assert all(step.is_visible() for step in page.locator(".step").all())
     assert all(note.is_visible() for note in page.locator(".notes").all()) and seen_images(page) == ["answer"]
 
 
-def lecture_page(runs, gpu, folder, place: int):
-    """The page of lesson ``place`` of the lecture, with the thresholds demo between those of the lecture."""
-    demo, around = find_demo("thresholds"), [find_demo(LECTURE[i].demo) for i in (place - 1, place + 1)]
-    assert LECTURE[place].demo == demo.name
-    text = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), tuple(around), LECTURE)
-    (folder / f"{demo.stem}.html").write_text(text, encoding="utf-8")
-    for other in around:
-        (folder / f"{other.stem}.html").write_text(text, encoding="utf-8")
+def lecture_page(runs, gpu, folder):
+    """The page of lesson 4 of the lecture; those before and after it are copies."""
+    before, demo, after = (find_demo(part.demo) for part in LECTURE[2:5])
+    text = demo_page(demo, runs.of(demo, gpu), runs.pair(demo, gpu), (before, after), LECTURE)
+    for one in (before, demo, after):
+        (folder / f"{one.stem}.html").write_text(text, encoding="utf-8")
     return folder / f"{demo.stem}.html"
 
 
 def test_notes_and_lessons_of_the_lecture(runs, gpu, opened, tmp_path):
     """N shows the notes of the step with the minutes; they, and the time, go on to the next lesson."""
-    page = opened(lecture_page(runs, gpu, tmp_path, 3), "#lecture")
+    page = opened(lecture_page(runs, gpu, tmp_path), "#lecture")
     part, note = LECTURE[3], page.locator(".step.now .notes")
     assert not note.is_visible()
-    page.keyboard.press("n")
+    press(page, "n")
     start = sum(p.minutes for p in LECTURE[:3])
-    assert (
-        part.idea in note.inner_text()
-        and f"Lesson 4 of 7, minutes {start} to {start + part.minutes}" in note.inner_text()
-    )
+    assert part.idea in note.inner_text()
+    assert f"Lesson 4 of 7, minutes {start} to {start + part.minutes}" in note.inner_text()
     page.wait_for_selector(".step.now .clock:text('now 0:')")
     for size in WINDOWS:
         page.set_viewport_size(dict(zip(("width", "height"), size)))
@@ -291,34 +287,33 @@ def test_notes_and_lessons_of_the_lecture(runs, gpu, opened, tmp_path):
         assert box["y"] + box["height"] == pytest.approx(size[1], abs=1)
         if size[0] > size[1]:
             assert screen["y"] + screen["height"] <= box["y"], "the notes cover the images"
-    page.keyboard.press("PageDown")
+    press(page, "PageDown")
     assert part.question in note.inner_text()
     before = re.search(r"@\d+n$", page.url)
     assert before
-    page.keyboard.press("Shift+ArrowRight")
+    press(page, "Shift+ArrowRight")
     page.wait_for_url(re.compile(f"{find_demo(LECTURE[4].demo).stem}.html#lecture{before.group()}"))
     page.wait_for_selector("html.noted.lecture")
-    page.keyboard.press("n")
+    press(page, "n")
     assert not note.is_visible() and not page.url.endswith("n")
 
 
 @pytest.mark.long
 def test_both_browsers_open_the_lecture(runs, gpu, both_browsers, tmp_path):
     """Its index and a lesson with notes."""
-    lesson = lecture_page(runs, gpu, tmp_path, 3)
+    lesson = lecture_page(runs, gpu, tmp_path)
     index = tmp_path / "index.html"
-    index.write_text(index_page([runs.shown(find_demo("thresholds"), gpu)], LECTURE[3:4]), encoding="utf-8")
+    index.write_text(index_page([runs.shown(find_demo(QUICK), gpu)], LECTURE[3:4]), encoding="utf-8")
     both_browsers(index, "a[href*='#lecture'] img")
     both_browsers(lesson, "#drawn[data-value]")
 
 
 def test_the_lecture_is_seven_demos_in_twenty_minutes(runs, gpu):
+    """Its index links them with their minutes; neither index nor notes name a number that a page asks for."""
     assert len({part.demo for part in LECTURE}) == 7 and sum(part.minutes for part in LECTURE) == 20
     shown = [runs.shown(find_demo(part.demo), gpu) for part in LECTURE]
     page = index_page(shown, LECTURE)
     assert re.findall(r'<a href="([^"]+)"', page) == [f"{s.demo.stem}.html#lecture" for s in shown]
     assert re.findall(r"Minutes (\d+) to", page)[-1] == str(20 - LECTURE[-1].minutes)
-    assert [s.demo.name for s in shown if s.result.findings[0].text in page] == []
-    for part in LECTURE:
-        texts = (part.idea, part.question, part.figure, part.parameter)
-        assert all(texts) and not any(s.result.findings[0].text in text for s in shown for text in texts)
+    notes = [text for part in LECTURE for text in (part.idea, part.question, part.figure, part.parameter)]
+    assert all(notes) and not any(s.result.findings[0].text in text for s in shown for text in (page, *notes))

@@ -1,4 +1,4 @@
-"""Each demo at a small size: numbers against theory, figures, page."""
+"""Each demo at a small size: numbers against theory, figures, page, colors in CIELAB."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from PIL import Image
 from repeated import few
 
 from taubench_gl.demos.gallery import index_page
-from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.lessons import DEMOS, find_demo, sampling
 from taubench_gl.demos.stage import Stage
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.report.palette import color_of
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.bench import limits
 
@@ -24,39 +25,32 @@ pytestmark = pytest.mark.usefixtures("coarse_light")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SWATCH = 700  # largest number of pixels of a legend square
+CLEAR = 25.0
+"""Least distance (CIE 1976) of a mask's color; about 2.3 is just visible."""
+RGB_TO_XYZ = np.array([
+    [0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041],
+])  # fmt: skip
+WHITE = np.array([0.95047, 1.0, 1.08883])  # D65
 
 
 def test_numbers_agree_with_theory(demo, runs, gpu):
+    """The theoretical range holds the number, and could fail: not 0, 100 % and twice the number too."""
     for finding in runs.of(demo, gpu).findings:
         assert finding.as_expected, f"{finding.text} {finding.meaning}: expected {finding.expected.text}"
         assert finding.expected.source and finding.meaning
-
-
-def test_every_demo_could_fail(demo, runs, gpu):
-    """The theoretical range excludes at least one of 0, 100 % and twice the number."""
-    for finding in runs.of(demo, gpu).findings:
-        others = (0.0, 100.0, 2.0 * finding.number + 1.0)
-        assert not all(finding.expected.met_by(value) for value in others), finding.meaning
+        assert not all(map(finding.expected.met_by, (0.0, 100.0, 2.0 * finding.number + 1.0))), finding.meaning
 
 
 def test_parameters_agree_with_theory_at_every_value(demo, runs, gpu):
+    """Numbers of the parameter's other end, or none at all, do not, and the image follows the value."""
     parameter = runs.of(demo, gpu).parameter
     count = len(parameter.values)
     assert 3 <= count <= 64 and 0 <= parameter.start < count
-    assert all(parameter.as_expected), [
-        row
-        for row, good in zip(zip(parameter.values, parameter.measured, parameter.expected), parameter.as_expected)
-        if not good
-    ]
-    assert all(parameter.picture(i).shape == parameter.picture(0).shape for i in range(count))
-    assert len({parameter.picture(i).tobytes() for i in range(count)}) > 2, "the image does not follow the parameter"
-
-
-def test_every_parameter_could_disagree(demo, runs, gpu):
-    """Numbers of the parameter's other end, or none at all, are not as expected."""
-    parameter = runs.of(demo, gpu).parameter
+    assert all(parameter.as_expected), list(zip(parameter.values, parameter.measured, parameter.expected))
     for wrong in (parameter.measured[::-1], tuple(2.0 * m + 1.0 for m in parameter.measured)):
         assert not all(dataclasses.replace(parameter, measured=wrong).as_expected)
+    images = [parameter.picture(i) for i in range(count)]
+    assert {image.shape for image in images} == {images[0].shape} and len({i.tobytes() for i in images}) > 2
 
 
 def test_figures_contain_their_legend_colors(demo, runs, gpu):
@@ -74,26 +68,24 @@ def test_figures_contain_their_legend_colors(demo, runs, gpu):
 
 def test_pages_are_self_contained(demo, runs, gpu):
     page = runs.shown(demo, gpu).page.read_text(encoding="utf-8")
-    parser = Texts()
-    parser.feed(page)
+    parser = Texts(page)
     assert parser.loaded and all(link.startswith(("data:", "#")) for link in parser.loaded)
     own = re.sub(r"data:[^'\"]*", "", page).replace("http://www.w3.org/2000/svg", "")
     assert not re.search(r"https?:|url\(|<script src|@import", own)
     text = " ".join(parser.texts)
-    for expected in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].text):
+    for expected in (demo.text.title, demo.text.look_for[0], runs.of(demo, gpu).findings[0].text):
         assert " ".join(expected.split()) in " ".join(text.split())
     assert parser.open == [], "tags left open"
 
 
-@pytest.mark.parametrize("count", few([6, len(demos())]))
+@pytest.mark.parametrize("count", few([6, len(DEMOS)]))
 def test_index_links_every_page(runs, gpu, count):
-    shown = [runs.shown(d, gpu) for d in demos()[:count]]
+    shown = [runs.shown(d, gpu) for d in list(DEMOS.values())[:count]]
     page = index_page(shown)
     assert re.findall(r'<a href="([^"]+)"', page) == [f"{s.demo.stem}.html" for s in shown]
     assert [s.demo.name for s in shown if s.result.findings[0].text in page] == []
     assert page.count('class="ok"') == len(shown)
-    parser = Texts()
-    parser.feed(page)
+    parser = Texts(page)
     assert parser.open == [] and all(re.match(r"data:|\d\d-[a-z]+\.html$", link) for link in parser.loaded)
 
 
@@ -102,11 +94,10 @@ class Texts(HTMLParser):
 
     VOID = ("meta", "link", "img", "br", "line", "rect", "circle", "input", "path")
 
-    def __init__(self):
+    def __init__(self, page: str):
         super().__init__()
-        self.texts: list[str] = []
-        self.open: list[str] = []
-        self.loaded: list[str] = []
+        self.texts, self.open, self.loaded = [], [], []
+        self.feed(page)
 
     def handle_starttag(self, tag, attrs):
         if tag not in self.VOID:
@@ -124,24 +115,22 @@ class Texts(HTMLParser):
 
 
 def test_numbers_and_names_are_in_order():
-    every = demos()
-    assert [d.number for d in every] == list(range(1, 20))
-    assert len({d.name for d in every}) == len(every)
+    """The table of docs/demos.md lists the same demos."""
+    every = list(DEMOS.values())
+    assert [d.number for d in every] == list(range(1, len(every) + 1))
     for one in every:
         assert find_demo(one.name) is find_demo(str(one.number)) is one
-        assert len(one.look_for) >= 2 and one.idea.count(".") >= 2
-        missing = [page for _, page in one.see_also if not (DOCS / page).is_file()]
-        assert not missing
+        assert len(one.text.look_for) >= 2 and one.text.idea.count(".") >= 2
+        assert all((DOCS / page).is_file() for _, page in one.text.see_also)
+    table = re.findall(r"^\| (\d+) \| `(\w+)` \|", (DOCS / "demos.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert table == [(str(d.number), d.name) for d in every]
 
 
 @pytest.mark.parametrize("text", ["xyz", "", "0", "99", "o-", "r", "rotatoins"])
-def test_unknown_names_are_errors(text):
+def test_unknown_names_are_errors_and_unique_prefixes_are_not(text):
     with pytest.raises(SettingsError) as caught:
         find_demo(text)
     assert "rotations" in caught.value.hint and ("1 rotations" in caught.value.hint) == (text != "rotatoins")
-
-
-def test_a_unique_prefix_of_a_name_is_accepted():
     assert find_demo("occ").name == "occlusion"
 
 
@@ -169,11 +158,35 @@ def test_scenes_can_be_written_and_read_again(demo, tmp_path):
 
 def test_the_float64_reference_agrees_with_the_pass_of_demo_6(gpu):
     """Demo 6 colors its figures by the float64 reference: the same discards as on the GPU."""
-    from taubench_gl.demos.lessons import sampling
-
     stage = Stage(gpu, (160, 90))
-    for how in ("nearest", "bilinear"):
-        pair = stage.bench.pair(sampling.scene(), camera=sampling.camera(), sampling=how)
-        reference = pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=how)
+    for name in ("nearest", "bilinear"):
+        pair = stage.bench.pair(sampling.scene(), camera=sampling.camera(), sampling=name)
+        reference = pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=name)
         assert np.count_nonzero(reference.mask != pair.mask) <= 2
     stage.release()
+
+
+def cielab(rgb) -> np.ndarray:
+    """8-bit sRGB (..., 3) -> L*, a*, b*.  CIE 15:2004, Eq. 8.3."""
+    encoded = np.asarray(rgb, dtype=np.float64) / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    t = linear @ RGB_TO_XYZ.T / WHITE
+    f = np.where(t > (6 / 29) ** 3, np.cbrt(t), t / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+
+
+def test_cielab_of_known_colors():
+    """White, and the primaries by B. Lindbloom's tables."""
+    known = {(255, 255, 255): (100, 0, 0), (255, 0, 0): (53.24, 80.09, 67.20), (0, 0, 255): (32.30, 79.19, -107.86)}
+    for rgb, lab in known.items():
+        assert cielab(rgb) == pytest.approx(lab, abs=0.03)
+
+
+def test_mask_colors_differ_from_the_objects(demo, runs, gpu):
+    """In both frames of a lesson, all but 0.5 % of the pixels, which noise may color."""
+    pair = runs.pair(demo, gpu)
+    for frame in (pair.before, pair.now):
+        objects = cielab(np.round(255.0 * np.clip(frame["color"][..., :3], 0.0, 1.0)))
+        for mask in demo.opening.masks:
+            close = np.linalg.norm(objects - cielab(color_of(mask)), axis=-1) < CLEAR
+            assert close.mean() <= 0.005, f"{demo.name}: {100 * close.mean():.1f} % look like {mask!r}"

@@ -1,4 +1,4 @@
-"""The closed forms of the demos against independent ones."""
+"""The closed forms of the demos, and the sums and histograms of demo 12, against independent ones."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.demos import theory
 from taubench_gl.demos.lessons import half, jitter
 from taubench_gl.demos.lessons.cost import beside
-from taubench_gl.demos.lessons.half import half_step
+from taubench_gl.demos.lessons.counting import compensated_sum, plain_sums, rounded_sum
 from taubench_gl.demos.lessons.noise import expected_many_samples, expected_one_sample
+from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.scene.builder import turn
 
 SIZE = (480, 270)
@@ -48,17 +49,17 @@ def test_frustum_share_equals_counted_rays(axis, degrees):
     assert abs(100.0 * (1 - inside.mean()) - share) < min(slack, 0.2)
 
 
-def test_form_factor_of_parallel_squares():
-    """Two unit squares a unit apart: 0.1998 (Howell, A Catalog of Radiation Heat Transfer Configuration Factors)."""
+def test_form_factors():
+    """Two unit squares a unit apart: 0.1998 (Howell, A Catalog of Radiation Heat Transfer Configuration Factors).
+
+    Half of the sky: one half.
+    """
     n = 40
     u = (np.arange(n) + 0.5) / n
     points = np.stack([*np.meshgrid(u, u), np.zeros((n, n))], axis=-1)
     square = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=float)
     found = theory.form_factor(points, np.array([0.0, 0.0, 1.0]), square)
     assert found.mean() == pytest.approx(0.1998, abs=2e-4)
-
-
-def test_form_factor_of_half_the_sky_is_one_half():
     far = np.array([[0, -1e6, 0], [0, 1e6, 0], [0, 1e6, 1e6], [0, -1e6, 1e6]], dtype=float)
     found = theory.form_factor(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), far)
     assert found == pytest.approx(0.5, abs=1e-5)
@@ -78,7 +79,7 @@ def test_maxwell_tail_equals_sampled_vectors():
 
 @pytest.mark.parametrize("value", [0.3, 1.0, 63.99, 64.0, 255.9, 256.1, 1000.0])
 def test_spacing_of_16_bit_floats(value):
-    assert half_step(value) == np.spacing(np.float16(np.floor(value) if value > 1 else value))
+    assert half.half_step(value) == np.spacing(np.float16(np.floor(value) if value > 1 else value))
 
 
 def test_discard_rate_of_random_light_samples():
@@ -109,12 +110,9 @@ def test_labels_of_overlapping_dots_are_moved_apart():
     assert where[3:] == [(-17.0, 0.0), (17.0, 0.0)]
 
 
-def test_ground_that_does_not_move_has_its_own_row():
-    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
-
-
-def test_ground_moved_by_less_than_the_threshold_is_kept_where_no_row_changes():
+def test_ground_is_kept_where_no_row_changes():
     """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is a discard of that row."""
+    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
     assert theory.ground_discards(2, 1.0, 96.5, 0.1, 0.125) == 0.0
     assert theory.ground_discards(2, 1.0, 96.5, 0.2, 0.125) == 50.0
 
@@ -163,3 +161,31 @@ def test_bilinear_history_adds_the_variance_of_its_weights():
     start = jitter.predicted(lambda now, before: np.zeros(2), 1e-9, 1)
     assert found.sigma**2 == pytest.approx(start.sigma**2 + 8 * 0.25, rel=1e-6)
     assert found.shift == pytest.approx(start.shift - 8 * 0.5, rel=1e-6)
+
+
+def test_plain_float32_sum_loses_counts_and_the_compensated_sum_does_not():
+    rng = np.random.default_rng(3)
+    counts = rng.integers(1, 2_000_001, size=4000)  # a run of 4000 pairs at 1920x1080
+    exact = int(counts.sum())
+    plain = abs(float(plain_sums(counts)[-1]) - exact) / exact
+    assert plain > 2.0**-24 >= abs(compensated_sum(counts) - exact) / exact
+
+
+def test_float32_counter_stops_at_2_to_the_24():
+    counts = np.append([1 << 24], np.ones(2000, dtype=int))
+    assert plain_sums(counts)[-1] == 1 << 24
+    assert compensated_sum(counts) == (1 << 24) + 2000
+    assert compensated_sum(np.array([], dtype=int)) == 0.0
+
+
+@pytest.mark.parametrize("term", [1, 3, 13841, 129600, 2_073_600])
+def test_rounded_integer_sum_equals_the_float32_sum(term):
+    assert rounded_sum(term, 5000) == plain_sums(np.full(5000, term))[-1]
+
+
+@pytest.mark.parametrize("bits", [0, 1])
+def test_coarse_bins_are_sums_of_fine_bins(bits):
+    distance = np.random.default_rng(5).lognormal(-2.0, 2.0, size=5000).astype(np.float32)
+    coarse, fine = (np.bincount(bin_of(distance, b), minlength=len(edges(b)) + 1) for b in (bits, 3))
+    inner = fine[1:-1].reshape(-1, 1 << (3 - bits)).sum(axis=1)
+    assert np.array_equal(coarse, [fine[0], *inner, fine[-1]])

@@ -9,7 +9,7 @@ from taubench_gl.animation import OrbitCamera, Poser, camera_of_run, choose_came
 from taubench_gl.apps.demo_command import write_session
 from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.demos.gallery import open_pair
-from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.lessons import DEMOS, find_demo
 from taubench_gl.demos.stage import Stage
 from taubench_gl.glossary import key_of
 from taubench_gl.scene import load_scene
@@ -41,7 +41,7 @@ def check(name, gpu, drive, tmp_path) -> None:
     driven.run(f"expect frame == {demo.opening.frame}\nexpect channel == color\nexpect against == history")
     state, percentages = driven.state, driven.engine.percentages()
     assert {n for n, on in state.shown.items() if on} == {key_of(mask) for mask in demo.opening.masks}
-    assert state.message == "restored" and state.lesson.startswith(f"{demo.number}. {demo.title}")
+    assert state.message == "restored" and state.lesson.startswith(f"{demo.number}. {demo.text.title}")
     for mask in demo.opening.masks:
         # glTF stores float32, so a pixel on an edge can differ.
         assert percentages[key_of(mask)] == pytest.approx(pair.percent(mask), abs=0.1)
@@ -56,7 +56,7 @@ def test_lesson(name, gpu, drive, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [d.name for d in demos() if d.name not in QUICK])
+@pytest.mark.parametrize("name", [name for name in DEMOS if name not in QUICK])
 def test_every_lesson(name, gpu, drive, tmp_path):
     check(name, gpu, drive, tmp_path)
 

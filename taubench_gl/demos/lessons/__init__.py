@@ -1,25 +1,30 @@
-"""The demos.  Importing this package registers them."""
+"""The lessons, numbered in the order of ``lessons.toml``.
+
+The module that has the name of a lesson holds what is specific to it: ``scene()``, ``OPENING`` and ``run(stage)``.
+"""
 
 from __future__ import annotations
 
 import importlib
-import pkgutil
 
-from taubench_gl.demos.demo import REGISTRY, Demo
+from taubench_gl.demos.demo import Demo
+from taubench_gl.demos.texts import TEXTS, LessonText
 from taubench_gl.errors import SettingsError, choice_hint
 
-for _module in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_module.name}")
+
+def _demo(number: int, text: LessonText) -> Demo:
+    """The demo that a text and the module of its name make."""
+    module = importlib.import_module(f"{__name__}.{text.name}")
+    return Demo(number, text, module.run, module.scene, module.OPENING)
 
 
-def demos() -> list[Demo]:
-    """All demos, ordered by number."""
-    return sorted(REGISTRY.values(), key=lambda d: d.number)
+DEMOS = {text.name: _demo(number, text) for number, text in enumerate(TEXTS.lesson, start=1)}
+"""The demos by name, ordered by number."""
 
 
 def find_demo(text: str) -> Demo:
     """The demo with a name, a number or a unique prefix of a name.  Raises SettingsError."""
-    every, word = demos(), text.strip().lower()
+    every, word = list(DEMOS.values()), text.strip().lower()
     if word.isdigit():
         matches = [d for d in every if d.number == int(word)]
     else:

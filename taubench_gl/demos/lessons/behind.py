@@ -9,17 +9,16 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.sheet import CHECKER, Sheet, checkerboard
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.builder import IDENTITY, turn_y
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.bench import pixel_grid
+from taubench_gl.selftest.bench import PairImages, pixel_grid
 
 Array = np.ndarray
 YFOV = np.radians(60.0)
-CHECKER = (237, 237, 237)
 ANGLES = np.arange(0.0, 181.0, 15.0)
 
 
@@ -47,89 +46,65 @@ def reprojected(image: Array, motion: Array, reused: Array) -> Array:
     return np.where(reused[..., None], image[row, column], np.nan)
 
 
-def without_the_test(stage: Stage) -> Reprojected:
-    """The same pair by the float64 reference, with a near plane at minus infinity: no w is rejected."""
-    images = stage.bench.pair(scene())
+def without_the_test(images: PairImages) -> Reprojected:
+    """The pair by the float64 reference, with a near plane at minus infinity: no w is rejected."""
     pair = dataclasses.replace(images.pair, prev_near=-np.inf)
     return reproject(pair, images.current["position"].astype(np.float64))
 
 
-@demo(
-    3,
-    "behind",
-    "Why w <= 0 must be tested before dividing",
-    idea="Reprojection ends with a division by w, the depth along the view axis. A point behind the previous camera "
-    "has a negative w, and the division mirrors it through the image center, well inside the image. After the "
-    "division it looks like any visible point, so w must be tested first.",
-    look_for=(
-        "Bottom left: without the test every pixel has history, although the camera turned by 180 degrees.",
-        "The false history is the previous image upside down.",
-        "Bottom right: with the test no pixel is reused.",
-    ),
-    question=Question(
-        "The camera turns by 180 degrees between two frames: nothing that it sees now was in the previous "
-        "image. For which share of the pixels does reprojection without the test of w find a history?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening((Reason.BEHIND, Reason.OUTSIDE)),
-    scene=scene,
-    see_also=(("the self-test cases turn-180 and w-exactly-zero", "hard-cases.md"),),
-)
+OPENING = Opening((Reason.BEHIND, Reason.OUTSIDE))
+
+
 def run(stage: Stage) -> Result:
+    """History of a turn by 180 degrees, with and without the test of w."""
     lit = stage.pair(scene(), columns=("frustum", "color"))
-    naive = without_the_test(stage)
+    naive = without_the_test(stage.bench.pair(scene()))
     reused_naive, reused = ~(naive.behind | naive.outside), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
-    cell = max(stage.size[0] // 60, 1)
     last = lit.before["color"][..., :3]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     sheet.panel(0, 0, last, "previous frame")
     sheet.panel(1, 0, lit.now["color"][..., :3], "current frame: the camera turned by 180°")
     false = reprojected(last, naive.motion_px, reused_naive)
     text = f"{100 * reused_naive.mean():.1f} % reused, all wrong"
-    untested = checkerboard(np.nan_to_num(false), ~reused_naive, cell)
+    untested = checkerboard(np.nan_to_num(false), ~reused_naive, stage.cell)
     sheet.panel(0, 1, untested, "history without the test of w", text)
     real = reprojected(last, lit.motion, reused)
     text = f"{100 * reused.mean():.1f} % reused, {lit.percent(Reason.BEHIND):.1f} % behind camera"
-    sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, cell), "history with the test of w: none", text)
+    sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, stage.cell), "history with the test of w: none", text)
     sheet.legend([("checkerboard: no history", CHECKER)])
     mirror = pixel_grid(stage.size)[::-1]  # row r reads row h - 1 - r of its own column
     error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[reused_naive].max()
     turn = "(x, y, -1) rotated by 180° is (-x, y, 1); divided by w = -1 it is (x, -y): always in the image"
     findings = (
-        Finding(100.0 * float(reused_naive.mean()), "%", "of the pixels are wrongly reused without the test of w",
+        Finding(percent(reused_naive), "%", "of the pixels are wrongly reused without the test of w",
                 Expected.near(100.0, 0.0, turn)),
-        Finding(100.0 * float(reused.mean()), "%", "of the pixels are reused with the test of w",
+        Finding(percent(reused), "%", "of the pixels are reused with the test of w",
                 Expected.near(0.0, 0.0, "no visible point was in front of the previous camera")),
         Finding(float(error), "px", "is the largest distance of the false history from the mirrored position",
                 Expected.between(0.0, 0.01, "(x, -y) again, in float32 at coordinates of some hundreds", 3), 4),
     )  # fmt: skip
     caption = "Top: two frames, rotated by 180°. Bottom: reprojected history without and with the test of w."
-    screens = Screens(as_bytes(untested), "History without the test of w.")
-    return Result(findings, sheet, caption, _angle(stage, last, cell), screens=screens)
+    screens = Screens(untested, "History without the test of w.")
+    return Result(findings, sheet, caption, _angle(stage, last), screens=screens)
 
 
-def _angle(stage: Stage, before: Array, cell: int) -> Parameter:
+def _angle(stage: Stage, before: Array) -> Parameter:
     """The angle of the turn: history without the test, from the previous image ``before`` (h, w, 3)."""
-    images, wrong, theoretical = [], [], []
-    for angle in ANGLES:
+
+    def at(angle: float) -> tuple[Array, float, float, float]:
         pair = stage.bench.pair(scene(), (0.0, angle / 180.0))
-        position = pair.current["position"].astype(np.float64)
-        naive = reproject(dataclasses.replace(pair.pair, prev_near=-np.inf), position)
+        naive = without_the_test(pair)
         reused = ~(naive.behind | naive.outside)
-        false = reused & reproject(pair.pair, position).behind
+        false = reused & reproject(pair.pair, pair.current["position"].astype(np.float64)).behind
         history = np.nan_to_num(reprojected(before, naive.motion_px, reused))
-        images.append(as_bytes(checkerboard(history, ~reused, cell)))
-        wrong.append(100.0 * float(false.mean()))
         # The directions d whose opposite -d the previous camera saw.
-        turned = -math3d.mat3_from_quat(turn_y(angle))
-        outside, slack = theory.frustum_share(turned, YFOV, stage.size)
-        theoretical.append((100.0 - outside, 2.0 * slack))
-    shares, slacks = zip(*theoretical)
-    return Parameter(
-        "angle of the turn", "°", tuple(map(float, ANGLES)), "of the pixels are wrongly reused without the test of w",
-        "%", tuple(wrong), shares, slacks,
-        "area of the polygon of directions whose opposite the previous camera saw; ± the pixels on its edge, "
+        outside, slack = theory.frustum_share(-math3d.mat3_from_quat(turn_y(angle)), YFOV, stage.size)
+        return checkerboard(history, ~reused, stage.cell), percent(false), 100.0 - outside, 2.0 * slack
+
+    return swept(
+        "angle of the turn", "°", ANGLES, at, start=180.0, number_unit="%",
+        meaning="of the pixels are wrongly reused without the test of w",
+        source="area of the polygon of directions whose opposite the previous camera saw; ± the pixels on its edge, "
         "which at 180° are the outermost of the image",
-        start=len(ANGLES) - 1, images=tuple(images), note="History without the test of w; checkerboard: none.",
+        note="History without the test of w; checkerboard: none.",
     )  # fmt: skip

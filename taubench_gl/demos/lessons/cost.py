@@ -12,13 +12,12 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
-from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries
+from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
+from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, scene, walls
+from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Stage
 from taubench_gl.evaluation import open_session
 from taubench_gl.report.plot import pareto_steps
-from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 Size = tuple[int, int]
@@ -34,17 +33,12 @@ FACETS = 0.003  # pp: the rendered ball has 64 x 128 facets inside the sphere
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A measured configuration; ``milliseconds``: of a frame."""
+    """A measured configuration: its share of discarded pixels, percent, and the median milliseconds of a frame."""
 
     scale: float
     samples: int
     percent: float
     milliseconds: float
-
-
-def scene() -> Scene:
-    """The moving ball of demo 2: its masks have a closed form at any resolution."""
-    return moving_ball()
 
 
 def discarded(size: Size, pair: int) -> Array:
@@ -65,6 +59,12 @@ def exact_percent(size: Size) -> float:
     return 100.0 * float(np.mean([discarded(fine, pair).mean() for pair in range(int(FPS))]))
 
 
+def scaled(size: Size, scale: float) -> Size:
+    """``size`` (width, height) times ``scale``, in whole pixels, at least 1."""
+    width, height = (max(1, round(side * scale)) for side in size)
+    return width, height
+
+
 def slack(size: Size, samples: int = 1) -> float:
     """Tolerance of the share counted with ``samples`` per pixel, pp: six standard deviations.
 
@@ -76,51 +76,29 @@ def slack(size: Size, samples: int = 1) -> float:
     return 600.0 * deviation / (samples * size[0] * size[1]) + FACETS
 
 
-@demo(
-    11,
-    "cost",
-    "Accuracy against time",
-    idea="Every number here is measured with pixels, and pixels cost time. Fewer pixels are faster and less exact; "
-    "several samples per pixel are slower and more exact. The configurations that no other one beats in both form "
-    "the Pareto front. Along it, each further digit costs more time than the one before.",
-    look_for=(
-        "Top: the same edge of the same mask with a sixteenth, a quarter and all of the pixels.",
-        "Below: each dot is one configuration: its error against the exact area of the mask, and its time here.",
-        "The line is the Pareto front: no dot lies to the left of it and below.",
-    ),
-    question=Question(
-        "A mask is counted with a sixteenth of the pixels: a quarter of the width and of the height. By how "
-        "many percentage points does its share differ from the exact area?",
-        0.0,
-        1.0,
-    ),
-    opening=Opening((Reason.POSITION,), frame=2, settings={"fps": FPS}),
-    scene=scene,
-    see_also=(
-        ("what light costs: the command cost", "commands/cost.md"),
-        ("cost studies", "cost.md"),
-    ),
-)
+OPENING = Opening((Reason.POSITION,), frame=2, settings={"fps": FPS})
+
+
 def run(stage: Stage) -> Result:
+    """The error and the time of each configuration."""
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
     sheet = Sheet(3, 1, size[0] / size[1], below=360)
-    details, masks = [], []
+    details, masks = {}, []
     for place, scale in enumerate(SCALES):
-        w, h = (max(1, round(side * scale)) for side in size)
+        w, h = scaled(size, scale)
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         masks.append(drawn)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
-        details.append(scaled_to(part, (size[1] // 3, size[0] // 3)))
+        details[scale] = scaled_to(part, (size[1] // 3, size[0] // 3))
         text = f"error {error_at(points, scale, exact):.3f} pp"
         sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail", text)
     _front(sheet, points, exact)
     sheet.legend(reason_entries(Reason.POSITION))
     findings = []
-    small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
     for (scale, samples), meaning, bound in (
-        ((0.25, 1), "at a quarter of the width and height", slack(small)),
+        ((0.25, 1), "at a quarter of the width and height", slack(scaled(size, 0.25))),
         ((1.0, 1), "at full size, one sample per pixel", slack(size)),
         ((1.0, 16), "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
     ):
@@ -131,28 +109,22 @@ def run(stage: Stage) -> Result:
         expected = Expected.between(-np.inf, bound, source, 3)
         findings.append(Finding(error, "pp", f"is the error {meaning}", expected, 4))
     caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
-    parameter = Parameter(
-        "resolution", "%", tuple(100.0 * scale for scale in SCALES), "is the error of the share", "pp",
-        tuple(error_at(points, scale, exact) for scale in SCALES), (0.0,) * len(SCALES),
-        tuple(slack((max(1, round(size[0] * s)), max(1, round(size[1] * s)))) for s in SCALES),
-        "each of the samples on an edge is wrong by up to half a sample at random; 6 deviations", images=tuple(details),
-        note="The same detail of the mask. Blue: discarded by position.", digits=3,
+    parameter = swept(
+        "resolution", "%", tuple(100.0 * scale for scale in SCALES),
+        lambda p: (details[p / 100], error_at(points, p / 100, exact), 0.0, slack(scaled(size, p / 100))),
+        start=100.0 * SCALES[0], meaning="is the error of the share", number_unit="pp", digits=3,
+        source="each of the samples on an edge is wrong by up to half a sample at random; 6 deviations",
+        note="The same detail of the mask. Blue: discarded by position.",
     )  # fmt: skip
     screens = Screens(masks[0], "The mask with a sixteenth of the pixels. Blue: discarded by position.")
     return Result(tuple(findings), sheet, caption, parameter, screens=screens)
-
-
-def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
-    """``image`` (h, w, 3) with the nearest pixels at ``shape`` = (height, width)."""
-    rows, columns = (np.arange(n) * m // n for n, m in zip(shape, image.shape[:2]))
-    return image[rows][:, columns]
 
 
 def measured(stage: Stage) -> list[Point]:
     """The mean percentage of every configuration, and the median time of a frame in REPEATS turns of all frames."""
     ball, points = scene(), []
     for scale, samples in CONFIGURATIONS:
-        w, h = (max(1, round(side * scale)) for side in stage.size)
+        w, h = scaled(stage.size, scale)
         settings = stage.settings(
             fps=FPS, columns=("frustum", "position"), width=w, height=h, samples_per_pixel=samples
         )
@@ -168,11 +140,12 @@ def measured(stage: Stage) -> list[Point]:
 
 
 def error_at(points: list[Point], scale: float, exact: float, samples: int = 1) -> float:
-    """Percentage points."""
+    """The error of a configuration, ``scale`` and ``samples`` per pixel, against the ``exact`` share, pp."""
     return abs(next(p.percent for p in points if (p.scale, p.samples) == (scale, samples)) - exact)
 
 
 def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
+    """Plot error against time, with the Pareto front and a numbered list of the configurations beside it."""
     axes = sheet.plot(
         96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
         xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
@@ -194,7 +167,7 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
 
 
 def _number(axes: Any, dots: list[tuple[float, float]]) -> None:
-    """Numbers on the dots, and beside dots that overlap."""
+    """Write the number of each dot on it, or beside it where dots overlap."""
     axes.get_xlim(), axes.get_ylim()  # fixes the limits, which the positions depend on
     places = 72.0 / axes.figure.dpi * axes.transData.transform(dots)
     for i, (dot, (dx, dy)) in enumerate(zip(dots, beside(places, DOT_PT)), start=1):
@@ -225,5 +198,5 @@ def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
 
 
 def _name(point: Point) -> str:
-    """``50 %, 4 samples``: resolution, samples per pixel."""
+    """A configuration in words, resolution and samples per pixel: ``50 %, 4 samples``."""
     return f"{100 * point.scale:g} %, {point.samples} sample{'s' if point.samples > 1 else ''}"

@@ -6,24 +6,11 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, with_value
-from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
-from taubench_gl.demos.lessons.thresholds import scene as keys
-from taubench_gl.demos.sheet import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    Sheet,
-    gray_image,
-    heat,
-    overlay,
-    painted,
-    reason_entries,
-    rgb,
-)
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, swept, with_value
+from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances, scene
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, gray_image, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import LitPair, Stage
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
-from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 
@@ -72,31 +59,11 @@ def curve_at(distance: Array, threshold: float, bits: int) -> float:
     return float(np.interp(threshold, edges(bits), discarded_above(counts)))
 
 
-def scene() -> Scene:
-    """The keys of demo 9: each moves by its own step, 1 cm to 128 cm."""
-    return keys()
+OPENING = Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0})
 
 
-@demo(
-    12,
-    "counting",
-    "Float32 sums and coarse histograms",
-    idea="A table is a sum of pixel counts, and a curve is a histogram of distances. Both are easy to get wrong: a "
-    "large float32 sum ignores single pixels and rounds every pair of a long run, and a coarse "
-    "histogram cannot tell a threshold from its neighbors. Runs count in exact integers, with 8 bins per octave.",
-    look_for=(
-        "Bottom left: the float32 sum is exact up to 2^24 pixels; its error changes where its steps double.",
-        "The compensated float32 sum stays below one rounding error, 2^-24; the integer sum is exact.",
-        "Bottom right: at the dashed threshold the curve with 1 bin per octave is too high: no key moved that far.",
-    ),
-    question=Question(
-        "A float32 number counts the discarded pixels one by one. At how many million does it stop growing?", 0.0, 40.0
-    ),
-    opening=Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0}),
-    scene=scene,
-    see_also=(("what a run records", "formats.md"),),
-)
 def run(stage: Stage) -> Result:
+    """An hour of one pair summed in float32, and one curve from histograms of three widths."""
     pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
                       shadow_lights=0)  # fmt: skip
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
@@ -116,24 +83,28 @@ def run(stage: Stage) -> Result:
 
 
 def _threshold(pair: LitPair, moved: Array) -> Parameter:
-    """The threshold that the coarse curve is read at; theory is the count of the pixels themselves."""
-    thresholds, start = with_value(np.geomspace(0.02, 1.0, 40), THRESHOLD)
-    values = tuple(map(float, thresholds))
-    exact = [100.0 * float((moved > value).mean()) for value in values]
-    read = tuple(100.0 * curve_at(moved, value, COARSE) / moved.size for value in values)
-    low = edges(COARSE)[np.searchsorted(edges(COARSE), values, side="right") - 1]
-    inside = [100.0 * float(((moved >= a) & (moved < 2.0 * a)).mean()) for a in low]
-    gray = gray_image(pair)
-    images = tuple(painted(gray / 255.0, (moved > value, rgb(Reason.POSITION))) for value in values)
-    return Parameter(
-        "position threshold", "m", values, "of the pixels by the curve with 1 bin per octave", "%", read, tuple(exact),
-        tuple(share + 1e-9 for share in inside), "the pixels above the threshold; ± all pixels of its bin",
-        start=start, images=images,
-        note="Blue: the pixels above the threshold.",
+    """The threshold at which the coarse curve is read; its theory is the count of the pixels themselves.
+
+    ``moved`` (h, w): distance between the surface points of both frames, meters.
+    """
+    values, _ = with_value(np.geomspace(0.02, 1.0, 40), THRESHOLD)
+    gray = gray_image(pair) / 255.0
+
+    def at(value: float) -> tuple[Array, float, float, float]:
+        low = edges(COARSE)[np.searchsorted(edges(COARSE), value, side="right") - 1]
+        image = painted(gray, (moved > value, rgb(Reason.POSITION)))
+        inside = percent((moved >= low) & (moved < 2.0 * low))
+        return image, 100.0 * curve_at(moved, value, COARSE) / moved.size, percent(moved > value), inside + 1e-9
+
+    return swept(
+        "position threshold", "m", values, at, start=THRESHOLD, number_unit="%",
+        meaning="of the pixels by the curve with 1 bin per octave",
+        source="the pixels above the threshold; ± all pixels of its bin", note="Blue: the pixels above the threshold.",
     )  # fmt: skip
 
 
 def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
+    """What float32 sums of an hour make of a pair in which ``discarded`` of ``pixels`` are discarded."""
     limit = int(plain_sums(np.ones((1 << 24) + 1000))[-1])
     plain = 100.0 * float(plain_sums(np.full(PAIRS, discarded))[-1]) / float(plain_sums(np.full(PAIRS, pixels))[-1])
     rounded = 100.0 * rounded_sum(discarded, PAIRS) / rounded_sum(pixels, PAIRS)
@@ -149,6 +120,7 @@ def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
 
 
 def _curve_findings(stage: Stage, moved: Array, discarded: int) -> tuple[Finding, ...]:
+    """The errors of curves at THRESHOLD, from ``moved`` (h, w), against the count ``discarded`` of the mask."""
     low, high = 0.125, 0.25  # the edges around THRESHOLD with 1 bin per octave
     expected = distances(stage.size)
     inside = (expected >= low) & (expected < high)
@@ -165,6 +137,7 @@ def _curve_findings(stage: Stage, moved: Array, discarded: int) -> tuple[Finding
 
 
 def _plot_sums(sheet: Sheet, term: int) -> None:
+    """Plot the relative errors of sums of 1 to PAIRS times ``term``."""
     axes = sheet.plot(
         110, sheet.grid_bottom + 46, 500, 230, xscale="log", yscale="log", xlabel="pairs", ylabel="relative error",
         title="Sum of the discarded pixels over an hour", ylim=(1e-10, 1.0),
@@ -182,6 +155,7 @@ def _plot_sums(sheet: Sheet, term: int) -> None:
 
 
 def _plot_curves(sheet: Sheet, moved: Array) -> None:
+    """Plot the share above each threshold, from histograms of ``moved`` (h, w) with three widths of bins."""
     top = 100.0 * np.mean(moved >= STEPS_CM[0] / 200.0)
     axes = sheet.plot(
         740, sheet.grid_bottom + 46, 510, 230, xscale="log", xlim=(0.02, 2.0), ylim=(0, 1.08 * top),

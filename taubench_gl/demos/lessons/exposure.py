@@ -6,8 +6,8 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import Sheet, as_bytes, heat, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.sheet import Sheet, heat, overlay, painted, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.evaluation import resolve_lighting
 from taubench_gl.evaluation.exposure import METERED_FRAMES, METERED_SIZE
@@ -53,43 +53,23 @@ def expected_exposure() -> float:
 
 
 def change(size: Size) -> Array:
-    """Change of direct light, the norm of R, G and B, before the exposure.  (h, w)."""
+    """The change of direct light between the frames, the norm of R, G and B, with an exposure of 1.  (h, w) cd/m2."""
     return np.sqrt(3.0) * np.abs(wall_radiance(size, PLACES[1]) - wall_radiance(size, PLACES[0]))
 
 
-@demo(
-    14,
-    "exposure",
-    "Light units and exposure",
-    idea="Files give lights in candela, so radiance is in cd/m2: tens for a lamp in a room, thousands outdoors. A "
-    "threshold is a number without such a unit. It compares radiance times exposure, and the exposure decides what "
-    "counts as a change. It is metered once, so that the average of a scene is middle gray, whatever its lights are.",
-    look_for=(
-        "Top left: with an exposure of 1 a lamp of 100 cd makes the wall white, and most pixels count as changed.",
-        "Top right: with the metered exposure the wall is gray, and discarded is where the light changed visibly.",
-        "The plot: the discard rate depends on the exposure as much as on the scene. The line is a closed form.",
-    ),
-    question=Question(
-        "A lamp of 100 candela hangs 1 m in front of a wall that reflects 80 %. Which luminance does the "
-        "brightest point of the wall have?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening(SHOWN, settings={"exposure": "auto"}),
-    scene=scene,
-    see_also=(("units and exposure", "light.md"),),
-)
+OPENING = Opening(SHOWN, settings={"exposure": "auto"})
+
+
 def run(stage: Stage) -> Result:
+    """The luminance of a wall, the metered exposure, and the discard rate with and without it."""
     columns = ("frustum", "direct")
-    metered = float(
-        resolve_lighting(
-            scene(), stage.settings(columns=columns, frames=(0, 2), exposure="auto")
-        ).settings.lighting.exposure_factor
-    )
+    automatic = stage.settings(columns=columns, frames=(0, 2), exposure="auto")
+    metered = float(resolve_lighting(scene(), automatic).settings.lighting.exposure_factor)
     bright = stage.pair(scene(), columns=columns)
     gray = stage.pair(scene(), columns=columns, exposure=metered)
     watt = stage.pair(scene(), columns=columns, light_unit="watt")
-    luminance, radiance = bright.now["direct"][..., 0].astype(np.float64), wall_radiance(stage.size, PLACES[1])
+    luminance = bright.now["direct"][..., 0].astype(np.float64)
+    most, brightest = float(luminance.max()), float(wall_radiance(stage.size, PLACES[1]).max())
     parameter = _exposure(stage, bright.before["direct"], bright.now["direct"], metered)
     sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=330)
     for place, (pair, factor, name) in enumerate(((bright, 1.0, "exposure 1"), (gray, metered, "metered exposure"))):
@@ -100,8 +80,8 @@ def run(stage: Stage) -> Result:
     sheet.legend(reason_entries(*SHOWN))
     ratio = float(np.median(luminance / watt.now["direct"][..., 0]))
     findings = (
-        Finding(float(luminance.max()), "cd/m2", "is the luminance of the brightest pixel",
-                Expected.near(float(radiance.max()), 0.005 * float(radiance.max()),
+        Finding(most, "cd/m2", "is the luminance of the brightest pixel",
+                Expected.near(brightest, 0.005 * brightest,
                               "Lambert's law: albedo intensity / (pi distance^2); ± 0.5 %")),
         Finding(ratio, "", "is the ratio of radiance in candela to that in watt",
                 Expected.near(LUMENS_PER_WATT, 0.01, "683 lumens per watt, as Blender's exporter writes")),
@@ -116,35 +96,38 @@ def run(stage: Stage) -> Result:
     caption = (
         "A lamp moves in front of a wall: the mask of direct light with two exposures, and the discard rate of all."
     )
-    most = float(luminance.max())
-    screens = Screens(as_bytes(heat(luminance, most)), f"Luminance, from 0 (dark) to {most:.1f} cd/m2 (bright).")
+    screens = Screens(heat(luminance, most), f"Luminance, from 0 (dark) to {most:.1f} cd/m2 (bright).")
     return Result(findings, sheet, caption, parameter, screens=screens)
 
 
 def _share(region: Array) -> Expected:
+    """The share of the pixels in a region (h, w) bool of the closed form, percent."""
     return Expected.share(region, "closed form; ± half of the pixels on its edge")
 
 
 def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
-    """The exposure, in stops around 1.  ``before``, ``now``: direct light (h, w, >= 3)."""
+    """The exposure in stops around 1: the share that it discards.
+
+    ``before``, ``now``: direct light (h, w, >= 3) of both frames, cd/m2; ``metered``: the exposure shown first.
+    """
     moved = np.linalg.norm(now[..., :3].astype(np.float64) - before[..., :3], axis=-1)
-    images, shares, expected = [], [], []
-    for stop in STOPS:
+
+    def at(stop: float) -> tuple[Array, float, float, float]:
         region = moved * 2.0**stop > DEFAULT_THRESHOLD
         image = display_color(now[..., :3].astype(np.float64), 2.0**stop)
-        images.append(as_bytes(painted(image, (region, rgb(Reason.DIRECT)), strength=0.45)))
-        shares.append(100.0 * float(region.mean()))
-        expected.append(_share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD))
-    return Parameter(
-        "exposure", "stops", STOPS, "of the pixels are discarded", "%", tuple(shares),
-        tuple(0.5 * (e.low + e.high) for e in expected), tuple(0.5 * (e.high - e.low) + 1e-9 for e in expected),
-        "closed form; ± half of the pixels on the edges",
-        start=int(np.argmin(np.abs(np.array(STOPS) - np.log2(metered)))),
-        images=tuple(images), note="0 stops: exposure 1; each stop doubles it. Yellow: discarded.",
+        share = _share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD)
+        middle, slack = 0.5 * (share.low + share.high), 0.5 * (share.high - share.low)
+        return painted(image, (region, rgb(Reason.DIRECT)), strength=0.45), percent(region), middle, slack + 1e-9
+
+    return swept(
+        "exposure", "stops", STOPS, at, start=float(np.log2(metered)), meaning="of the pixels are discarded",
+        number_unit="%", source="closed form; ± half of the pixels on the edges",
+        note="0 stops: exposure 1; each stop doubles it. Yellow: discarded.",
     )  # fmt: skip
 
 
 def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> None:
+    """Plot the discard rate against the exposure, with its closed form."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 40, 1150, 220, xlabel="exposure, stops (0: radiance as it is)", ylabel="discarded, %",
         title="Discard rate of direct light", ylim=(-4, 104),

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, swept
 from taubench_gl.demos.sheet import Sheet, overlay, reason_entries
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
 
+Array = np.ndarray
 YFOV = np.radians(50.0)
 NEAR, FAR, STEP = 0.8, 3.0, 0.1
 BOARD = (0.17, 0.2)  # half width and height
@@ -32,34 +33,16 @@ def scene() -> Scene:
     return b.build()
 
 
-@demo(
-    18,
-    "eyes",
-    "History from the other eye",
-    idea="A headset draws two images of the same moment. The image of one eye can be the history of the other: between "
-    "them nothing has moved and no light has changed. What remains is parallax. Each eye sees a part of the "
-    "background that an edge hides from the other, and a part of the image ends earlier in the other.",
-    look_for=(
-        "The left eye sees a strip of the wall beside the board that the right eye does not see.",
-        "The board moves, so the last frame has no history on its other side. The other eye is not affected.",
-        "With either history, nearly every pixel can be reused: the two strips lie on different sides.",
-    ),
-    question=Question(
-        "The eyes of a headset are 64 mm apart. A board is 0.8 m away, a wall behind it 3 m. The image is 50 degrees "
-        "high. How many pixels wide is the strip of the wall that the left eye sees and the board hides from the "
-        "right eye?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OUTSIDE), settings={"history": "eye", "eyes": EYES}),
-    scene=scene,
-    see_also=(("the other eye", "conventions.md"),),
-)
+OPENING = Opening((Reason.DISOCCLUDED, Reason.OUTSIDE), settings={"history": "eye", "eyes": EYES})
+
+
 def run(stage: Stage) -> Result:
+    """The masks of the left eye with the history of the other eye, of the last frame, and of both."""
     eye, frame, both = (stage.pair(scene(), columns=COLUMNS, history=h, eyes=EYES) for h in ("eye", "frame", "both"))
     converged = stage.pair(scene(), columns=COLUMNS, history="eye", eyes=EYES, convergence=FAR)
-    height = stage.size[1]
-    sheet = Sheet(3, 2, stage.size[0] / height)
+    focal = focal_px(YFOV, stage.size[1])
+    parallax = focal * EYES * (1 / NEAR - 1 / FAR)
+    sheet = Sheet(3, 2, stage.size[0] / stage.size[1])
     images = (eye.now, "the left eye"), (eye.before, "the right eye"), (frame.before, "the left eye, one frame before")
     for place, (channels, title) in enumerate(images):
         sheet.panel(place, 0, channels["color"][..., :3], title)
@@ -68,24 +51,20 @@ def run(stage: Stage) -> Result:
         text = f"{100.0 - pair.percent(Reason.POSITION | Reason.OUTSIDE):.1f} % of the pixels can be reused"
         sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"history: {title}", text)
     sheet.legend(reason_entries(*SHOWN))
-    parallax = focal_px(YFOV, height) * EYES * (1 / NEAR - 1 / FAR)
-    moved, counted = focal_px(YFOV, height) * STEP / NEAR, COUNTED
     edge = "; up to one pixel at each edge, where the nearest history pixel shows another surface"
     board = (eye.now["position"][..., 3] < 0.5 * (NEAR + FAR)) & ~eye.has(Reason.OUTSIDE)
     findings = (
         Finding(eye.row_width(Reason.DISOCCLUDED), "px", "is the strip that the board hides from the right eye",
-                Expected.near(parallax, SLACK, "parallax f b (1 / z_near - 1 / z_far)" + counted), 0),
+                Expected.near(parallax, SLACK, "parallax f b (1 / z_near - 1 / z_far)" + COUNTED), 0),
         Finding(float(-eye.motion[board][:, 0].mean()), "px", "is the board further left in the right eye",
-                Expected.near(focal_px(YFOV, height) * EYES / NEAR, 0.01, "disparity f b / z_near")),
+                Expected.near(focal * EYES / NEAR, 0.01, "disparity f b / z_near")),
         Finding(eye.row_width(Reason.OUTSIDE), "px", "of the left edge are not in the right image",
-                Expected.near(focal_px(YFOV, height) * EYES / FAR, 1.0,
-                              "disparity f b / z_far; counted at pixel centers"), 0),
+                Expected.near(focal * EYES / FAR, 1.0, "disparity f b / z_far; counted at pixel centers"), 0),
         Finding(converged.row_width(Reason.OUTSIDE), "px", "of it remain with eyes that converge at the wall",
                 Expected.near(0.0, 0.0, "f b (1 / z_far - 1 / c) is 0 at the distance c", 0), 0),
         Finding(frame.row_width(Reason.DISOCCLUDED), "px", "is the strip that the board hid in the last frame",
-                Expected.near(moved, SLACK, "motion f t / z_near" + counted), 0),
-        Finding(both.row_width(Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.OUTSIDE), "px",
-                "have neither history",
+                Expected.near(focal * STEP / NEAR, SLACK, "motion f t / z_near" + COUNTED), 0),
+        Finding(both.row_width(Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.OUTSIDE), "px", "have neither history",
                 Expected.between(0.0, 2.0, "the strips are on two sides of the board" + edge, 0), 0),
     )  # fmt: skip
     caption = "Top: both eyes, and the left one a frame earlier. Bottom: masks of the left eye with each history."
@@ -93,16 +72,16 @@ def run(stage: Stage) -> Result:
 
 
 def _distance(stage: Stage) -> Parameter:
-    """How far the eyes are apart."""
-    images, widths = [], []
-    for eyes in DISTANCES:
+    """The distance of the eyes: the width of the strip that one of them sees alone."""
+
+    def at(eyes: float) -> tuple[Array, float, float, float]:
         pair = stage.pair(scene(), columns=COLUMNS, history="eye", eyes=eyes)
-        images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
-        widths.append(pair.row_width(Reason.DISOCCLUDED))
-    return Parameter(
-        "distance of the eyes", "m", DISTANCES, "is the strip that the board hides from the right eye", "px",
-        tuple(widths), tuple(focal_px(YFOV, stage.size[1]) * eyes * (1 / NEAR - 1 / FAR) for eyes in DISTANCES),
-        (SLACK,) * len(DISTANCES), "parallax f b (1 / z_near - 1 / z_far)" + COUNTED,
-        start=DISTANCES.index(EYES), images=tuple(images), digits=0,
+        parallax = focal_px(YFOV, stage.size[1]) * eyes * (1 / NEAR - 1 / FAR)
+        return overlay(pair.mask, pair.now["color"], *SHOWN), pair.row_width(Reason.DISOCCLUDED), parallax, SLACK
+
+    return swept(
+        "distance of the eyes", "m", DISTANCES, at, start=EYES, number_unit="px", digits=0,
+        meaning="is the strip that the board hides from the right eye",
+        source="parallax f b (1 / z_near - 1 / z_far)" + COUNTED,
         note="Light blue: hidden from the right eye. Orange: not in its image.",
     )  # fmt: skip

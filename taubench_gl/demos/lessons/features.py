@@ -11,7 +11,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, threshold_parameter
 from taubench_gl.demos.sheet import Sheet, as_bytes, gray_image, inset, letter, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
 from taubench_gl.scene.builder import IDENTITY, turn, turn_x, turn_y
@@ -47,7 +47,7 @@ PANEL_SUN = np.array([-1.0, -0.35, -0.25])
 
 
 def _stage(reach: float = 5.0) -> Props:
-    """Camera, diffuse back wall and floor, ``2 reach`` wide.  A small stage has sharper shadows."""
+    """Add camera, diffuse back wall and floor, 2 ``reach`` meters wide.  A small stage has sharper shadows."""
     b = Props()
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR + 0.5 * reach, WALL))
     b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR, WALL + 0.5 * reach), rotation=turn_x(-90))
@@ -61,7 +61,8 @@ def aim(direction: Array) -> Array:
     return math3d.normalize(np.array([y, -x, 0.0, 1.0 - z]))
 
 
-def moving_ball() -> Scene:
+def scene() -> Scene:
+    """A ball that moves in front of the wall; the scene of the first panel."""
     b = _stage()
     ball = b.ball(BALL, BRICK, 64)
     b.animate(ball, "translation", TIMES, BALL_AT)
@@ -70,6 +71,7 @@ def moving_ball() -> Scene:
 
 
 def turning_fan() -> Scene:
+    """A fan that turns by half of a blade in its own plane."""
     b = _stage()
     fan = b.thing(fan_primitive(b.paint(SEA)), translation=FAN_AT)
     b.animate(fan, "rotation", TIMES, [IDENTITY, turn((0, 0, 1), 180.0 / BLADES)])
@@ -94,6 +96,7 @@ def fan_primitive(material: int, cuts: int = 8) -> Primitive:
 
 
 def moving_sun() -> Scene:
+    """A still ball, and a directional light that jumps from the right to the left."""
     b = _stage()
     b.ball(SUN_BALL, CHALK, 64, translation=SUN_AT)
     lamp = b.light(kind="directional", intensity=SUN_LUX)
@@ -102,6 +105,7 @@ def moving_sun() -> Scene:
 
 
 def appearing_wall() -> Scene:
+    """A lit red wall that appears at the side of the stage and reflects red light on it."""
     b = _stage(9.0)
     (y0, y1), (z0, z1) = PANEL["y"], PANEL["z"]
     middle = (PANEL["x"], 0.5 * (y0 + y1), 0.5 * (z0 + z1))
@@ -122,7 +126,7 @@ def walls(direction: Array) -> tuple[Array, Array]:
 
 
 def expected_ball(size: Size) -> dict[str, Array]:
-    """(a) and (b) of the moving ball: position discards by the sign of the change in distance."""
+    """The regions (a) and (b) of the moving ball: discards by position, by the sign of the change in distance."""
     rays = theory.pixel_rays(size, YFOV)
     behind, _ = walls(rays)
     before, now = (
@@ -133,7 +137,7 @@ def expected_ball(size: Size) -> dict[str, Array]:
 
 
 def expected_fan(size: Size) -> Array:
-    """(c): pixels of the disc that another blade covers now."""
+    """The region (c): pixels of the disc that another blade covers now.  (h, w) bool."""
     rays = theory.pixel_rays(size, YFOV)
     x, y = rays[..., 0] * -FAN_AT[2], rays[..., 1] * -FAN_AT[2]
     angle = np.arctan2(y, x) % (2 * np.pi)
@@ -161,7 +165,7 @@ def sun_change(size: Size) -> tuple[Array, Array]:
 
 
 def expected_sun(size: Size) -> dict[str, Array]:
-    """(d) to (g): light that comes or goes, with shadows or already without them."""
+    """The regions (d) to (g): light that comes or goes, with shadows only or already without them."""
     change, bare_change = sun_change(size)
     came, went = change > DEFAULT_THRESHOLD, change < -DEFAULT_THRESHOLD
     bare_came, bare_went = bare_change > DEFAULT_THRESHOLD, bare_change < -DEFAULT_THRESHOLD
@@ -169,7 +173,7 @@ def expected_sun(size: Size) -> dict[str, Array]:
 
 
 def expected_wall(size: Size) -> Array:
-    """(h): one bounce from the lit red wall on floor and back wall, outside the red wall itself."""
+    """The region (h): red light of one bounce on floor and back wall, outside the red wall itself.  (h, w) bool."""
     rays = theory.pixel_rays(size, YFOV)
     behind, normal = walls(rays)
     with np.errstate(divide="ignore"):
@@ -213,7 +217,8 @@ class Column:
 
 
 def _position(stage: Stage) -> Column:
-    pair = stage.pair(moving_ball(), columns=("frustum", "position", "color"))
+    """The panel of position: (a) and (b)."""
+    pair = stage.pair(scene(), columns=("frustum", "position", "color"))
     measured = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
     expected = expected_ball(pair.mask.shape[::-1])
     source = "ray intersections with ball and walls, float64"
@@ -221,6 +226,7 @@ def _position(stage: Stage) -> Column:
 
 
 def _normal(stage: Stage) -> Column:
+    """The panel of normals: (c)."""
     pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
     expected = {"c": expected_fan(pair.mask.shape[::-1])}
     source = "half of the fan: a rotation by half a blade moves each blade over half of its neighbor"
@@ -228,6 +234,7 @@ def _normal(stage: Stage) -> Column:
 
 
 def _direct(stage: Stage) -> Column:
+    """The panel of direct light: (d) to (g)."""
     columns = ("frustum", "direct", "color")
     pair = stage.pair(moving_sun(), columns=columns)
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
@@ -245,6 +252,7 @@ def _direct(stage: Stage) -> Column:
 
 
 def _indirect(stage: Stage) -> Column:
+    """The panel of indirect light: (h)."""
     pair = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, width=4 * stage.size[1] // 3,
@@ -258,30 +266,11 @@ def _indirect(stage: Stage) -> Column:
 COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _indirect)
 
 
-@demo(
-    2,
-    "features",
-    "Which feature detects which change",
-    idea="Reuse fails for different reasons, and each needs its own test. Position detects disocclusion and occlusion, "
-    "normal detects rotated surfaces, direct detects moving lights and shadows, indirect detects changes elsewhere in "
-    "the scene. A mask compares one feature of the two frames at every pixel.",
-    look_for=(
-        "Position, a and b: the pixels that the ball left have no history; those that it covers have that of the wall.",
-        "Normal, c: no point leaves its plane, yet half of the fan is shaded differently.",
-        "Direct, d to g: light that appears and disappears on the ball, and its shadow on the floor.",
-        "Indirect, h: red light on a floor that did not change.",
-    ),
-    question=Question(
-        "A ball with a radius of 75 cm moves by 1.2 m, 4 m in front of the camera. Which share of the image "
-        "does it uncover?",
-        0.0,
-        30.0,
-    ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING)),
-    scene=lambda: moving_ball(),
-    see_also=(("what the masks compare", "conventions.md"),),
-)
+OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING))
+
+
 def run(stage: Stage) -> Result:
+    """One panel per feature, with letters on the regions that it detects."""
     columns = [make(stage) for make in COLUMNS]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings = []
@@ -304,13 +293,13 @@ def run(stage: Stage) -> Result:
 
 
 def widened(image: Array, width: int) -> Array:
-    """(h, w, 3) uint8 in the middle of an image ``width`` pixels wide."""
+    """``image`` (h, w, 3) uint8 in the middle of an image that is ``width`` pixels wide."""
     left = (width - image.shape[1]) // 2
     return np.pad(image, ((0, 0), (left, width - image.shape[1] - left), (0, 0)), constant_values=251)
 
 
 def _threshold(pair: LitPair) -> Parameter:
-    """The threshold of direct light, for the light that moves."""
+    """The threshold of direct light: the share that it discards when the light moves."""
     change = np.linalg.norm(pair.now["direct"][..., :3] - pair.before["direct"][..., :3], axis=-1)
     size = change.shape[::-1]
     return threshold_parameter(

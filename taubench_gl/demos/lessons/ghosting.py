@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, rgb
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
@@ -26,7 +26,7 @@ TILE = (0.10, 0.30)
 
 
 def untested(alpha: float) -> str:
-    """An exponential moving average of the nearest history pixels."""
+    """The method that averages all history, as on the command line.  ``alpha``: weight of the new frame."""
     return f"taa_clamp@alpha={alpha}@clamping=false@weighting=false@dilate=false@filtering=nearest"
 
 
@@ -44,10 +44,9 @@ MARKER_PT = (6, 14, 9, 4)
 def scene() -> Scene:
     """An emissive ball crosses an emissive checkered wall: all radiances are known, there is no other light."""
     b = Props()
-    tiles = [b.material(base_color=(0, 0, 0, 1), emissive=(v, v, 1.15 * v), specular=0.0) for v in TILE]
+    tiles = [b.glow(v, v, 1.15 * v) for v in TILE]
     b.thing(*checkered(6.0, 4.0, (24, 16), tiles), translation=(0, 0, -6))
-    glow = b.material(base_color=(0, 0, 0, 1), emissive=GLOW, specular=0.0)
-    ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=glow))
+    ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=b.glow(*GLOW)))
     b.animate(ball, "translation", [0.0, float(FRAMES - 1)], [(-1.9, 0.25, -4.4), (1.5, -0.2, -4.4)])
     b.camera(yfov=np.radians(42.0), znear=0.05)
     return b.build()
@@ -55,7 +54,7 @@ def scene() -> Scene:
 
 @dataclass(slots=True)
 class Trail:
-    """Remaining weight of the ball in wall pixels by age: frames since the ball left the pixel."""
+    """The last image of a method, and the weight of the ball that remains in it, by frames since the ball left."""
 
     image: Array
     weights: dict[int, float]
@@ -85,30 +84,11 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
     return {int(k): float(np.median(share[age == k])) for k in np.unique(age) if k > 0}
 
 
-@demo(
-    10,
-    "ghosting",
-    "Ghosting and its prevention",
-    idea="A method that blends each frame into an exponential moving average keeps old colors: where the ball was, its "
-    "color fades over many frames. To prevent this ghosting, history must be rejected at the right pixels. A method "
-    "can clamp history to the colors around the pixel, compare positions and normals, or, with a noise-free reference, "
-    "use the paper's masks.",
-    look_for=(
-        "First image: the trail of the ball fades by 10 % per frame.",
-        "Second: clamping keeps only neighborhood colors: no ball, but blur along the edges of the tiles.",
-        "Third and fourth: where position is tested, disoccluded pixels restart without history: no ghost.",
-    ),
-    question=Question(
-        "Each new frame has a weight of 10 %, history 90 %. Which share of a bright ball is left five frames "
-        "after it has moved on?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"}),
-    scene=scene,
-    see_also=(("reuse methods", "reuse.md"), ("how they are evaluated", "reuse-evaluation.md")),
-)
+OPENING = Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), frame=FRAMES - 1, settings={"environment": "none"})
+
+
 def run(stage: Stage) -> Result:
+    """The ghost of the ball in four methods, and its decay."""
     texts = {name: text for name, (text, _, _) in METHODS.items()}
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
     images = run_methods(stage, texts | blended)
@@ -138,22 +118,26 @@ def run(stage: Stage) -> Result:
 
 
 def _weight(trails: Mapping[float, Trail]) -> Parameter:
-    """The weight of the new frame, with history that is not tested."""
-    left = tuple(100.0 * (1.0 - alpha) ** AGE for alpha in trails)
-    return Parameter(
-        "weight of the new frame", "", tuple(trails), f"of the ball's radiance remains {AGE} frames after it left", "%",
-        tuple(100.0 * trail.weights[AGE] for trail in trails.values()), left, tuple(0.01 * v + 1e-3 for v in left),
-        f"moving average: (1 - weight)^{AGE}; ± 1 % for float32", start=ALPHAS.index(ALPHA),
-        images=tuple(as_bytes(shown(trail.image)) for trail in trails.values()), note="The image after 12 frames.",
+    """The weight of the new frame: what remains of the ball in history that is not tested."""
+
+    def at(alpha: float) -> tuple[Array, float, float, float]:
+        left = 100.0 * (1.0 - alpha) ** AGE
+        return shown(trails[alpha].image), 100.0 * trails[alpha].weights[AGE], left, 0.01 * left + 1e-3
+
+    return swept(
+        "weight of the new frame", "", ALPHAS, at, start=ALPHA, number_unit="%",
+        meaning=f"of the ball's radiance remains {AGE} frames after it left",
+        source=f"moving average: (1 - weight)^{AGE}; ± 1 % for float32", note="The image after 12 frames.",
     )  # fmt: skip
 
 
 def shown(image: Array) -> Array:
-    """Linear radiance (h, w, 3) as a display color."""
+    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
     return display_color(np.maximum(image.astype(np.float64), 0.0), 1.0, "linear")
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
+    """Plot what remains of the ball against the frames since it left."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 292, xlabel="frames since the ball left", ylabel="remaining radiance, %",
         title="Decay of the ghost", ylim=(-9, 104),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FRUSTUM, Reason, Visibility
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo, threshold_parameter
-from taubench_gl.demos.sheet import Sheet, as_bytes, overlay, painted
-from taubench_gl.demos.stage import CHALK, SAND, Props, Stage
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, threshold_parameter
+from taubench_gl.demos.sheet import Sheet, gray_image, painted
+from taubench_gl.demos.stage import CHALK, SAND, Props, Stage, focal_px
 from taubench_gl.demos.theory import ground_discards, ground_distance
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.masks import pair_masks
@@ -31,73 +31,52 @@ def scene() -> Scene:
     return b.build()
 
 
-@demo(
-    13,
-    "ground",
-    "Why a disocclusion test flickers on distant ground",
-    idea="The history of a point is the nearest pixel of the previous image, up to half a pixel away. On level ground "
-    "a pixel is longer the farther away it is: beyond some distance half a pixel exceeds any fixed threshold, and the "
-    "rows where it does change in every frame. A ray to the point itself shows that nothing has hidden it. A test in "
-    "widths of a pixel on the surface keeps this history.",
-    look_for=(
-        "Left: pixels that the distance of positions discards are rows, ever denser towards the horizon.",
-        "Right: every one of these points was visible from the previous camera.",
-    ),
-    question=Question(
-        "A camera 1.6 m above level ground moves forward by 1.3 m. Nothing hides any of the ground. Which "
-        "share of the image does the default position threshold discard?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening((Reason.POSITION,), frame=2),
-    scene=scene,
-    see_also=(("rejection tests", "reject.md"),),
-)
+OPENING = Opening((Reason.POSITION,), frame=2)
+
+
 def run(stage: Stage) -> Result:
+    """The pixels of level ground that the distance of positions discards, and those that were hidden."""
     columns = ("frustum", "position", "color")
     pair = stage.evaluate(scene(), columns=columns, frames=(1, 3), extra=("prev_visibility",))[1][0]
     width, height = stage.size
     position = pair.has(FEATURE_BIT["position"])
-    bits = pair.now["prev_visibility"][..., 0]
-    ground = pair.now["position"][..., 3] > 0
-    visible = (bits & Visibility.VISIBLE) != 0
-    tests = evaluate_tests(
-        scene(), ("position", "footprint_position"), stage.settings(frames=(0, 3), columns=("frustum",))
-    ).summary["tests"]
-    rejected = {name: t["scores"]["visibility"]["false_positive_rate"] for name, t in tests.items()}
+    occluded = (pair.now["prev_visibility"][..., 0] & Visibility.OCCLUDED) != 0
+    hidden = occluded & (pair.now["position"][..., 3] > 0)
+    settings = stage.settings(frames=(0, 3), columns=("frustum",))
+    test = evaluate_tests(scene(), ("footprint_position",), settings).summary["tests"]["footprint_position"]
+    by_width = 100.0 * test["scores"]["visibility"]["false_positive_rate"]
     sheet = Sheet(2, 1, width / height)
     image = pair.now["color"][..., :3]
-    text = f"{100.0 * position.mean():.1f} % of the image"
-    sheet.panel(0, 0, painted(image, (position, DISCARDED)), "discarded by the distance of positions", text)
-    text = f"{100.0 * (ground & ~visible & ((bits & Visibility.OCCLUDED) != 0)).mean():.1f} % of the image"
-    sheet.panel(1, 0, painted(image, (ground & ((bits & Visibility.OCCLUDED) != 0), DISCARDED)), "hidden", text)
+    for place, (region, title) in enumerate(((position, "discarded by the distance of positions"), (hidden, "hidden"))):
+        text = f"{percent(region):.1f} % of the image"
+        sheet.panel(place, 0, painted(image, (region, DISCARDED)), title, text)
     sheet.legend([("discarded on the left, hidden on the right", DISCARDED)])
-    focal = 0.5 * height / np.tan(0.5 * YFOV)
+    focal = focal_px(YFOV, height)
     expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
-    hidden = 100.0 * float((ground & ((bits & Visibility.OCCLUDED) != 0)).mean())
-    by_width = 100.0 * rejected["footprint_position"]
     findings = (
-        Finding(100.0 * float(position.mean()), "% of all pixels", "are discarded by the distance of positions",
+        Finding(percent(position), "% of all pixels", "are discarded by the distance of positions",
                 Expected.near(expected, 250.0 / height,
                               "rows whose nearest row before is more than 32/255 m off; ± 2.5 rows")),
-        Finding(hidden, "% of all pixels", "were hidden from the previous camera",
+        Finding(percent(hidden), "% of all pixels", "were hidden from the previous camera",
                 Expected.between(0.0, 0.0, "nothing stands on the ground")),
         Finding(by_width, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
                 Expected.between(0.0, 500.0 / height, "half a pixel is less than one; 2.5 rows at the horizon")),
     )  # fmt: skip
-    return Result(findings, sheet, "Level ground: discarded pixels, and hidden ones.", _threshold(stage, focal))
+    caption = "Level ground: discarded pixels, and hidden ones."
+    return Result(findings, sheet, caption, _threshold(stage, gray_image(pair)))
 
 
-def _threshold(stage: Stage, focal: float) -> Parameter:
-    """The threshold of the distance of positions, meters."""
+def _threshold(stage: Stage, gray: np.ndarray) -> Parameter:
+    """The threshold of the distance of positions, meters: the share of the image that it discards.
+
+    ``gray`` (h, w, 3) uint8: the image under the marks.
+    """
     pair = stage.bench.pair(scene(), (1.0, 2.0))
     distance = pair_masks(pair.current, pair.history, pair.pair, limits(None)).distances["position"]
     distance = np.where(pair.has(FRUSTUM), 0.0, np.nan_to_num(distance))
-    color = stage.evaluate(scene(), columns=("frustum", "color"), frames=(1, 3))[1][0].now["color"]
-    gray = as_bytes(overlay(np.zeros(color.shape[:2], np.uint32), color))
-    thresholds = np.geomspace(0.03, 8.0, 40)
+    expected = ground_distance(stage.size, EYE, focal_px(YFOV, stage.size[1]), STEP)
     return threshold_parameter(
-        distance, thresholds, ground_distance(stage.size, EYE, focal, STEP), gray, DISCARDED,
+        distance, np.geomspace(0.03, 8.0, 40), expected, gray, DISCARDED,
         start=DEFAULT_THRESHOLD, name="position threshold", unit="m",
         source="distance to the ground at the nearest previous pixel; ± half of the pixels on the edges",
         note="Orange: discarded, although nothing hid them.",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
@@ -44,7 +44,7 @@ def in_half(motion: Array, bits: int = 11) -> Array:
 
 
 def texels(motion: Array) -> Array:
-    """Pixels that nearest sampling reads, (h, w, 2) int."""
+    """The pixels (x, row) that nearest sampling reads along ``motion`` (h, w, 2).  (h, w, 2) int."""
     size = motion.shape[1::-1]
     return np.floor(pixel_grid(size) + motion.astype(np.float64) + 0.5).astype(int)
 
@@ -72,28 +72,11 @@ def largest_in_blocks(values: Array) -> Array:
     return np.where(spread < 0.0, np.nan, spread)
 
 
-@demo(
-    5,
-    "half",
-    "Motion vectors in 16-bit floats",
-    idea="16-bit floats save memory, and their 11 bits of precision are enough for a color. They are not enough for "
-    "motion of many pixels: between 128 and 256 pixels the spacing is an eighth of a pixel, so fast pixels read the "
-    "wrong history pixel. Store motion in 32-bit floats, or normalized to the screen size with enough bits.",
-    look_for=(
-        "Left: terraces. The largest error doubles where the motion along an axis passes 16, 32, 64 and 128 pixels.",
-        "Right: the same as a staircase. Measured errors reach half of the spacing and never exceed it.",
-        "Drag the precision: down to 9 bits, each bit less doubles the share of pixels that read another one.",
-    ),
-    question=Question(
-        "The camera rolls by 50 degrees and motion vectors are stored as 16-bit floats. Which share of the "
-        "pixels reads another pixel of the previous frame?",
-        0.0,
-        20.0,
-    ),
-    opening=Opening((FRUSTUM,)),
-    scene=scene,
-)
+OPENING = Opening((FRUSTUM,))
+
+
 def run(stage: Stage) -> Result:
+    """The errors of motion vectors that are rounded to 16-bit floats."""
     pair = stage.pair(scene(), columns=("frustum", "color"))
     reusable = ~pair.has(FRUSTUM)
     half = in_half(pair.motion)
@@ -132,30 +115,31 @@ def run(stage: Stage) -> Result:
 
 
 def _chance(percent: float, reusable: Array) -> float:
-    """Five standard deviations of a share of the reusable pixels, percentage points."""
+    """Five standard deviations of a small share, ``percent``, of the ``reusable`` pixels (h, w), percentage points."""
     return 500.0 * float(np.sqrt(percent / 100.0 / reusable.sum()))
 
 
 def _precision(motion: Array, reusable: Array) -> Parameter:
-    """The bits of precision of a motion vector."""
-    images, shares, laws = [], [], []
-    for bits in BITS:
-        other = reusable & (texels(in_half(motion, bits)) != texels(motion)).any(axis=-1)
-        image = np.where(other[..., None], np.array(WRONG), np.where(reusable[..., None], np.array(RIGHT), 219))
-        images.append(as_bytes(image / 255.0))
-        shares.append(100.0 * float(other.sum() / reusable.sum()))
-        laws.append(law(motion[reusable], bits))
-    return Parameter(
-        "precision", "bits", tuple(map(float, BITS)), "of the reusable pixels read another pixel", "%", tuple(shares),
-        tuple(laws), tuple(_chance(value, reusable) for value in laws),
-        "half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
-        start=BITS.index(11), images=tuple(images),
+    """The bits of precision: the share of the pixels that read another pixel.
+
+    ``motion`` (h, w, 2): exact motion vectors, pixels; ``reusable`` (h, w) bool: pixels that are counted.
+    """
+
+    def at(bits: float) -> tuple[Array, float, float, float]:
+        other = reusable & (texels(in_half(motion, int(bits))) != texels(motion)).any(axis=-1)
+        image = np.where(other[..., None], WRONG, np.where(reusable[..., None], RIGHT, 219)).astype(np.uint8)
+        expected = law(motion[reusable], int(bits))
+        return image, 100.0 * float(other.sum() / reusable.sum()), expected, _chance(expected, reusable)
+
+    return swept(
+        "precision", "bits", BITS, at, start=11, meaning="of the reusable pixels read another pixel", number_unit="%",
+        source="half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
         note="Orange: another pixel; dark: the same pixel; light gray: no history. 16-bit floats have 11 bits.",
     )  # fmt: skip
 
 
 def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:
-    """Errors against motion, with the largest possible error."""
+    """Plot errors against motion, both (n,) pixels, with the largest possible error."""
     left, top, width, height = sheet.place(1, 0)
     axes = sheet.plot(
         left + 66, top, width - 66, height, xlabel="motion along one axis, pixels", ylabel="error, pixels",

@@ -9,8 +9,8 @@ import numpy as np
 
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, enlarged_frames, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, enlarged, enlarged_frames, rgb
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.color import display_color
@@ -39,20 +39,18 @@ CASES: Mapping[str, tuple[Error, str]] = {
 def scene() -> Scene:
     """A bright half-plane on a dark one, both emissive; the edge goes through the center.  Nothing moves."""
     b = Props()
-    dark, bright = (b.material(base_color=(0, 0, 0, 1), emissive=(v, v, v), specular=0.0) for v in (DARK, BRIGHT))
     angle = float(np.degrees(np.arctan(SLOPE)))
-    b.thing(quad(12.0, 8.0, material=dark), translation=(0, 0, -DEPTH - 0.01))
+    b.thing(quad(12.0, 8.0, material=b.glow(DARK)), translation=(0, 0, -DEPTH - 0.01))
     lean = np.radians(angle)
     middle = 6.0 * np.array([np.cos(lean), -np.sin(lean), 0.0]) + [0, 0, -DEPTH]
-    b.thing(quad(6.0, 12.0, material=bright), translation=middle, rotation=turn((0, 0, 1), -angle))
-    camera = b.camera(yfov=YFOV, znear=0.05)
-    b.animate(camera, "translation", [0.0, FRAMES - 1.0], [(0, 0, 0), (0, 0, 0)])
+    b.thing(quad(6.0, 12.0, material=b.glow(BRIGHT)), translation=middle, rotation=turn((0, 0, 1), -angle))
+    b.still_camera(YFOV, FRAMES - 1.0)
     return b.build()
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Where an edge is, and its standard deviation.  Pixels; ``shift``: to the right of the true edge."""
+    """Where an edge is: pixels to the right of the true edge, and its standard deviation in pixels."""
 
     shift: float
     sigma: float
@@ -114,30 +112,11 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
     return images
 
 
-@demo(
-    16,
-    "jitter",
-    "What a wrong jitter does",
-    idea="Temporal antialiasing moves the samples of each frame by a part of a pixel, the jitter. Motion vectors must "
-    "not contain it: where a surface was is a matter of the surface, not of the samples. If it stays in, or is removed "
-    "with the wrong sign, history is resampled between pixels in every frame although nothing moves.",
-    look_for=(
-        "First image: correct. The edge is spread over about a pixel and stands still.",
-        "Second and third: every frame blurs history a little more, and the edge shakes with the jitter.",
-        "Fourth: jitter removed from one frame only. The offsets do not add up to zero, so the edge is shifted.",
-        "The plot: profiles across the edge, their spread (standard deviation) predicted from the offsets alone.",
-    ),
-    question=Question(
-        "A still image is accumulated with a weight of 10 % for the new frame, and the jitter stays in the "
-        "motion vectors. How many pixels is the standard deviation of a sharp edge then?",
-        0.0,
-        4.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"environment": "none"}),
-    scene=scene,
-    see_also=(("the frames that reuse methods get", "reuse.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
+
+
 def run(stage: Stage) -> Result:
+    """The spread and the shift of an edge, with right and with wrong motion vectors."""
     weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
     cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
     images = accumulated(stage, cases | weights)
@@ -146,7 +125,7 @@ def run(stage: Stage) -> Result:
     width, height = stage.size
     side = (32, 18)
     part = (width // 2 - side[0] // 2, height // 2 - side[1] // 2, *side)
-    details = {name: as_bytes(enlarged(shown(image), *part)) for name, image in images.items()}
+    details = {name: enlarged(shown(image), *part) for name, image in images.items()}
     sheet = Sheet(4, 1, width / height, below=400, legend=False)
     for place, name in enumerate(CASES):
         text = f"spread {spreads[name].sigma:.2f} px, shift {spreads[name].shift:+.2f} px"
@@ -171,11 +150,12 @@ def run(stage: Stage) -> Result:
         f"A sharp edge after {FRAMES} jittered frames of a still scene, {side[0]} x {side[1]} pixels, and its profile."
     )
     colors = {name: rgb(color) for name, (_, color) in CASES.items()}
-    parameter = Parameter(
-        "weight of the new frame", "", ALPHAS, "is the spread of the edge with jitter in the motion vectors", "px",
-        tuple(spreads[name].sigma for name in weights), tuple(theory[name].sigma for name in weights),
-        tuple(0.03 * theory[name].sigma for name in weights), f"{source}; ± 3 %", start=ALPHAS.index(ALPHA),
-        images=tuple(details[name] for name in weights), note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
+    names = dict(zip(ALPHAS, weights))
+    parameter = swept(
+        "weight of the new frame", "", ALPHAS,
+        lambda a: (details[names[a]], spreads[names[a]].sigma, theory[names[a]].sigma, 0.03 * theory[names[a]].sigma),
+        start=ALPHA, meaning="is the spread of the edge with jitter in the motion vectors", number_unit="px",
+        source=f"{source}; ± 3 %", note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
     )  # fmt: skip
     pair = stage.pair(scene(), columns=("frustum", "color"), environment="none")
     text = f"After {FRAMES} frames with jitter in the motion vectors, enlarged."
@@ -184,6 +164,7 @@ def run(stage: Stage) -> Result:
 
 
 def _near(value: float, source: str) -> Expected:
+    """The range ``value`` ± 3 %."""
     return Expected.near(value, 0.03 * value, source)
 
 
@@ -193,11 +174,12 @@ def profile_image(image: Array) -> Array:
 
 
 def shown(image: Array) -> Array:
+    """Linear radiance (h, w, 3) as a display color, (h, w, 3) in [0, 1]."""
     return display_color(image, 1.0, "linear")
 
 
 def _plot(sheet: Sheet, images: Mapping[str, Array], spreads: Mapping[str, Spread]) -> None:
-    """The profile across the edge: all rows, by their distance from the true edge."""
+    """Plot the profile across the edge of each image: all rows, by their distance from the true edge."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 44, 1150, 292, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
         title="Profile across the edge, all rows", xlim=(-5, 5), ylim=(-0.05, 1.05),

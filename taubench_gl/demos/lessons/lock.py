@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Result, Screens, swept
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, enlarged_frames, note
 from taubench_gl.demos.stage import Props, Stage
 from taubench_gl.metrics.color import display_color
@@ -32,13 +32,16 @@ METHODS = {"with locks": "fsr2-class", "without locks": "fsr2-class@thin_ratio=4
 def scene(width: float = WIDTH) -> Scene:
     """A dark wall and a brighter slanted line, ``width`` pixels of OUTPUT wide, both emissive.  Nothing moves."""
     b = Props()
-    dark, bright = (b.material(base_color=(0, 0, 0, 1), emissive=(v, v, v), specular=0.0) for v in (DARK, BRIGHT))
     lean = float(np.arctan(SLOPE))
-    b.thing(quad(12.0, 8.0, material=dark), translation=(0, 0, -DEPTH - 0.01))
+    leaning = turn((0, 0, 1), -np.degrees(lean))
+    b.thing(quad(12.0, 8.0, material=b.glow(DARK)), translation=(0, 0, -DEPTH - 0.01))
     half = 0.5 * width * np.cos(lean) * DEPTH / (0.5 * OUTPUT[1] / np.tan(0.5 * YFOV))
-    b.thing(quad(half, 12.0, material=bright), translation=(0, 0, -DEPTH), rotation=turn((0, 0, 1), -np.degrees(lean)))
-    camera = b.camera(yfov=YFOV, znear=0.05)
-    b.animate(camera, "translation", [0.0, float(START + PERIOD)], [(0, 0, 0), (0, 0, 0)])
+    b.thing(
+        quad(half, 12.0, material=b.glow(BRIGHT)),
+        translation=(0, 0, -DEPTH),
+        rotation=leaning,
+    )
+    b.still_camera(YFOV, START + PERIOD)
     return b.build()
 
 
@@ -82,40 +85,20 @@ def raw_flicker(width: float) -> float:
     return 100.0 * float(np.sqrt((1.0 - share) / share))
 
 
-@demo(
-    17,
-    "lock",
-    "What an upscaler's lock keeps",
-    idea="An upscaler of FSR 2's kind renders a quarter of the pixels and collects the others over jittered frames. "
-    "A line thinner than a pixel is met by a sample only now and then. In the frames between, rectification finds no "
-    "such color nearby and removes the line from history. A lock keeps the history of thin features.",
-    look_for=(
-        "Top: the same line after 96 frames, with and without locks, and the mean light of the line that is left.",
-        "Without locks the line is gone although samples of it arrive in every frame somewhere.",
-        "The plot: thin lines depend on locks. A line that every frame samples needs none.",
-    ),
-    question=Question(
-        "A still line is half a pixel wide and brighter than its surroundings; the images show a frame that the "
-        "upscaler gets. Which share of the light of the line does the upscaled image show without locks?",
-        0.0,
-        120.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"environment": "none"}),
-    scene=scene,
-    see_also=(("the stages of fsr2-class", "reuse.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"environment": "none"})
+
+
 def run(stage: Stage) -> Result:
+    """The light and the flicker of a thin line in an upscaled image, with and without locks."""
     images = {width: upscaled(stage, width) for width in WIDTHS}
     light = {name: [light_left(images[width][name], width) for width in WIDTHS] for name in METHODS}
     locked, bare = METHODS
+    at, most = WIDTHS.index(WIDTH), raw_flicker(WIDTH)
     sheet = Sheet(2, 1, OUTPUT[0] / OUTPUT[1], below=330, legend=False)
     for place, name in enumerate(METHODS):
         axes = sheet.panel(place, 0, detail(images[WIDTH][name][-1]), f"{name}: a line {WIDTH:g} px wide")
-        note(
-            axes, f"{light[name][WIDTHS.index(WIDTH)]:.1f} % of the light, flicker {flicker(images[WIDTH][name]):.0f} %"
-        )
+        note(axes, f"{light[name][at]:.1f} % of the light, flicker {flicker(images[WIDTH][name]):.0f} %")
     _plot(sheet, light)
-    at, most = WIDTHS.index(WIDTH), raw_flicker(WIDTH)
     findings = (
         Finding(light[bare][at], "%", "of the light of the line is left without locks",
                 Expected.between(0.0, 25.0, "only frames that sample it show it: at most p = width / 2 of all", 0), 1),
@@ -128,11 +111,12 @@ def run(stage: Stage) -> Result:
         Finding(flicker(images[WIDTH][bare]), "%", "is the flicker without locks",
                 Expected.between(0.5 * most, 1.5 * most, "that of the samples, sqrt((1 - p) / p); ± half", 0), 1),
     )  # fmt: skip
-    parameter = Parameter(
-        "width of the line", "px", WIDTHS, "of its light is left without locks", "%", tuple(light[bare]),
-        tuple(None if width < 2.0 else 100.0 for width in WIDTHS), (5.0,) * len(WIDTHS),
-        "a line that every frame samples keeps its light; ± 5 %", start=at, digits=1,
-        images=tuple(detail(images[width][bare][-1]) for width in WIDTHS), note="Without locks, after 96 frames.",
+    lights = dict(zip(WIDTHS, light[bare]))
+    parameter = swept(
+        "width of the line", "px", WIDTHS,
+        lambda width: (detail(images[width][bare][-1]), lights[width], None if width < 2.0 else 100.0, 5.0),
+        start=WIDTH, meaning="of its light is left without locks", number_unit="%", digits=1,
+        source="a line that every frame samples keeps its light; ± 5 %", note="Without locks, after 96 frames.",
     )  # fmt: skip
     caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
     colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
@@ -153,6 +137,7 @@ def detail(image: Array) -> Array:
 
 
 def _plot(sheet: Sheet, light: Mapping[str, list[float]]) -> None:
+    """Plot the light that is left, percent, against the width of the line, for each method."""
     axes = sheet.plot(
         88, sheet.grid_bottom + 40, 1150, 226, xscale="log", ylim=(0, 115),
         ylabel="light of the line, %", xlabel="width of the line, pixels of the result",

@@ -9,19 +9,10 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import (
-    Expected,
-    Finding,
-    Opening,
-    Parameter,
-    Question,
-    Result,
-    Screens,
-    demo,
-    threshold_parameter,
-)
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, threshold_parameter
 from taubench_gl.demos.sheet import BLUE, Sheet, as_bytes, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Props, Stage, corner
+from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.shading import Shading
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
@@ -38,8 +29,7 @@ def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
     corner(b)
     for place in lamps:
         b.light(translation=place, intensity=3.0)
-    camera = b.camera(yfov=np.radians(50.0), znear=0.05)
-    b.animate(camera, "translation", [0.0, 1.0], [(0, 0, 0), (0, 0, 0)])
+    b.still_camera(np.radians(50.0), 1.0)
     return b.build()
 
 
@@ -60,44 +50,22 @@ def expected_one_sample(per_lamp: Array, threshold: float = DEFAULT_THRESHOLD) -
 
 
 def expected_many_samples(per_lamp: Array, samples: int) -> float:
-    """The same for the mean of many samples, normal by the central limit theorem; uses every 23rd pixel.
+    """Percent of pixels discarded if each frame has the mean of many samples; counts every 23rd pixel.
 
-    All lamps have the same color, so the change has one direction, with variance 2 sigma^2 / samples.
+    ``per_lamp`` (K, h, w, 3): radiance of each lamp alone; all lamps have one color, so changes have one direction.
     """
-    estimates = len(per_lamp) * np.linalg.norm(per_lamp, axis=-1)
-    sigma = estimates.std(axis=0)
-    with np.errstate(divide="ignore"):
-        x = DEFAULT_THRESHOLD * math.sqrt(samples) / (2.0 * sigma)
-    return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()[::23]]))
+    sigma = (len(per_lamp) * np.linalg.norm(per_lamp, axis=-1)).std(axis=0)
+    return theory.normal_change(DEFAULT_THRESHOLD, sigma.ravel()[::23], samples)
 
 
-@demo(
-    8,
-    "noise",
-    "Noise is counted as change",
-    idea="Path-traced light is an estimate, and two estimates of the same radiance differ. A mask counts a difference "
-    "above the threshold as change. Here nothing moves, and still a part of the image is discarded: the fewer light "
-    "samples per pixel, the larger the part. Masks of rendered files therefore need many samples per pixel, or light "
-    "without noise.",
-    look_for=(
-        "Top: the same static room with 1, 4, 16 and 64 random light samples per pixel.",
-        "Bottom: yellow pixels are discarded. The correct value is 0 %.",
-        "The curve: four times as many samples halve the noise, and the discard rate drops quickly.",
-    ),
-    question=Question(
-        "A static room under four equal lamps; in each frame each pixel samples one of them at random. "
-        "Which share of the image does the default threshold count as changed?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening(
-        (Reason.INDIRECT,),  # path-traced light of a lamp without size has no noise until it is reflected
-        settings={"light": "path-traced", "spp": 1, "bounces": 2, "pattern": "independent", "indirect": "auto"},
-    ),
-    scene=scene,
-    see_also=(("noise in path-traced reference images", "path-traced.md"),),
+OPENING = Opening(
+    (Reason.INDIRECT,),  # path-traced light of a lamp without size has no noise until it is reflected
+    settings={"light": "path-traced", "spp": 1, "bounces": 2, "pattern": "independent", "indirect": "auto"},
 )
+
+
 def run(stage: Stage) -> Result:
+    """The masks of a static room whose light is estimated from random samples."""
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
     sheet = Sheet(4, 2, stage.size[0] / stage.size[1], below=330)
@@ -106,17 +74,17 @@ def run(stage: Stage) -> Result:
         before, now = direct_light(stage, still, (0, 1), samples)
         pair = stage.bench.compare({"direct": now}, {"direct": before})
         first = (before, now) if first is None else first
-        shares[samples] = 100.0 * float(pair.has(Reason.DIRECT).mean())
+        shares[samples] = percent(pair.has(Reason.DIRECT))
         shown = display_color(now, 1.0, "linear")
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
         marked = overlay(pair.mask, shown, Reason.DIRECT)
         sheet.panel(place, 1, marked, "mask", f"{shares[samples]:.1f} % discarded")
         screens = screens or Screens(
             marked, "One lamp at random per pixel and frame. Yellow: direct light counted as change.",
-            (as_bytes(display_color(before, 1.0, "linear")), as_bytes(shown)),
+            (display_color(before, 1.0, "linear"), shown),
         )  # fmt: skip
     exact = direct_light(stage, still, (0, 1), 0)
-    none = 100.0 * float(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT).mean())
+    none = percent(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT))
     gaussian = _gaussian(stage)
     _plot(sheet, shares, per_lamp)
     sheet.legend(reason_entries(Reason.DIRECT))
@@ -124,9 +92,9 @@ def run(stage: Stage) -> Result:
     tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
     findings = (
         Finding(shares[1], "%", "of a static image is discarded at one light sample per pixel",
-                Expected.near(one_sample, _chance(one_sample, stage), "all 16 pairs of lamps, 1/16 each; ± 5 sigma")),
+                Expected.near(one_sample, _slack(one_sample, stage), "all 16 pairs of lamps, 1/16 each; ± 5 sigma")),
         Finding(gaussian, "%", "of a gray image is discarded for normal noise with sigma of half the threshold",
-                Expected.near(tail, _chance(tail, stage), "tail of the Maxwell distribution; ± 5 sigma")),
+                Expected.near(tail, _slack(tail, stage), "tail of the Maxwell distribution; ± 5 sigma")),
         Finding(none, "%", "is discarded with light from all lamps",
                 Expected.near(0.0, 0.0, "nothing moves and nothing is random")),
     )  # fmt: skip
@@ -135,7 +103,10 @@ def run(stage: Stage) -> Result:
 
 
 def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:
-    """The threshold at one sample per pixel, of two frames (h, w, 3); theory: all pairs of lamps (K, h, w, 3)."""
+    """The threshold of direct light at one sample per pixel: the share of a static room that it discards.
+
+    ``before``, ``now``: direct light (h, w, 3) of both frames; ``per_lamp`` (K, h, w, 3): of each lamp alone.
+    """
     thresholds = np.geomspace(0.01, 2.0, 40)
     base = as_bytes(np.repeat(display_color(now, 1.0, "linear").mean(axis=-1, keepdims=True), 3, axis=-1))
     marked = threshold_parameter(
@@ -144,13 +115,13 @@ def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Para
         source="all 16 pairs of lamps, 1/16 each; ± 5 sigma", note="One sample per pixel. Yellow: counted as change.",
     )  # fmt: skip
     shares = tuple(expected_one_sample(per_lamp, threshold) for threshold in marked.values)
-    slacks = tuple(_chance(min(max(share, 0.1), 99.9), stage) for share in shares)
+    slacks = tuple(_slack(min(max(share, 0.1), 99.9), stage) for share in shares)
     return dataclasses.replace(marked, expected=shares, tolerance=slacks)
 
 
-def _chance(percent: float, stage: Stage) -> float:
-    """Five standard deviations of a share counted over all pixels, percentage points."""
-    return 500.0 * math.sqrt(percent / 100 * (1 - percent / 100) / stage.pixels)
+def _slack(percent_of_image: float, stage: Stage) -> float:
+    """Five standard deviations of a share that is counted over all pixels, percentage points."""
+    return 500.0 * share_deviation(percent_of_image / 100, stage.pixels)
 
 
 def _gaussian(stage: Stage) -> float:
@@ -158,10 +129,11 @@ def _gaussian(stage: Stage) -> float:
     rng = np.random.default_rng(8)
     width, height = stage.size
     frames = [{"direct": 1.0 + rng.normal(0.0, SIGMA, (height, width, 3))} for _ in range(2)]
-    return 100.0 * float(stage.bench.compare(*frames).has(Reason.DIRECT).mean())
+    return percent(stage.bench.compare(*frames).has(Reason.DIRECT))
 
 
 def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
+    """Plot the discard rate against the number of samples, with its theory."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 222, xscale="log", ylim=(0, 50), xlabel="light samples per pixel",
         ylabel="discarded, %", title="A static room: discard rate of the direct column",

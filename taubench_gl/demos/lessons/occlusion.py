@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, swept
 from taubench_gl.demos.sheet import Sheet, arrow, overlay, reason_entries
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, SAND, Props, Stage, focal_px
 from taubench_gl.scene.model import Scene
 
+Array = np.ndarray
 YFOV = np.radians(50.0)
 NEAR, FAR, STEP = 2.5, 6.0, 0.32
 BOARD = (0.55, 0.6)  # half width and height
 SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
+COLUMNS = ("frustum", "position", "color")
 STEPS = (0.0, 0.08, 0.16, 0.24, 0.32, 0.4, 0.48)  # meters
 
 
@@ -30,66 +32,43 @@ def scene(moves: str = "camera", step: float = STEP) -> Scene:
     return b.build()
 
 
-@demo(
-    7,
-    "occlusion",
-    "Disocclusion and occlusion",
-    idea="When the camera or an object moves, the edges of the object change. On one side a surface becomes visible "
-    "that the previous frame did not show: it is disoccluded and has no history. On the other side a moving object "
-    "covers the background: it is newly occluding, and its history is at its previous position, which motion vectors "
-    "give.",
-    look_for=(
-        "Left: a camera that moves to the right disoccludes a strip of the wall; what is covered has left the image.",
-        "Middle: for a moving board, reprojection by the camera alone discards both sides.",
-        "Right: motion vectors recover the history of the board. The disoccluded strip never has history.",
-    ),
-    question=Question(
-        "The camera moves to the right by 32 cm between two frames. A board is 2.5 m away, a wall behind it 6 m. "
-        "The image is 50 degrees high. How many pixels wide is the strip of the wall that appears beside the board?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening(SHOWN, settings={"reprojection": "motion"}),
-    scene=scene,
-    see_also=(("camera and motion reprojection", "conventions.md"),),
-)
+OPENING = Opening(SHOWN, settings={"reprojection": "motion"})
+
+
 def run(stage: Stage) -> Result:
-    columns = ("frustum", "position", "color")
-    walked = stage.pair(scene("camera"), columns=columns)
-    camera = stage.pair(scene("board"), columns=columns)
-    motion = stage.pair(scene("board"), columns=columns, reprojection="motion")
-    height = stage.size[1]
-    sheet = Sheet(3, 2, stage.size[0] / height)
-    shown = (
-        (walked, "the camera moves to the right", -1, "camera reprojection"),
-        (camera, "the board moves to the right", 1, "camera reprojection"),
-        (motion, "the board moves to the right", 1, "motion reprojection"),
-    )
-    for place, (pair, title, direction, how) in enumerate(shown):
-        axes = sheet.panel(place, 0, pair.now["color"][..., :3], title)
-        middle = (0.5 * stage.size[0] + (0.5 * focal_px(YFOV, height) * STEP / NEAR) * direction, 0.5 * height)
-        half = 0.5 * focal_px(YFOV, height) * STEP / NEAR
-        arrow(axes, (middle[0] - direction * half, middle[1]), (middle[0] + direction * half, middle[1]))
+    """The masks of a moving camera and of a moving board, and the widths of the strips in them."""
+    walked = stage.pair(scene("camera"), columns=COLUMNS)
+    camera = stage.pair(scene("board"), columns=COLUMNS)
+    motion = stage.pair(scene("board"), columns=COLUMNS, reprojection="motion")
+    (width, height), focal = stage.size, focal_px(YFOV, stage.size[1])
+    parallax, moved = focal * STEP * (1 / NEAR - 1 / FAR), focal * STEP / NEAR
+    sheet = Sheet(3, 2, width / height)
+    for place, (pair, mover, direction, reprojection) in enumerate((
+        (walked, "camera", -1, "camera"), (camera, "board", 1, "camera"), (motion, "board", 1, "motion"),
+    )):  # fmt: skip
+        axes = sheet.panel(place, 0, pair.now["color"][..., :3], f"the {mover} moves to the right")
+        middle = 0.5 * width + 0.5 * moved * direction
+        half = 0.5 * moved * direction
+        arrow(axes, (middle - half, 0.5 * height), (middle + half, 0.5 * height))
         text = f"{pair.row_width(SHOWN[0]):.0f} px disoccluded, {pair.row_width(SHOWN[1]):.0f} px occluding"
-        sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"mask: {how}", text)
+        image = overlay(pair.mask, pair.now["color"], *SHOWN)
+        sheet.panel(place, 1, image, f"mask: {reprojection} reprojection", text)
     sheet.legend(reason_entries(*SHOWN))
-    parallax = focal_px(YFOV, height) * STEP * (1 / NEAR - 1 / FAR)
-    moved = focal_px(YFOV, height) * STEP / NEAR
     counted = "; counted at pixel centers, ± 1 px"
     edge = "; up to one pixel at its edge, where the nearest history pixel shows the wall"
+    by_motion = Expected.near(moved, 1.0, "motion f t / z_near" + counted)
     findings = (
         Finding(walked.row_width(Reason.DISOCCLUDED), "px", "is the strip that the moving camera disoccludes",
                 Expected.near(parallax, 1.0, "parallax f t (1 / z_near - 1 / z_far)" + counted), 0),
         Finding(walked.row_width(Reason.OCCLUDING), "px", "are newly occluding with the moving camera",
                 Expected.between(0.0, 1.0, "covered surfaces are not in the image" + edge, 0), 0),
         Finding(camera.row_width(Reason.DISOCCLUDED), "px", "is the strip that the moving board disoccludes",
-                Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
-        Finding(camera.row_width(Reason.OCCLUDING), "px", "are newly occluding without motion vectors",
-                Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
+                by_motion, 0),
+        Finding(camera.row_width(Reason.OCCLUDING), "px", "are newly occluding without motion vectors", by_motion, 0),
         Finding(motion.row_width(Reason.OCCLUDING), "px", "are newly occluding with motion vectors",
                 Expected.between(0.0, 1.0, "each point of the board finds its previous position" + edge, 0), 0),
         Finding(motion.row_width(Reason.DISOCCLUDED), "px", "is the disoccluded strip with motion vectors",
-                Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
+                by_motion, 0),
     )  # fmt: skip
     caption = (
         "A board in front of a wall, in the current frame, and its mask. Arrows: how far the board moves in the image."
@@ -98,15 +77,15 @@ def run(stage: Stage) -> Result:
 
 
 def _distance(stage: Stage) -> Parameter:
-    """How far the camera moves."""
-    images, widths = [], []
-    for step in STEPS:
-        pair = stage.pair(scene("camera", step), columns=("frustum", "position", "color"))
-        images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
-        widths.append(pair.row_width(Reason.DISOCCLUDED))
-    return Parameter(
-        "motion of the camera", "m", STEPS, "is the strip that appears", "px", tuple(widths),
-        tuple(focal_px(YFOV, stage.size[1]) * step * (1 / NEAR - 1 / FAR) for step in STEPS), (1.0,) * len(STEPS),
-        "parallax f t (1 / z_near - 1 / z_far); counted at pixel centers", start=STEPS.index(STEP),
-        images=tuple(images), digits=0, note="Light blue: disoccluded.",
+    """The distance that the camera moves: the width of the strip that it disoccludes."""
+
+    def at(step: float) -> tuple[Array, float, float, float]:
+        pair = stage.pair(scene("camera", step), columns=COLUMNS)
+        parallax = focal_px(YFOV, stage.size[1]) * step * (1 / NEAR - 1 / FAR)
+        return overlay(pair.mask, pair.now["color"], *SHOWN), pair.row_width(Reason.DISOCCLUDED), parallax, 1.0
+
+    return swept(
+        "motion of the camera", "m", STEPS, at, start=STEP, meaning="is the strip that appears", number_unit="px",
+        source="parallax f t (1 / z_near - 1 / z_far); counted at pixel centers", digits=0,
+        note="Light blue: disoccluded.",
     )  # fmt: skip

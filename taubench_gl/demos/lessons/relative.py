@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note, rgb
+from taubench_gl.demos.demo import ColorBar, Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, enlarged, frame_of, heat, note, rgb
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import turn_y
 from taubench_gl.scene.model import Scene
@@ -29,7 +29,7 @@ def scene(meters: float = FAR) -> Scene:
 
 
 def _moved(built: Scene, meters: float) -> Scene:
-    """The scene with all roots translated; keys are dyadic, so the float64 sums are exact."""
+    """The scene with all roots ``meters`` farther along each axis; keys are dyadic, so the float64 sums are exact."""
     by = np.full(3, meters)
     roots = built.nodes.parent < 0
     nodes = dataclasses.replace(built.nodes, translation=built.nodes.translation + np.where(roots[:, None], by, 0.0))
@@ -57,20 +57,13 @@ def in_world_floats(pair: PairImages, eye: Array) -> Array:
     return np.concatenate([np.where(pair.surface[..., None], rounded, 0.0), position[..., 3:]], axis=-1)
 
 
-def previous_px(pair: PairImages, position: Array) -> Array:
-    """Eq. (3): positions relative to the current camera -> previous image.  (h, w, 4) -> (h, w, 2) pixels."""
-    q = position[..., :3] + pair.pair.camera_delta
-    x, y, w = (q @ pair.pair.prev_clip_from_prev[i, :3] for i in (0, 1, 3))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.stack([x / w, y / w], axis=-1) * 0.5 * np.array([pair.pair.width, pair.pair.height])
-
-
 def rms(values: Array) -> float:
+    """The root of the mean square of all values, in their unit."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def expected_motion_error(pair: PairImages, step: float) -> Array:
-    """Standard deviation of the motion error, pixels, to first order.  (h, w).
+    """Standard deviation of the error of motion, to first order, where positions have a spacing ``step``.  (h, w) px.
 
     Each axis has a uniform error within ± step / 2, so this is the derivative of Eq. (3) with respect to the position
     times step / sqrt(12), over the axes that vary.
@@ -86,29 +79,11 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     return step / np.sqrt(12) * np.sqrt(sum(np.sum(np.square(s) * extends(pair), axis=-1) for s in slopes))
 
 
-@demo(
-    4,
-    "relative",
-    "Why positions are stored relative to the camera",
-    idea="A float32 has 24 bits of precision. Near the origin its spacing is below a micrometer; a million meters away "
-    "it is 6 cm, and every position is rounded to that grid. If the camera position is subtracted in float64 first, "
-    "the GPU only handles small numbers, wherever the scene is.",
-    look_for=(
-        "Top right: bands on a column. In a band all pixels store the same x; its error goes from -3 to 3 cm.",
-        "Bottom left: the positions of one row of pixels are steps of 6.25 cm, not a ramp.",
-        "Bottom right: after reprojection the steps are pixels of motion, the more the farther from the origin.",
-    ),
-    question=Question(
-        "A scene is 1000 km from the origin. By how many millimeters (RMS) is a position wrong that is "
-        "stored as float32 in world space?",
-        0.0,
-        60.0,
-    ),
-    opening=Opening((FRUSTUM,)),
-    scene=scene,
-    see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
-)
+OPENING = Opening((FRUSTUM,))
+
+
 def run(stage: Stage) -> Result:
+    """The errors of float32 world positions a million meters from the origin, and of motion from them."""
     at_origin, far_away = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
     image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     moved = in_world_floats(far_away, far_away.view.position)
@@ -136,12 +111,23 @@ def run(stage: Stage) -> Result:
     )
     most = np.sqrt(0.75) * step  # half a spacing along each axis
     text = f"Error of the stored positions, from 0 (dark) to {1000.0 * most:.0f} mm (bright)."
-    screens = Screens(as_bytes(heat(np.linalg.norm(shift, axis=-1), most)), text)
+    screens = Screens(heat(np.linalg.norm(shift, axis=-1), most), text)
     return Result(findings, sheet, caption, parameter, {"stored": rgb(ORANGE), "exact": rgb(BLUE)}, screens)
 
 
+def previous_px(pair: PairImages, position: Array) -> Array:
+    """Eq. (3) in float64: positions relative to the current camera -> previous image, (h, w, 4) -> (h, w, 2) pixels.
+
+    ``metrics.reproject`` gives motion: a stored position moves both ends of it, and the error is that of one end.
+    """
+    q = position[..., :3] + pair.pair.camera_delta
+    x, y, w = (q @ pair.pair.prev_clip_from_prev[i, :3] for i in (0, 1, 3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.stack([x / w, y / w], axis=-1) * 0.5 * np.array([pair.pair.width, pair.pair.height])
+
+
 def motion_error(pair: PairImages, position: Array) -> Array:
-    """Error of motion from ``position`` (h, w, 4), pixels; 0 where there is no history.  (h, w)."""
+    """The error of motion from ``position`` (h, w, 4), pixels; 0 where there is no history.  (h, w)."""
     exact = pair.current["position"].astype(np.float64)
     in_history = pair.surface & ~pair.has(FRUSTUM)
     away = np.where(in_history[..., None], previous_px(pair, position) - previous_px(pair, exact), 0.0)
@@ -193,15 +179,18 @@ def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int
 
 
 def _distance(pair: PairImages) -> Parameter:
-    """The distance from the origin: error of motion from float32 world positions."""
+    """The distance from the origin: the error of motion from float32 world positions."""
     eye, in_history = pair.view.position - FAR, pair.surface & ~pair.has(FRUSTUM)
-    meters = (1e2, 1e3, 1e4, 1e5, 1e6, 3e6)
-    errors = [motion_error(pair, in_world_floats(pair, eye + m)) for m in meters]
-    predicted = tuple(rms(expected_motion_error(pair, step_at(m))[in_history]) for m in meters)
-    images = tuple(as_bytes(heat(np.log10(np.maximum(error, 1e-4)) + 4.0, 6.0)) for error in errors)
-    return Parameter(
-        "distance from the origin", "m", meters, "is the error (RMS) of motion from stored positions", "px",
-        tuple(rms(error[in_history]) for error in errors), predicted, tuple(0.1 * value for value in predicted),
-        "derivative of Eq. (3) times spacing / sqrt(12); ± 10 %", start=4, images=images, digits=4,
+
+    def at(meters: float) -> tuple[Array, float, float, float]:
+        error = motion_error(pair, in_world_floats(pair, eye + meters))
+        predicted = rms(expected_motion_error(pair, step_at(meters))[in_history])
+        image = heat(np.log10(np.maximum(error, 1e-4)) + 4.0, 6.0)
+        return image, rms(error[in_history]), predicted, 0.1 * predicted
+
+    return swept(
+        "distance from the origin", "m", (1e2, 1e3, 1e4, 1e5, 1e6, 3e6), at, start=FAR, number_unit="px", digits=4,
+        meaning="is the error (RMS) of motion from stored positions",
+        source="derivative of Eq. (3) times spacing / sqrt(12); ± 10 %",
         bar=ColorBar("Error of motion, px", tuple((i / 6, f"{10.0 ** (i - 4):g}") for i in range(0, 7, 2))),
     )  # fmt: skip

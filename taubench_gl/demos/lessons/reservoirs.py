@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.lessons.cost import scaled_to
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, rgb
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, rgb, scaled_to
 from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.demos.theory import share_deviation
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.sample_rays import SampleRays
 from taubench_gl.reuse.samples import history_counts
-from taubench_gl.scene.builder import quad
 from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
@@ -40,21 +38,20 @@ METHOD = "restir-di@candidates=4@neighbors=0@visibility_reuse=false@combination=
 def scene() -> Scene:
     """A wall that one lamp lights; from frame BORN on, for AGE frames, a second one as bright at the same place."""
     b = Props()
-    wall = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
-    b.node(mesh=b.mesh(quad(9.0, 6.0, material=wall)), translation=(0.0, 0.0, -4.0))
+    b.wall(9.0, 6.0, (0.7, 0.7, 0.7), translation=(0.0, 0.0, -4.0))
     for second in (False, True):
         lamp = b.light(translation=(0.6, 0.5, -2.0), intensity=4.0)
         if second:
             times = [0.0, BORN - 0.5, BORN + AGE - 0.5]
             b.animate(lamp, "scale", times, [(0.0,) * 3, (1.0,) * 3, (0.0,) * 3], "STEP")
-    camera = b.camera(yfov=np.radians(42.0), znear=0.05)
-    b.animate(camera, "translation", [0.0, float(BORN + AGE)], [(0, 0, 0), (0, 0, 0)])
+    b.still_camera(np.radians(42.0), BORN + AGE)
     return b.build()
 
 
 def remembered(limit: int, frames: int) -> tuple[float, float]:
-    """Share of reservoirs that hold a lamp of SHARE of the light ``frames`` frames after it was switched on, and the
-    light of the image as a share of the right one.
+    """What is expected some ``frames`` after a lamp that gives SHARE of the light is switched on.
+
+    Returns the share of reservoirs that hold it, and the light of the image as a share of the right one.
 
     History counts ``limit`` times as much as a frame: its light is an exponential moving average, and a reservoir
     holds each lamp in proportion to that lamp's part of it.
@@ -66,9 +63,12 @@ def remembered(limit: int, frames: int) -> tuple[float, float]:
 
 @dataclass(slots=True)
 class Memory:
-    """Of one limit: share of reservoirs that hold the second lamp, by frames since its birth; the lamp that each pixel
-    holds, (h, w), and the light of the image as a share of the right one, AGE frames after; share of kept history whose
-    lamp is off, one frame later."""
+    """What reservoirs with one limit remember of the second lamp.
+
+    ``shares``: of the reservoirs that hold it, by frames since it was switched on; ``held`` (h, w) and ``light``, AGE
+    frames after: the lamp that each pixel holds, and the light of the image as a share of the right one; ``wrong``: the
+    share of kept history whose lamp is off, one frame later.
+    """
 
     shares: list[float]
     held: Array
@@ -109,37 +109,18 @@ def wrong_keeps(runner: MethodRunner, frame: FrameInputs, rays: SampleRays) -> f
 
 def tolerance(share: float) -> float:
     """SIGMAS standard deviations of the share of pixels, percent: each holds a lamp independently of the others."""
-    return 100.0 * SIGMAS * math.sqrt(share * (1.0 - share) / (SIZE[0] * SIZE[1]))
+    return 100.0 * SIGMAS * share_deviation(share, SIZE[0] * SIZE[1])
 
 
-@demo(
-    19,
-    "reservoirs",
-    "What a reservoir remembers",
-    idea="Temporal reuse of samples (ReSTIR) keeps one light sample in each pixel, a reservoir, and a count of the "
-    "samples that it stands for. The samples of a frame compete with it in proportion to the light that they give and "
-    "to the counts. A limit on the count keeps an old reservoir from winning forever.",
-    look_for=(
-        "Panels: which lamp each pixel holds, some frames after a second lamp of equal light was switched on.",
-        "A large limit means less noise, and a new lamp that takes longer to be found.",
-        "Without correction of the count (the biased combination) the light of the image follows at the same pace.",
-        "When the lamp is switched off again, every reservoir that holds it is kept wrongly: its light is gone.",
-    ),
-    question=Question(
-        f"History counts at most {LIMIT} times as much as the samples of one frame. A second lamp, as bright as the "
-        f"first, is switched on. Which share of the pixels holds it in the {AGE}th frame with it?",
-        0.0,
-        50.0,
-    ),
-    opening=Opening(
-        (Reason.LIT,),
-        frame=BORN,
-        settings={"light": "path-traced", "indirect": "auto", "fps": 1.0, "bounces": 1, "environment": "none"},
-    ),
-    scene=scene,
-    see_also=(("methods that sample lights", "reuse.md"), ("scores of their samples", "reuse-evaluation.md")),
+OPENING = Opening(
+    (Reason.LIT,),
+    frame=BORN,
+    settings={"light": "path-traced", "indirect": "auto", "fps": 1.0, "bounces": 1, "environment": "none"},
 )
+
+
 def run(stage: Stage) -> Result:
+    """Which lamp reservoirs hold, and the light of the image, some frames after a second lamp was switched on."""
     memories, images = run_limits(stage)
     memory, (share, light) = memories[LIMIT], remembered(LIMIT, AGE)
     source = f"moving average: e = (1 - ({LIMIT}/{LIMIT + 1})^{AGE}) / 2"
@@ -157,13 +138,13 @@ def run(stage: Stage) -> Result:
     _plot(sheet, memories)
     sheet.legend([("holds the first lamp", rgb(BLUE)), ("holds the new lamp", rgb(ORANGE))])
     caption = f"A wall {AGE} frames after a second lamp was switched on: which lamp the reservoirs hold, by the limit."
-    frames = tuple(enlarged(as_bytes(display_color(image.astype(np.float64), 1.0, "linear"))) for image in images)
+    frames = tuple(enlarged(display_color(image.astype(np.float64), 1.0, "linear")) for image in images)
     screens = Screens(lamps_held(memory.held), "Orange: pixels that hold the new lamp.", frames)
     return Result(findings, sheet, caption, _limit(memories), screens=screens)
 
 
 def enlarged(image: Array) -> Array:
-    """An image at four times its size, uint8."""
+    """An image (h, w, 3) at four times its width and height."""
     return scaled_to(image, (SIZE[1] * 4, SIZE[0] * 4))
 
 
@@ -173,18 +154,21 @@ def lamps_held(held: Array) -> Array:
 
 
 def _limit(memories: Mapping[int, Memory]) -> Parameter:
-    """The limit of the count."""
-    theory = [remembered(limit, AGE)[0] for limit in memories]
-    return Parameter(
-        "limit, times the samples of a frame", "", tuple(map(float, memories)), "of the pixels hold the new lamp", "%",
-        tuple(100 * m.shares[-1] for m in memories.values()), tuple(100 * share for share in theory),
-        tuple(map(tolerance, theory)), f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
-        start=LIMITS.index(LIMIT), images=tuple(lamps_held(m.held) for m in memories.values()),
+    """The limit of the count of samples that history stands for."""
+
+    def at(limit: float) -> tuple[Array, float, float, float]:
+        memory, expected = memories[int(limit)], remembered(int(limit), AGE)[0]
+        return lamps_held(memory.held), 100 * memory.shares[-1], 100 * expected, tolerance(expected)
+
+    return swept(
+        "limit, times the samples of a frame", "", LIMITS, at, start=LIMIT, meaning="of the pixels hold the new lamp",
+        number_unit="%", source=f"moving average over {AGE} frames; ± {SIGMAS:g} sigma",
         note="Orange: pixels that hold the new lamp.",
     )  # fmt: skip
 
 
 def _plot(sheet: Sheet, memories: Mapping[int, Memory]) -> None:
+    """Plot the share of reservoirs that hold the new lamp against the frames with it, for each limit."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 262, xlabel="frames with the new lamp", ylabel="hold the new lamp, %",
         title="How fast reservoirs find a new lamp", ylim=(0, 56),

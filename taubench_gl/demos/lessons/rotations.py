@@ -7,9 +7,9 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, percent, swept
 from taubench_gl.demos.lessons.behind import reprojected
-from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard
+from taubench_gl.demos.sheet import CHECKER, Sheet, checkerboard
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.builder import IDENTITY, turn
 from taubench_gl.scene.model import Scene
@@ -17,9 +17,6 @@ from taubench_gl.scene.model import Scene
 YFOV = np.radians(55.0)
 DEGREES = 25.0
 TURNS = {"pitch": ("upwards", (1, 0, 0)), "yaw": ("to the left", (0, 1, 0)), "roll": ("sideways", (0, 0, 1))}
-CHECKER = (237, 237, 237)
-
-
 ANGLES = np.arange(5.0, 61.0, 5.0)
 
 
@@ -32,65 +29,43 @@ def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
     return b.build()
 
 
-@demo(
-    1,
-    "rotations",
-    "Camera rotation discards history",
-    idea="Surfaces that were not in the previous image cannot be reused. A rotation by 25 degrees discards a large "
-    "part of the image at once. How much depends on the axis: yaw and pitch move the whole image, roll only cuts the "
-    "corners.",
-    look_for=(
-        "The checkerboard: pixels whose surface point was outside the previous image.",
-        "Its straight edges are the border of the previous image, seen from the new orientation.",
-        "Roll discards little, although the angle is the same.",
-    ),
-    question=Question(
-        "The camera turns 25 degrees to the left between two frames. Its horizontal field of view is 85 "
-        "degrees. Which share of the new image was not in the previous one?",
-        0.0,
-        100.0,
-    ),
-    opening=Opening((FRUSTUM,)),
-    scene=scene,
-    see_also=(("the conventions of the frustum test", "conventions.md"),),
-)
+OPENING = Opening((FRUSTUM,))
+
+
 def run(stage: Stage) -> Result:
+    """The hall after a rotation about each axis, and the share of each image without history."""
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    findings, before = [], None
+    source = "area of the polygon that both cameras see, float64; ± half of the pixels on its edge"
+    findings = {}
     for place, (axis, (direction, vector)) in enumerate(TURNS.items(), start=1):
         pair = stage.pair(scene(axis), columns=("frustum", "color"))
-        if place == 1:
-            before = pair.before["color"][..., :3]
-            sheet.panel(0, 0, before, "previous frame")
-        lost = pair.percent(FRUSTUM)
-        prev_from_now = math3d.mat3_from_quat(turn(vector, DEGREES))
-        share, slack = theory.frustum_share(prev_from_now, YFOV, stage.size)
-        image = checkerboard(pair.now["color"], pair.has(FRUSTUM), max(stage.size[0] // 60, 1))
+        lost, rotation = pair.percent(FRUSTUM), math3d.mat3_from_quat(turn(vector, DEGREES))
+        image = checkerboard(pair.now["color"], pair.has(FRUSTUM), stage.cell)
         sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {direction}", f"{lost:.1f} % without history")
-        source = "area of the polygon that both cameras see, float64; ± half of the pixels on its edge"
-        findings.append(
-            Finding(lost, "%", f"of the pixels have no history after {axis}", Expected.near(share, slack, source))
-        )
+        expected = Expected.near(*theory.frustum_share(rotation, YFOV, stage.size), source)
+        findings[axis] = Finding(lost, "%", f"of the pixels have no history after {axis}", expected)
+    before = pair.before["color"][..., :3]
+    sheet.panel(0, 0, before, "previous frame")
     sheet.legend([("checkerboard: outside the previous image", CHECKER)])
-    findings.sort(key=lambda f: "yaw" not in f.meaning)
     caption = "The hall before and after rotations by 25 degrees about three axes, as in the paper's figure 1."
-    return Result(tuple(findings), sheet, caption, _angle(stage, before))
+    ordered = findings["yaw"], findings["pitch"], findings["roll"]
+    return Result(ordered, sheet, caption, _angle(stage, before))
 
 
 def _angle(stage: Stage, before: np.ndarray) -> Parameter:
-    """The angle of yaw: the previous image (h, w, 3) seen from the new orientation."""
-    turning, images, lost, theoretical = scene("yaw", ANGLES[-1]), [], [], []
-    for angle in ANGLES:
+    """The angle of yaw: the part of the previous image ``before`` (h, w, 3) that the new orientation still sees."""
+    turning = scene("yaw", ANGLES[-1])
+
+    def at(angle: float) -> tuple[np.ndarray, float, float, float]:
         pair = stage.bench.pair(turning, (0.0, angle / ANGLES[-1]))
         gone = pair.has(FRUSTUM)
-        history = reprojected(before, pair.motion, ~gone)
-        images.append(as_bytes(checkerboard(np.nan_to_num(history), gone, max(stage.size[0] // 60, 1))))
-        lost.append(100.0 * float(gone.mean()))
-        theoretical.append(theory.frustum_share(math3d.mat3_from_quat(turn((0, 1, 0), angle)), YFOV, stage.size))
-    shares, slacks = zip(*theoretical)
-    return Parameter(
-        "angle of yaw", "°", tuple(map(float, ANGLES)), "of the pixels have no history", "%", tuple(lost), shares,
-        slacks, "area of the polygon that both cameras see; ± half of the pixels on its edge",
-        start=int(np.argmin(np.abs(ANGLES - DEGREES))),
-        images=tuple(images), note="The previous image, reprojected; checkerboard: no history.",
+        history = np.nan_to_num(reprojected(before, pair.motion, ~gone))
+        image = checkerboard(history, gone, stage.cell)
+        rotation = math3d.mat3_from_quat(turn((0, 1, 0), angle))
+        return image, percent(gone), *theory.frustum_share(rotation, YFOV, stage.size)
+
+    return swept(
+        "angle of yaw", "°", ANGLES, at, start=DEGREES, meaning="of the pixels have no history", number_unit="%",
+        source="area of the polygon that both cameras see; ± half of the pixels on its edge",
+        note="The previous image, reprojected; checkerboard: no history.",
     )  # fmt: skip

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.lessons.cost import scaled_to
-from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, percent, swept
+from taubench_gl.demos.sheet import GREEN, Sheet, as_bytes, overlay, reason_entries, scaled_to
 from taubench_gl.demos.stage import Props, Stage, corner
+from taubench_gl.demos.theory import normal_change
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.builder import quad, turn_x
 from taubench_gl.scene.model import Scene
@@ -28,10 +27,8 @@ def scene() -> Scene:
     """A static corner of a room under a glowing panel."""
     b = Props()
     corner(b)
-    glow = b.material(base_color=(0, 0, 0, 1), emissive=(9.0, 9.0, 9.0), specular=0.0)
-    b.thing(dataclasses.replace(quad(1.2, 0.5), material=glow), translation=(0.4, 2.0, -4.2), rotation=turn_x(90))
-    camera = b.camera(yfov=np.radians(50.0), znear=0.05)
-    b.animate(camera, "translation", [0.0, FRAMES - 1.0], [(0, 0, 0), (0, 0, 0)])
+    b.thing(quad(1.2, 0.5, material=b.glow(9.0)), translation=(0.4, 2.0, -4.2), rotation=turn_x(90))
+    b.still_camera(np.radians(50.0), FRAMES - 1.0)
     return b.build()
 
 
@@ -50,48 +47,18 @@ def noise(images: Array) -> float:
     return float(np.sqrt(np.mean(images.var(axis=0, ddof=1).sum(axis=-1))))
 
 
-def expected_rejections(sigma: Array, count: int) -> float:
-    """Percent of pixels whose two means differ by more than the threshold, normal by the central limit theorem.
-
-    ``sigma`` (h, w): standard deviation of one frame, the norm of R, G and B, which vary together in white light; the
-    difference of two means has sqrt(2 / count) times that.
-    """
-    with np.errstate(divide="ignore"):
-        x = DEFAULT_THRESHOLD * math.sqrt(count) / (2.0 * sigma)
-    return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()]))
+OPENING = Opening((Reason.DIRECT,), settings={**PATHS, "spp": 1})
 
 
-@demo(
-    15,
-    "samples",
-    "Path-traced noise and what a threshold rejects",
-    idea="A path-traced pixel is the mean of random samples. The noise of a mean of independent frames falls with "
-    "their number, but more slowly than their cost grows. A rejection test that compares two noisy buffers with a "
-    "threshold discards history wherever the noise is larger, although nothing moves.",
-    look_for=(
-        "Top: the mean of one and of 64 frames, with the pixels that the threshold of direct light discards.",
-        "Left plot: noise against samples, both logarithmic. Independent frames are on a line with a slope of -1/2.",
-        "Samples of one frame are better than that: their numbers are stratified (a Sobol sequence).",
-        "Right plot: what the threshold discards. It ends when the noise is well below the threshold everywhere.",
-    ),
-    question=Question(
-        "Each of the two images is the mean of 4 path-traced frames with one sample per pixel. Which share of the "
-        "noise is left in the mean of 64?",
-        0.0,
-        1.0,
-    ),
-    opening=Opening((Reason.DIRECT,), settings={**PATHS, "spp": 1}),
-    scene=scene,
-    see_also=(("path-traced light", "light.md"), ("rejection tests", "reject.md")),
-)
 def run(stage: Stage) -> Result:
+    """The noise of means of path-traced frames, and what a threshold discards of them."""
     frames = light(stage, 1, FRAMES)
     noises = {count: noise(means(frames, count)) for count in COUNTS}
     stratified = {count: noise(light(stage, count, 2)) for count in COUNTS[1:]}
     sigma = np.sqrt(frames.var(axis=0, ddof=1).sum(axis=-1))
     pairs = {count: means(frames, count)[:2] for count in COUNTS}
     masks = {count: stage.bench.compare({"direct": b}, {"direct": a}).mask for count, (a, b) in pairs.items()}
-    rejected = {count: 100.0 * float(((mask & Reason.DIRECT) != 0).mean()) for count, mask in masks.items()}
+    rejected = {count: percent((mask & Reason.DIRECT) != 0) for count, mask in masks.items()}
     sheet = Sheet(2, 1, SIZE[0] / SIZE[1], below=370)
     for place, count in enumerate(SHOWN):
         image = overlay(masks[count], display_color(pairs[count][1]), Reason.DIRECT)
@@ -100,7 +67,7 @@ def run(stage: Stage) -> Result:
     _plots(sheet, noises, stratified, rejected, sigma)
     sheet.legend(reason_entries(Reason.DIRECT))
     slope = float(np.polyfit(np.log(COUNTS), np.log(list(noises.values())), 1)[0])
-    share = expected_rejections(sigma, 16)
+    share = normal_change(DEFAULT_THRESHOLD, sigma, 16)
     findings = (
         Finding(noises[64] / noises[4], "", "of the noise of 4 frames is left with 64",
                 Expected.near(0.25, 0.02, "N^(-1/2): sqrt(4 / 64)", 3), 3),
@@ -120,19 +87,22 @@ def mean_image(light: Array) -> Array:
 
 
 def _count(pairs: dict[int, Array], noises: dict[int, float]) -> Parameter:
-    """The number of frames: their mean and its noise."""
-    images = tuple(mean_image(pair[1]) for pair in pairs.values())
-    law = tuple(noises[1] / math.sqrt(count) for count in COUNTS)
-    return Parameter(
-        "frames in the mean", "", tuple(map(float, COUNTS)), "is the noise of direct light (RMS)", "",
-        tuple(noises.values()), law, tuple(0.08 * value for value in law), "noise of one frame times N^(-1/2); ± 8 %",
-        start=0, images=images, digits=4, note="Direct light.",
+    """The number of frames in a mean: the mean and its noise."""
+
+    def at(count: float) -> tuple[Array, float, float, float]:
+        law = noises[1] / math.sqrt(count)
+        return mean_image(pairs[int(count)][1]), noises[int(count)], law, 0.08 * law
+
+    return swept(
+        "frames in the mean", "", COUNTS, at, start=1, meaning="is the noise of direct light (RMS)", number_unit="",
+        source="noise of one frame times N^(-1/2); ± 8 %", digits=4, note="Direct light.",
     )  # fmt: skip
 
 
 def _plots(
     sheet: Sheet, noises: dict[int, float], stratified: dict[int, float], rejected: dict[int, float], sigma: Array
 ) -> None:
+    """Plot noise and discard rate of a static room against the samples per pixel, with their theory."""
     line = np.geomspace(1, 256, 30)
     common = {"xscale": "log", "xlabel": "samples per pixel"}
     left = sheet.plot(96, sheet.grid_bottom + 40, 510, 250, yscale="log", ylabel="noise (RMS)",
@@ -145,7 +115,7 @@ def _plots(
     right = sheet.plot(730, sheet.grid_bottom + 40, 510, 250, ylabel="discarded, %", ylim=(0, top),
                        title="Discarded although nothing moves", **common)  # fmt: skip
     normal = line[line >= 4]
-    sheet.theory(right, normal, [expected_rejections(sigma, n) for n in normal], "theory: normal noise")
+    sheet.theory(right, normal, [normal_change(DEFAULT_THRESHOLD, sigma, n) for n in normal], "theory: normal noise")
     sheet.dots(right, list(rejected), list(rejected.values()), "N frames")
     for axes in (left, right):
         axes.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])

@@ -9,18 +9,8 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Question, Result, Screens, demo
-from taubench_gl.demos.sheet import (
-    BLUE,
-    ORANGE,
-    Sheet,
-    as_bytes,
-    enlarged,
-    enlarged_frames,
-    painted,
-    reason_entries,
-    rgb,
-)
+from taubench_gl.demos.demo import Expected, Finding, Opening, Parameter, Result, Screens, swept
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, enlarged, enlarged_frames, painted, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, Props, Stage, focal_px
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.builder import turn, turn_y
@@ -57,12 +47,12 @@ def camera(jitter: float = JITTER) -> MovingCamera:
 
 
 def left_of_the_side_wall(size: tuple[int, int]) -> slice:
-    """Columns that show the board and the wall but not the side wall."""
+    """The columns of an image that show the board and the wall but not the side wall."""
     return slice(0, int(0.5 * size[0] + focal_px(YFOV, size[1]) * 2.2 / 14.0) - 4)
 
 
 def per_row(pair: PairImages) -> float:
-    """Discarded pixels per row and edge of the board."""
+    """The mean number of discarded pixels per row and edge of the board."""
     height, width = pair.mask.shape
     return float(pair.has(Reason.POSITION)[:, left_of_the_side_wall((width, height))].sum(axis=1).mean() / 2)
 
@@ -72,30 +62,11 @@ def distance(pair: PairImages, sampling: str) -> Array:
     return pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=sampling).distances["position"]
 
 
-@demo(
-    6,
-    "sampling",
-    "Nearest and bilinear sampling",
-    idea="A reprojected position rarely coincides with a pixel center of the previous frame. The nearest pixel shows a "
-    "point up to half a pixel away. The bilinear blend of four pixels is exact on planes, but at an edge it mixes "
-    "foreground and background into a position where no surface is. Here nothing moves except the sub-pixel sample, so "
-    "every discard is a sampling error.",
-    look_for=(
-        "Top left, nearest: discarded are only pixels of an edge whose nearest history pixel is on the other side.",
-        "Top right, bilinear: every edge is discarded, one pixel wide, without gaps.",
-        "Below: the nearest sample on the side wall is the farther off the more grazing the view. Bilinear: no error.",
-    ),
-    question=Question(
-        "Nothing moves, only the sample moves by 0.3 pixels. With bilinear sampling of history, how many "
-        "pixels are discarded where a row crosses the edge of an object?",
-        0.0,
-        4.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"sampling": "bilinear"}),
-    scene=scene,
-    see_also=(("how history is sampled", "conventions.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"sampling": "bilinear"})
+
+
 def run(stage: Stage) -> Result:
+    """The discards of nearest and of bilinear sampling, and the distance of the history sample on the side wall."""
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
     frames = stage.pair(scene(), columns=("frustum", "color"))
     color = frames.now["color"][..., :3]
@@ -104,9 +75,8 @@ def run(stage: Stage) -> Result:
     sheet = Sheet(2, 1, width / height, below=330)
     details = {}
     for place, (sampling, pair) in enumerate(pairs.items()):
-        marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
         title = f"{sampling}: an edge of the board, {part[2]} x {part[3]} pixels"
-        details[sampling] = enlarged(marked, *part)
+        details[sampling] = enlarged(discarded(color, pair), *part)
         sheet.panel(place, 0, details[sampling], title, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
     _plot(sheet, pairs, height // 2)
     sheet.legend(reason_entries(Reason.POSITION))
@@ -117,7 +87,7 @@ def run(stage: Stage) -> Result:
         Finding(per_row(pairs["bilinear"]), "px", "per edge are discarded with bilinear sampling",
                 Expected.near(1.0, 2.0 / height + 0.02, f"{where}, always between two of the four pixels")),
         Finding(per_row(pairs["nearest"]), "px", "per edge are discarded with nearest sampling",
-                Expected.near(JITTER, _chance(JITTER, height),
+                Expected.near(JITTER, 4.0 * theory.share_deviation(JITTER, 2.0 * height),
                               f"{where}: in {JITTER} of all rows between point and nearest pixel")),
         Finding(100.0 * float(np.median(distance(pairs["nearest"], "nearest")[wall])), "cm",
                 "is the distance of the nearest history sample on the side wall (median)",
@@ -129,13 +99,8 @@ def run(stage: Stage) -> Result:
     return Result(findings, sheet, caption, _jitter(stage, color, part), screens=screens)
 
 
-def _chance(jitter: float, height: int) -> float:
-    """Four standard deviations of the discards per edge over the rows of two edges."""
-    return 4.0 * float(np.sqrt(jitter * (1 - jitter) / (2.0 * height)))
-
-
 def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
-    """Distance of the history sample on the side wall along a row of pixels."""
+    """Plot the distance of the history sample on the side wall along a row of pixels."""
     wall = side_wall(pairs["nearest"])[row]
     columns = np.nonzero(wall)[0]
     axes = sheet.plot(
@@ -152,20 +117,29 @@ def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
 
 
 def _jitter(stage: Stage, color: Array, part: tuple[int, int, int, int]) -> Parameter:
-    """How far the sample moves, with nearest sampling."""
-    images, discarded = [], []
-    for jitter in JITTERS:
-        pair = stage.bench.pair(scene(), camera=camera(jitter), sampling="nearest")
-        marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
-        images.append(as_bytes(enlarged(marked, *part)))
-        discarded.append(per_row(pair))
+    """The offset of the sample: discards of nearest sampling in a ``part`` of the image ``color`` (h, w, 3)."""
     height = stage.size[1]
-    return Parameter(
-        "offset of the sample", "px", JITTERS, "are discarded per edge with nearest sampling", "px", tuple(discarded),
-        JITTERS, tuple(_chance(jitter, height) for jitter in JITTERS),
-        "the share of rows in which the edge is between point and nearest pixel; ± 4 sigma",
-        start=JITTERS.index(JITTER), images=tuple(images), note="An edge of the board. Blue: discarded by position.",
+
+    def at(jitter: float) -> tuple[Array, float, float, float]:
+        pair = stage.bench.pair(scene(), camera=camera(jitter), sampling="nearest")
+        return (
+            enlarged(discarded(color, pair), *part),
+            per_row(pair),
+            jitter,
+            4.0 * theory.share_deviation(jitter, 2.0 * height),
+        )
+
+    return swept(
+        "offset of the sample", "px", JITTERS, at, start=JITTER, number_unit="px",
+        meaning="are discarded per edge with nearest sampling",
+        source="the share of rows in which the edge is between point and nearest pixel; ± 4 sigma",
+        note="An edge of the board. Blue: discarded by position.",
     )  # fmt: skip
+
+
+def discarded(color: Array, pair: PairImages) -> Array:
+    """The pixels that position discards, in color over the gray image ``color`` (h, w, 3).  (h, w, 3) uint8."""
+    return painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
 
 
 def side_wall(pair: PairImages) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Finding, Opening, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.demo import Expected, Finding, Opening, Result, threshold_parameter
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, gray_image, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, GOLD, LEAF, SAND, Props, Stage
 from taubench_gl.report.run_plots import discard_curve
@@ -55,29 +55,11 @@ def distances(size: Size) -> Array:
     return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0])
 
 
-@demo(
-    9,
-    "thresholds",
-    "A threshold is a point on a curve",
-    idea="A mask is binary, so it needs a threshold. The paper uses 32/255 in the unit of each feature. Another "
-    "threshold gives another discard rate, and a single rate does not show how sensitive it is. A run therefore "
-    "records the whole curve: the discard rate at every threshold.",
-    look_for=(
-        "Each key moves twice as far as the one before: 1 cm, 2 cm, up to 128 cm.",
-        "Each step of the curve is one key that is no longer discarded once the threshold exceeds its motion.",
-        "The paper's threshold is on the plateau between 8 cm and 16 cm: its exact value does not matter here.",
-    ),
-    question=Question(
-        "Each of eight keys has 1.9 % of the image and moves twice as far as the one before, from 1 cm to "
-        "128 cm. Which share of the image does a threshold of 12.5 cm discard?",
-        0.0,
-        40.0,
-    ),
-    opening=Opening((Reason.POSITION,), settings={"shadow_lights": 0}),
-    scene=scene,
-    see_also=(("what a run records", "formats.md"),),
-)
+OPENING = Opening((Reason.POSITION,), settings={"shadow_lights": 0})
+
+
 def run(stage: Stage) -> Result:
+    """The masks of three thresholds, and the curve of all."""
     results, masks = {}, {}
     for threshold in SHOWN:
         results[threshold], pairs = stage.evaluate(
@@ -121,15 +103,17 @@ def run(stage: Stage) -> Result:
 
 
 def _just_below(value: float) -> float:
-    """The next float32 below: a mask discards greater distances, a bin holds distances from its edge on."""
+    """The float32 below ``value``: a mask discards greater distances, a bin holds distances from its edge on."""
     return float(np.nextafter(np.float32(value), np.float32(0)))
 
 
 def _whose(threshold: float) -> str:
+    """The words that mark the paper's threshold."""
     return ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
 
 
 def _name_keys(axes: object, size: Size) -> None:
+    """Write on each key of a panel by how many centimeters it moves."""
     focal = 0.5 * size[1] / np.tan(0.5 * YFOV)
     for place, step in zip(places(), STEPS_CM):
         depth = -(place[2] + step / 100)
@@ -139,6 +123,7 @@ def _name_keys(axes: object, size: Size) -> None:
 
 
 def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, masks: dict) -> None:
+    """Plot the recorded discard rate against the threshold, with its theory and the counts of the masks."""
     axes = sheet.plot(
         80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
         xlabel="position threshold, meters", ylabel="discarded, %",
