@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from taubench_gl import evaluate
-from taubench_gl.evaluation import describe_scale, evaluate_scene
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
