@@ -15,7 +15,7 @@ from taubench_gl.settings import FIXED_LIGHTING, Settings
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 AUTO_LIGHTING = dict.fromkeys((*FIXED_LIGHTING, "light"), "auto")
-SIZE = {"width": 128, "height": 72, "frames": (0, 3)}
+SIZE = {"width": 64, "height": 36, "frames": (0, 2)}
 NO_LIGHT = (
     "BoxAnimated/BoxAnimated.glb",  # animated, no camera
     "Duck/Duck.glb",  # still, with a camera

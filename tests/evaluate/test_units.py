@@ -78,7 +78,7 @@ def _svg_text(files: list[Path]) -> str:
 
 def test_inspect_shows_meters():
     scene = load_scene(DEMO)
-    plain, scaled = (describe(scene, Settings(unit_scale=unit)) for unit in (1.0, SCALE))
+    plain, scaled = (describe(scene, Settings(unit_scale=unit, columns=("frustum",))) for unit in (1.0, SCALE))
     assert scaled["bounds"]["radius_m"] == plain["bounds"]["radius_m"] / SCALE
     assert scaled["bounds"]["center"] == [x / SCALE for x in plain["bounds"]["center"]]
     assert [c["near_m"] * SCALE for c in scaled["cameras"]] == [c["near_m"] for c in plain["cameras"]]

@@ -11,12 +11,12 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pkgutil
 import resource
 import select
 import signal
 import sys
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +27,6 @@ WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {"os.rename": 2, "os.remove": 1, "os.rmdir": 1, "os.mkdir": 1, "os.link": 2, "os.symlink": 2,
            "os.truncate": 1, "os.chmod": 1, "os.chown": 1, "os.utime": 1}  # fmt: skip
 """Audit events -> how many of their first arguments are paths that change."""
-
-
-def preset(path: str) -> None:
-    from taubench_gl.preset import load_preset
-
-    load_preset(path)
 
 
 def scene(path: str) -> None:
@@ -66,21 +60,11 @@ def evaluate(path: str) -> None:
         assert sum(row[name] for name in CLASSES) == row["pixels"] == 24 * 16, row
 
 
-def spec(path: str) -> None:
-    from taubench_gl.batch.spec import read_spec
-
-    read_spec(path)
-
-
-def suite(path: str) -> None:
-    from taubench_gl.benchmark.suite import read_suite
-
-    read_suite(path)
-
-
-CALLS: dict[str, Callable[[str], None]] = {
-    "@preset": preset, "@scene": scene, "@evaluate": evaluate, "@spec": spec, "@suite": suite,
+CALLS = {
+    "@preset": "taubench_gl.preset:load_preset", "@scene": "__main__:scene", "@evaluate": "__main__:evaluate",
+    "@spec": "taubench_gl.batch.spec:read_spec", "@suite": "taubench_gl.benchmark.suite:read_suite",
 }  # fmt: skip
+"""Command of a case -> the function of a path that it calls."""
 
 
 def audit(folder: Path, named: str, report: int) -> None:
@@ -156,7 +140,7 @@ def run(command: list[str]) -> int:
 
     if call := CALLS.get(command[0]):
         try:
-            call(command[1])
+            pkgutil.resolve_name(call)(command[1])
         except TaubenchError as error:
             print(f"taubench-gl: error: {error}", file=sys.stderr)
             return 2
