@@ -50,20 +50,6 @@ def metered_exposure(radiance: Array, weights: Array | None = None) -> float | N
     return min(exposure, 1.0 / brightest[order[np.searchsorted(above, MOST_CLIPPED * above[-1], side="right")]])
 
 
-def exposure_of_samples(halves: Array, weights: Array) -> float | None:
-    """``metered_exposure`` of light that is the mean of random samples, from that of their ``halves`` (2, n, 3).
-
-    Noise makes the logarithm of a mean too low and the brightest pixels too bright, by a share that falls with the
-    number of samples.  Twice the logarithm of the result of all samples, less the mean of that of the halves, is free
-    of it.
-    """
-    whole = metered_exposure(halves.mean(axis=0), weights)
-    parts = [metered_exposure(half, weights) for half in halves]
-    if whole is None or None in parts:
-        return whole
-    return whole * whole / math.sqrt(parts[0] * parts[1])
-
-
 def rounded(exposure: float) -> float:
     """``exposure`` with ``EXPOSURE_DIGITS`` significant digits, rounded down: no more pixels clip."""
     nearest = float(f"{exposure:.{EXPOSURE_DIGITS - 1}e}")

@@ -69,7 +69,7 @@ def test_what_is_metered_is_what_every_pixel_shows_with_all_lights(lamps, gpu):
     """The exposure again, in float64, from whole frames of raster light, which the test draws."""
     scene = busy_room(lamps=lamps)
     settings = Settings(**FIXED_LIGHTING, size=(256, 144), fps=8.0 / scene.duration, columns=("direct",))
-    source = RasterSource(gpu, AnimatedScene(scene), settings.replace(light_error=0.0))
+    source = RasterSource(gpu, AnimatedScene(scene), settings.replace(light_error=0.0, shadow_lights=lamps))
     values = []
     for frame in range(9):
         source.advance(frame)
