@@ -238,7 +238,7 @@ def _everything_keyed() -> AbstractContextManager[None]:
     return _replaced((activity, "detect_cuts", lambda found, unit_scale=1.0: found.position > 2.0))
 
 
-_NEAR_TEST = "if (prev_depth <= limit) return mask | BEHIND;"
+_NEAR_TEST = "if (prev_depth <= limit) return BEHIND;"
 _NORMAL = "vec3 r = vec3(dot(yz, n), dot(cross(z, x), n), dot(cross(x, y), n));"
 
 GUARDS: tuple[Guard, ...] = (
@@ -303,7 +303,7 @@ GUARDS: tuple[Guard, ...] = (
     Guard("normalized-weights", "skin weights are normalized to a sum of 1",
           _python((meshes, "skin_weights", _weights_as_stored)), ("weights-not-one",)),
     Guard("surface-cuts", "a surface that replaces another one has no history",
-          _glsl("return mask | CUT;", "return mask;"), ("cut-of-a-surface",)),
+          _glsl("return CUT;", "return 0u;"), ("cut-of-a-surface",)),
     Guard("unit-blend", "blended normals are normalized", _glsl("if (norm > 0.0) sum.normal /= norm;", ""),
           ("blended-normal",)),
     Guard("frame-tolerance", "frame count with tolerances of 2^-23 of the duration and 1e-6 of a frame",
