@@ -26,7 +26,7 @@ Stored results without it are of definition 1.  Results of two values are never 
 cache without a word.
 """
 
-MIXED = "evaluate again what an older version measured (docs/changes-of-numbers.md)"
+MIXED = "evaluate again what an older version measured; see docs/changes-of-numbers.md"
 """What to do where results of two ``DEFINITIONS`` meet."""
 
 

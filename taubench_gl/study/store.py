@@ -95,7 +95,7 @@ class Store:
             raise OutputError(message, where=str(path), hint="a study does not mix versions: give a new --out")
         if (definitions := values.get("definitions", 1)) != DEFINITIONS:
             message = f"holds numbers of definitions {definitions}, this version measures by {DEFINITIONS}"
-            raise OutputError(message, where=str(path), hint="give a new --out (docs/changes-of-numbers.md)")
+            raise OutputError(message, where=str(path), hint="give a new --out; see docs/changes-of-numbers.md")
         return values
 
     # ----------------------------------------------------------------------------------------------------- records
