@@ -66,7 +66,7 @@ class SampleFrame:
     counts: Array = field(default_factory=lambda: np.zeros(0))
 
     def has(self, fact: Fact) -> Array:
-        """Pixels with ``fact``, (h, w) bool."""
+        """Which pixels have the bit ``fact`` in ``facts``, (h, w) bool."""
         return (self.facts & fact) != 0
 
     def reasons(self, mask: Array) -> Array:
