@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, camera_of_run, is_still
 from taubench_gl.conventions import DEFINITIONS
@@ -138,6 +137,8 @@ def _metered(animated: AnimatedScene, metering: Settings, times: np.ndarray, own
 @lru_cache
 def pixel_order() -> np.ndarray:
     """Columns and rows of all pixels of a metered frame, (n, 2) int64, in the order of a Halton sequence."""
+    from scipy.stats import qmc  # imported late: 0.4 s
+
     points = qmc.Halton(2, scramble=False).random(8 * math.prod(METERED_SIZE))  # which meets nearly every pixel
     columns, rows = (points * METERED_SIZE).astype(np.int64).T
     _, first = np.unique(rows * METERED_SIZE[0] + columns, return_index=True)
