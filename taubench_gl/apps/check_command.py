@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 
 import click
@@ -13,7 +14,7 @@ from taubench_gl.fields import at_least, setting
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import OUTPUT, Settings
 
-EXIT_WRONG = 1
+EXIT_CODES = {"right": 0, "wrong": 1, "not judged": 3}
 
 
 @command(
@@ -32,20 +33,27 @@ def check(
     files: PathTracedOptions,
     *,
     pairs: int = setting(4, "Most pairs of consecutive frames to check", at_least(1)),
+    allow_unjudged: bool = setting(False, "Exit with 0 where vectors cannot be judged but nothing is wrong"),
     as_json: bool = AS_JSON,
     out: Path | None = setting(None, "Also write JSON, HTML and an image", group=OUTPUT, metavar="DIR"),
 ) -> int:
-    """Find out which conventions of frames made elsewhere are wrong: camera, positions, depth and motion vectors.
+    """Find out whether frames of another program are right: camera, positions, depth and motion vectors.
 
-    Names what to set in the mapping, and the share of pixels that each convention explains.  The exit code is 1 if one
-    is wrong; missing passes are no fault.  See docs/path-traced.md.
+    Names what to set in the mapping, and judges the vectors of still surfaces, moving surfaces and the sky: right,
+    wrong or not judged.  Moving surfaces are judged with --scene-file or previous positions.  The exit code is 1 if
+    something is wrong, else 3 if vectors are not judged; missing passes are no fault.  See docs/check-your-engine.md.
     """
+    from taubench_gl.pathtraced.cameras import SceneCamera
     from taubench_gl.pathtraced.check import check_sequence
     from taubench_gl.pathtraced.check_report import check_summary, check_tables, save_check
     from taubench_gl.pathtraced.evaluation import plan_sequence
+    from taubench_gl.pathtraced.scene_truth import render_truth
 
     images = plan_sequence(spec, settings, files)
-    result = check_sequence(images.sequence, images.camera, images.frames, pairs)
+    camera, truth = images.camera, None
+    if isinstance(camera, SceneCamera):
+        truth = partial(render_truth, camera, images.settings)
+    result = check_sequence(images.sequence, camera, images.frames, pairs, truth)
     summary = check_summary(result, images.sequence)
     if as_json:
         show_json(summary)
@@ -54,4 +62,5 @@ def check(
     if out is not None:
         save_check(result, images.sequence, out)
         click.echo(f"written to {out}{os.sep}", err=as_json)
-    return EXIT_WRONG if result.wrong else 0
+    code = EXIT_CODES[result.answer]
+    return 0 if allow_unjudged and result.answer == "not judged" else code

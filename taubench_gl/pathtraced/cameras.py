@@ -184,15 +184,15 @@ class SceneCamera:
     """The camera of a scene file.  Frame i is at (i + ``offset``) / fps seconds."""
 
     def __init__(self, scene: Scene, track: CameraTrack, fps: float):
-        self._poser, self._track, self._fps = Poser(scene, fps), track, fps
+        self.scene, self.track, self._poser, self._fps = scene, track, Poser(scene, fps), fps
         self.offset = 0
 
     def describe(self) -> str:
         shift = f", frame {-self.offset} at 0 s" if self.offset else ""
-        return f"{self._track.describe()} of the scene file{shift}"
+        return f"{self.track.describe()} of the scene file{shift}"
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
-        return self._track.view_at(self._poser.sample((number + self.offset) / self._fps))
+        return self.track.view_at(self._poser.sample((number + self.offset) / self._fps))
 
     def find_offset(self, number: int, frame: PathTracedFrame) -> None:
         """Set the offset that explains the position pass: programs count frames from 0 or from 1.  Default: 0."""
