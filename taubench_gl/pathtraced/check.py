@@ -121,7 +121,7 @@ def check_sequence(
     geometry = "motion" not in sequence.index  # with motion, images may do
     files = _Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
     if isinstance(camera, cams.SceneCamera):
-        camera.find_offset(numbers[0], files.some)
+        camera.place(numbers[0], files.some)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
     missing = "; ".join(f"{column}: {why}" for column, why in sequence.missing().items())
     text = f"{len(names)} found with the mapping {sequence.mapping.name}: {', '.join(names)}"
@@ -446,7 +446,7 @@ class _Checked:
         if samples.depth is None or view is None or not len(samples.at):
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
         points, stored = files.points(samples, self.best, view, samples.position), samples.depth * self.best.factor
-        planar, kind = points @ -view.world_from_view[:, 2], files.sequence.mapping.depth
+        planar, kind = points @ -view.world_from_view[:, 2], files.some.depth_kind
         kinds = {"planar": planar, "distance": np.linalg.norm(points, axis=-1)}
 
         def share(expected: Array) -> float:
