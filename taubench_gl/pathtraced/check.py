@@ -17,12 +17,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced import cameras as cams
 from taubench_gl.pathtraced.cameras import PathTracedCamera, points_at, project
 from taubench_gl.pathtraced.check_files import FEW_PIXELS, PREVIOUS, SAME_POINT, SCENE, STILL, Files, Samples, Truth
 from taubench_gl.pathtraced.check_vectors import (
     ENOUGH,
     MIN_MOTION_PX,
+    MOST,
     NOT_JUDGED,
     RIGHT,
     TOLERANCE_PX,
@@ -146,8 +148,8 @@ def check_sequence(
     log.info("checking the conventions of %d frames", len(numbers))
     geometry = "motion" not in sequence.index  # without it the scene may do
     files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
-    if isinstance(camera, cams.SceneCamera):
-        camera.find_offset(numbers[0], files.some)
+    for number, frame in files.frames.items():
+        camera.place(number, frame)
     if truth is not None and files.some.motion is not None:
         files.truth = truth(numbers)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
@@ -311,16 +313,13 @@ class _Checked:
         text = self.files.camera.describe()
         if not self.positions:
             return Verdict("camera", "not checked", f"{text}: there is no position pass")
-        share, off = self._placed(self.best), {}
-        for number in self.files.frames:
-            d = self.files.misplaced(number, self.best)
-            median = 0.0 if d is None else float(np.nanmedian(length(d)))
-            if median > cams.MAX_MISMATCH_PX:
-                off[number] = median
-        if off:
-            listed = ", ".join(f"{n}: {median:.3g} px" for n, median in off.items())
-            why = f"{text}: positions are off the pixels they are in (median, frame {listed})"
-            return Verdict("camera", "wrong", why, share, share)
+        share = self._placed(self.best)
+        if not self.best.without(*MOTION).values:
+            try:
+                for number, frame in self.files.frames.items():
+                    cams.checked_view(self.files.camera, number, frame)
+            except PathTracedError as error:
+                return Verdict("camera", "wrong", f"{error.what}: {error.hint}", share, share)
         return Verdict("camera", "ok", f"{text}: positions within {self.limit:g} px", share, share)
 
     def verdict(self, name: str, tried: bool = True) -> Verdict:
@@ -386,7 +385,7 @@ class _Checked:
         if not stored:
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
         stored, planar, distance = map(np.concatenate, (stored, planar, distance))
-        return _depth_verdict(stored, {"planar": planar, "distance": distance}, kind)
+        return _depth_verdict(stored, {"planar": planar, "distance": distance}, kind, files.some.depth_offset)
 
     def vectors(self, first: int) -> PairVectors | None:
         """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""
@@ -502,29 +501,32 @@ class _Checked:
         return sum(shares) / len(self.bases[basis])
 
 
-def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str) -> Verdict:
-    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind``."""
+def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: float) -> Verdict:
+    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind`` and ``offset``."""
     planar = kinds["planar"]
 
     def share(expected: Array) -> float:
         return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected)).mean())
 
-    as_read = share(kinds[kind])
-    # Depth may be scaled, negative, and begin at the near plane, which a view ray meets at near / cos(angle).
-    found = {other: _fit(stored, expected, expected / planar) for other, expected in kinds.items()}
-    found = {other: (factors, share(values)) for other, (factors, values) in found.items()}
-    most = max(explained for _, explained in found.values())
-    if as_read >= max(ENOUGH, most - SAME):
+    as_read = share(kinds[kind] * (1.0 - offset / planar))
+    found = {"as read": (as_read, kind)}
+    for other, expected in kinds.items():
+        # Depth may be scaled, negative, and begin at the near plane, which a view ray meets at near / cos(angle).
+        for terms in ((expected,), (expected, expected / planar)):
+            (scale, *rest), values = _fit(stored, *terms)
+            near = -sum(rest) / scale if scale else -1.0
+            if 0.0 <= near < np.nanmin(planar):
+                scaled = f" x {scale:.4g}" * bool(abs(scale - 1) > DEPTH_TOLERANCE)
+                found[f"{other}{scaled}" + f", depth_offset = {near:.3g}" * bool(rest)] = share(values), other
+    best = max(found, key=lambda text: found[text][0] - SAME * text.count(",") - SAME * text.count(" x "))
+    explained, other = found[best]
+    if as_read >= ENOUGH and (best == "as read" or explained <= as_read + SAME):
         return Verdict("depth", "ok", kind, as_read, as_read)
-    if most >= ENOUGH:
-        other = kind if found[kind][1] >= most - SAME else max(found, key=lambda name: found[name][1])
-        (scale, near), explained = found[other]
-        value = other + f" x {scale:.4g}" * bool(abs(scale - 1) > DEPTH_TOLERANCE)
-        value += f" from {-near / scale:.3g} m" * bool(share(scale * kinds[other]) < explained - SAME)
-        text = f"depth is {value}: set depth = '{other}'" if value == other else f"depth is {value}, not {kind}"
-        return Verdict("depth", "wrong", text, as_read, explained, value=value)
+    if explained >= MOST:
+        text = f"depth is {best}: set depth = '{other}'" + ", in the unit of positions" * (" x " in best)
+        return Verdict("depth", "wrong", text, as_read, explained, value=best)
     (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
-    if share(values) >= ENOUGH:
+    if share(values) >= MOST:
         value = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
         text = f"depth is that of a depth {value}, {a:.4g} {b:+.4g} / z: write planar depth z"
         return Verdict("depth", "wrong", text, as_read, share(values), value=value)

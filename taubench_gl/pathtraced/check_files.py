@@ -159,7 +159,8 @@ class Files:
         mapping = self.sequence.mapping
         if position is None:
             depth, kind = samples.depth * reading.factor, reading.depth or self.some.depth_kind
-            return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size)
+            offset = self.some.depth_offset
+            return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size, offset)
         points = position * reading.factor
         if reading.up:
             points = points @ to_y_up(np.eye(3), mapping.up).T @ to_y_up(np.eye(3), reading.up)

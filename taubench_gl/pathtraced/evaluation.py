@@ -111,7 +111,8 @@ class PathTracedPlan:
         summary["path_traced"]["render"] = None if record is None else record.summary(self.frames)
         if self.options.second_seed is not None:
             options = self.options
-            second = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
+            chosen = {"mapping": options.mapping, "layer": options.layer, "view": options.view}
+            second = PathTracedSequence.open(options.second_seed, **chosen)
             with opened_gpu(session.settings, session) as owner:
                 floor = summary["noise_floor"] = noise_floor(owner, self, second)
             summary["notes"].append(_floor_note(floor))
@@ -119,7 +120,7 @@ class PathTracedPlan:
 
 def plan_sequence(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedPlan:
     """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
-    sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
+    sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer, view=options.view)
     camera, fps = _choose_camera(options, settings, sequence)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     return PathTracedPlan(sequence, camera, settings, options)
@@ -196,7 +197,8 @@ def _lighting(record: RenderRecord | None) -> dict[str, Any]:
 
 def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
     notes = [f"the camera is {camera.describe()}"] if isinstance(camera, FittedCamera) else []
-    if source.mismatch_px is None:
+    notes += [*source.sequence.index.notes, *source.seen.notes()]
+    if source.seen.mismatch_px is None:
         notes.append("the camera was not checked: there is no position pass")
     if isinstance(camera, SceneCamera) and camera.offset:
         notes.append(f"the files count frames from {-camera.offset}: frame {-camera.offset} is the scene's 0 s")

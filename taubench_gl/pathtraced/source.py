@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import moderngl
@@ -15,8 +16,8 @@ from taubench_gl.features import COLUMNS, LIGHT_FEATURES, OTHERS
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import display_color
-from taubench_gl.pathtraced.cameras import PathTracedCamera, check_camera, relative_position
-from taubench_gl.pathtraced.passes import PathTracedFrame
+from taubench_gl.pathtraced.cameras import PathTracedCamera, Residual, checked_view, relative_position, rounding_m
+from taubench_gl.pathtraced.passes import SHORT_NORMAL, PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.settings import Settings
 
@@ -66,7 +67,7 @@ class PathTracedSource:
         self.channels = ("position", "normal", *self.radiance)
         if self.reprojection == "motion":
             self.channels += ("prev_position",)
-        self.mismatch_px: float | None = None  # of the camera at the first frame; None: no position pass
+        self.seen = Seen()
         self.current_view: View | None = None
         self.previous_view: View | None = None
         self.frame: PathTracedFrame | None = None
@@ -81,11 +82,10 @@ class PathTracedSource:
         """
         passes = self.sequence.read(frame, self.lobes)
         self.frame = passes if self._keep_frame else None
-        if self.current_view is None:
-            self.mismatch_px = check_camera(self.camera, frame, passes)
-        view = self.camera.view(frame, passes)
+        view, residual = checked_view(self.camera, frame, passes)
         self.previous_view, self.current_view = self.current_view or view, view
         arrays = frame_channels(passes, view, self.previous_view, self._settings)
+        self.seen.add(passes, residual, arrays["position"][..., 3])
         if self._follow is not None and self.reprojection == "motion":
             moved = self._follow(passes, arrays["position"], view, self.previous_view)
             arrays["prev_position"] = np.asarray(moved, dtype=np.float32)
@@ -130,7 +130,8 @@ class PathTracedSource:
                 "layer": index.layer,
                 "passes": sorted(name for name in self.sequence.mapping.passes if name in index),
                 "camera": self.camera.describe(),
-                "camera_mismatch_px": self.mismatch_px,
+                "view": index.view,
+                "camera_mismatch_px": self.seen.mismatch_px,
             },
         }
 
@@ -139,6 +140,94 @@ class PathTracedSource:
             for texture in textures.values():
                 texture.release()
             textures.clear()
+
+
+MIXED, EDGE = 0.02, 0.1
+"""Relative differences of 1 / depth: of a pixel from either side if it lies on neither; of the sides of an edge."""
+
+
+OFF_CENTER_PX = 0.1
+"""Median distance of samples from pixel centers above which a run has a note."""
+
+FEW_EDGES, FEW_SHORT = 20, 0.01
+"""Edge pixels below which nothing is said about them; share of normals below which nothing is said."""
+
+
+def mixed_pixels(depth: Array, sky: Array) -> tuple[int, int]:
+    """Pixels on edges between surfaces whose position lies on neither surface, and all pixels on such edges.
+
+    1 / planar depth is linear across the image on every plane, so each side is continued from its two pixels.  One
+    sample in the pixel center lies on one of them, the mean of several between them.  ``depth`` (h, w): planar.
+    """
+    mixed = edges = 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(sky | ~(depth > 0), np.nan, 1.0 / depth)
+    for values in (inverse, inverse.T):
+        a, b, here, c, d = (values[:, i : values.shape[1] - 4 + i] for i in range(5))
+        with np.errstate(invalid="ignore"):
+            sides = np.stack([2.0 * b - a, 2.0 * c - d])
+            edge = np.abs(b - c) > EDGE * np.maximum(b, c)
+            edge &= (np.abs(sides - np.stack([b, c])) < 0.5 * MIXED * np.abs(sides)).all(axis=0)
+            off = (np.abs(sides - here) > MIXED * np.abs(sides)).all(axis=0)
+        edges += int(np.count_nonzero(edge & np.isfinite(here)))
+        mixed += int(np.count_nonzero(edge & off))
+    return mixed, edges
+
+
+@dataclass(slots=True)
+class Seen:
+    """What the frames of a sequence showed about their samples, for the notes of a run."""
+
+    residuals: list[Residual] = field(default_factory=list)
+    mixed: int = 0  # edge pixels on no surface
+    edges: int = 0
+    short_normals: float = 0.0  # largest share of a frame
+    no_normals: float = 0.0
+    rounding_m: float = 0.0  # of half-float positions
+    from_depth: bool = False  # which are replaced
+
+    def add(self, frame: PathTracedFrame, residual: Residual | None, depth: Array) -> None:
+        """Add a frame; ``depth`` (h, w): planar, meters."""
+        self.residuals += [residual] if residual is not None else []
+        mixed, edges = mixed_pixels(depth, frame.sky)
+        self.mixed, self.edges = self.mixed + mixed, self.edges + edges
+        self.short_normals = max(self.short_normals, frame.short_normals)
+        self.no_normals = max(self.no_normals, frame.no_normals)
+        if frame.half_position and not frame.sky.all():
+            self.rounding_m, self.from_depth = max(self.rounding_m, rounding_m(frame)), frame.depth is not None
+
+    @property
+    def mismatch_px(self) -> float | None:
+        """The largest median distance of a frame's positions from its pixel centers; None: no frame has positions."""
+        return max((each.median_px for each in self.residuals), default=None)
+
+    def notes(self) -> list[str]:
+        """What makes the columns of these frames differ from those of one sample in each pixel center."""
+        out, worst = [], max(self.residuals, key=lambda each: each.median_px, default=None)
+        if worst is not None and max(map(abs, worst.offset_px)) > OFF_CENTER_PX + worst.rounding_px:
+            x, y = worst.offset_px
+            out.append(f"positions are {x:+.2f}, {y:+.2f} px (right, down) off the pixel centers")
+        filtered = []
+        if worst is not None and worst.spread_px > OFF_CENTER_PX and not self.rounding_m:
+            filtered.append(f"positions project {worst.spread_px:.2f} px (median) from their pixel centers")
+        if self.edges >= FEW_EDGES and self.mixed > 0.5 * self.edges:
+            filtered.append(f"{100 * self.mixed / self.edges:.0f} % of the edge pixels have positions on no surface")
+        if self.short_normals > FEW_SHORT:
+            filtered.append(f"{100 * self.short_normals:.1f} % of the normals are shorter than {SHORT_NORMAL}")
+        if filtered:
+            why = "passes are means of several samples, or samples lie beside the pixel center, which counts as change"
+            out.append(f"{', '.join(filtered)}: {why}; render one sample in each pixel center")
+        if self.no_normals > FEW_SHORT:
+            out.append(
+                f"{100 * self.no_normals:.1f} % of the surface pixels have no normal: if they show no surface, set "
+                "sky = 'normal' in the mapping"
+            )
+        if self.rounding_m:
+            what = (
+                "surface points are taken from depth" if self.from_depth else "write them, or depth, as 32-bit floats"
+            )
+            out.append(f"positions are half floats, rounded by {self.rounding_m:.2g} m (median): {what}")
+        return out
 
 
 def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings: Settings) -> dict[str, Array]:

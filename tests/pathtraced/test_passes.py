@@ -139,7 +139,17 @@ def test_mapping_files(tmp_path):
 
 
 def test_presets_load():
-    assert presets() == ("blender", "falcor", "godot", "mitsuba", "taubench", "unity", "unreal")
+    assert set(presets()) >= {
+        "blender",
+        "eevee",
+        "falcor",
+        "godot",
+        "luxcore",
+        "mitsuba",
+        "taubench",
+        "unity",
+        "unreal",
+    }
     for name in presets():
         assert "position" in load_mapping(name).passes
     names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]
