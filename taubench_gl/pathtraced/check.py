@@ -523,7 +523,9 @@ def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: fl
     if as_read >= ENOUGH and (best == "as read" or explained <= as_read + SAME):
         return Verdict("depth", "ok", kind, as_read, as_read)
     if explained >= MOST:
-        text = f"depth is {best}: set depth = '{other}'" + ", in the unit of positions" * (" x " in best)
+        keys = [f"depth = '{other}'"] * (other != kind) + [best.partition(", ")[2]] * ("," in best)
+        keys = f": set {' and '.join(keys)}" if keys else ""
+        text = f"depth is {best}{keys}" + ", in the unit of positions" * (" x " in best)
         return Verdict("depth", "wrong", text, as_read, explained, value=best)
     (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
     if share(values) >= MOST:

@@ -50,7 +50,7 @@ def render_truth(camera: SceneCamera, settings: Settings, numbers: Collection[in
 
 def _outline(depth: Array) -> Array:
     """Pixels beside which depth, (h, w) with 0 for none, bends by more than OUTLINE or ends: (h, w) bool."""
-    depth = np.pad(np.where(depth > 0, depth, np.inf), 1, mode="reflect", reflect_type="odd")
+    depth = np.pad(np.where(depth > 0, depth, np.inf), 1, mode="reflect")
     middle, out = depth[1:-1, 1:-1], False
     for step in ((1, 0), (0, 1), (1, 1), (1, -1)):
         one, other = (np.roll(depth, (sign * step[0], sign * step[1]), (0, 1))[1:-1, 1:-1] for sign in (1, -1))
