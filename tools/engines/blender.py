@@ -60,7 +60,8 @@ def main(scene_folder, out, engine):
     for name in ("position", "normal", "vector", "z"):
         setattr(layer, f"use_pass_{name}", True)
     render = scene.render
-    render.resolution_x, render.resolution_y, render.fps, render.threads_mode, render.threads = *poses["size"], 24, "FIXED", 1
+    render.resolution_x, render.resolution_y = poses["size"]
+    render.fps, render.threads_mode, render.threads = 24, "FIXED", 1
     settings = render.image_settings
     if hasattr(settings, "media_type"):  # Blender 5
         settings.media_type = "MULTI_LAYER_IMAGE"

@@ -39,7 +39,7 @@ async function three(poses, forceWebGL) {
   }
   const camera = new THREE.PerspectiveCamera((poses.yfov * 180) / Math.PI, width / height, poses.near, 100);
   for (const thing of [...Object.values(objects), camera]) thing.matrixAutoUpdate = false;
-  const renderer = new THREE.WebGPURenderer({ forceWebGL });
+  const renderer = new THREE.WebGPURenderer({ forceWebGL, requiredLimits: forceWebGL ? {} : { maxColorAttachmentBytesPerSample: 64 } });
   await renderer.init();
   renderer.setSize(width, height);
   const target = new THREE.RenderTarget(width, height, { count: 4, type: THREE.FloatType });
@@ -105,10 +105,8 @@ async function babylon(poses) {
     }
     const m = frame.camera;
     camera.rotationQuaternion ??= new B.Quaternion();
-    // A right-handed camera of Babylon looks along +Z turned about Y: its axes are -x, y, -z of ours.
-    const turned = m.map((row) => [-row[0], row[1], -row[2], row[3]]);
-    B.Matrix.FromArray([...turned.slice(0, 3).map((row) => [row[0], row[1], row[2], 0]), [0, 0, 0, 1]].flat())
-      .transpose().decompose(undefined, camera.rotationQuaternion);
+    const rotation = [...m.slice(0, 3).map((row) => [...row.slice(0, 3), 0]), [0, 0, 0, 1]].flat();
+    B.Matrix.FromArray(rotation).transpose().decompose(undefined, camera.rotationQuaternion);
     camera.position.set(m[0][3], m[1][3], m[2][3]);
     scene.render();
     frames[number] = {};

@@ -23,7 +23,8 @@ def mitsuba(poses, number, out):
     scene = {
         "type": "scene", "light": {"type": "constant"},
         "integrator": {"type": "aov", "aovs": "dd:depth,pp:position,nn:sh_normal", "image": {"type": "direct"}},
-        "sensor": {"type": "perspective", "fov": math.degrees(poses["yfov"]), "fov_axis": "y", "near_clip": poses["near"],
+        "sensor": {"type": "perspective", "fov": math.degrees(poses["yfov"]), "fov_axis": "y",
+                   "near_clip": poses["near"],
                    "to_world": mi.ScalarTransform4f(look), "film": film | {"component_format": "float32"},
                    "sampler": {"type": "stratified", "sample_count": 1, "jitter": False}},
     }  # fmt: skip
@@ -35,7 +36,11 @@ def mitsuba(poses, number, out):
         params["faces"] = np.array(triangles).ravel()
         params.update()
         mesh.write_ply(str(out / f"{name}.ply"))
-        scene[name] = {"type": "ply", "filename": str(out / f"{name}.ply"), "bsdf": {"type": "twosided", "b": {"type": "diffuse"}}}
+        scene[name] = {
+            "type": "ply",
+            "filename": str(out / f"{name}.ply"),
+            "bsdf": {"type": "twosided", "b": {"type": "diffuse"}},
+        }
     loaded = mi.load_dict(scene)
     mi.render(loaded)
     loaded.sensors()[0].film().write(str(out / f"frame_{number:04d}.exr"))
@@ -65,9 +70,13 @@ def luxcore(poses, number, out):
         props.Set(lux.Property(key, given))
     scene.Parse(props)
     settings = {"renderengine.type": "PATHCPU", "sampler.type": "SOBOL", "film.width": width, "film.height": height,
-                "film.filter.type": "BOX", "film.filter.width": 0.01, "batch.haltspp": 1, "native.threads.count": 1}  # fmt: skip
+                "film.filter.type": "BOX", "film.filter.width": 0.01, "batch.haltspp": 1,
+                "native.threads.count": 1}  # fmt: skip
     for i, kind in enumerate(("POSITION", "SHADING_NORMAL", "DEPTH")):
-        settings |= {f"film.outputs.{i}.type": kind, f"film.outputs.{i}.filename": str(out / f"{kind}_{number:04d}.exr")}
+        settings |= {
+            f"film.outputs.{i}.type": kind,
+            f"film.outputs.{i}.filename": str(out / f"{kind}_{number:04d}.exr"),
+        }
     config = lux.Properties()
     for key, value in settings.items():
         config.Set(lux.Property(key, value))

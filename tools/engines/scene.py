@@ -3,8 +3,8 @@
     python tools/engines/scene.py OUT [--morph]
 
 A floor, a box that stands, a box that moves and turns, with --morph a roof that rises too, before a sky; a camera that
-moves and turns faster in every frame.  glTF axes (+Y up, the camera looks along -Z), meters, 24 frames a second.  Frame i
-of the files, i from 1 to 6, is at (i - 1) / 24 seconds.
+moves and turns faster in every frame.  glTF axes (+Y up, the camera looks along -Z), meters, 24 frames a second.  Frame
+i of the files, i from 1 to 6, is at (i - 1) / 24 seconds.
 """
 
 import base64
@@ -47,7 +47,8 @@ def pose(rotation, position):
 def poses(n):
     """world_from_local of each object, and of the camera, in frame number ``n``; the weight of the morph."""
     t = float(n - 1)
-    camera = pose(turned(1, 4 - 0.25 * t**2) @ turned(0, -9 - 0.1 * t**1.5), (0.4 + 0.03 * t**1.5, 1.5, 5.0 - 0.04 * t**1.5))
+    turn = turned(1, 4 - 0.25 * t**2) @ turned(0, -9 - 0.1 * t**1.5)
+    camera = pose(turn, (0.4 + 0.03 * t**1.5, 1.5, 5.0 - 0.04 * t**1.5))
     mover = pose(turned(1, 20 + 5 * t), (-1.2 + 0.11 * t, 0.55 + 0.02 * t, -0.2))
     return {"floor": pose(np.eye(3), (0, -0.05, -1)), "stands": pose(turned(1, 30), (1.1, 0.5, -0.6)), "mover": mover,
             "roof": pose(turned(1, -25), (0.2, 0.35, 1.0)), "camera": camera, "weight": 0.08 * t}  # fmt: skip
