@@ -53,8 +53,8 @@ def check(
 ) -> int:
     """Find out whether frames of another program are right: camera, positions, depth and motion vectors.
 
-    Names what to set in the mapping, and judges the vectors of still surfaces, moving surfaces and the sky: right,
-    wrong or not judged.  Moving surfaces are judged with --scene-file or previous positions.  The exit code is 1 if
+    Names what to set in the mapping.  The vectors of still surfaces, moving surfaces and the sky are each right,
+    wrong or not judged; moving surfaces are judged with --scene-file or previous positions.  The exit code is 1 if
     something is wrong, else 3 if vectors are not judged; missing passes are no fault.  See docs/check-your-engine.md.
     """
     from taubench_gl.pathtraced.check_report import check_summary, check_tables, save_check

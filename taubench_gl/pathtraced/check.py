@@ -31,7 +31,7 @@ from taubench_gl.pathtraced.check_vectors import (
     WRONG,
     ClassVerdict,
     PairVectors,
-    judge,
+    class_verdicts,
     length,
     simple_faults,
     tolerance,
@@ -302,7 +302,7 @@ class _Checked:
         pairs = [pair for first in starts if (pair := self.vectors(first)) is not None]
         for pair in pairs:
             pair.faults |= simple_faults(pair, self.late(pair, {p.frame: p for p in pairs}))
-        classes = judge(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
+        classes = class_verdicts(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
         shown = tuple(map(self.pair, pairs))
         # A fault that is named explains pairs that the conventions do not.
         good = [self.pair(pair) for pair in pairs if pair.good or any(verdict.fault for verdict in classes)]

@@ -1,4 +1,4 @@
-"""Judges the motion vectors of a sequence by class: still surfaces, moving surfaces and sky.
+"""Which motion vectors of a sequence are right, by class: still surfaces, moving surfaces and sky.
 
 Where the motion of every surface is known (by the scene or by previous positions), both classes of surfaces are judged.
 Otherwise the camera's motion is all that is known: surfaces whose vectors agree with it are still, and what moves is
@@ -133,7 +133,7 @@ def tolerance(expected: Array) -> Array:
     return TOLERANCE_PX + np.nan_to_num(np.abs(expected)).max(axis=-1) * 2.0**-11
 
 
-def judge(pairs: Sequence[PairVectors]) -> tuple[ClassVerdict, ...]:
+def class_verdicts(pairs: Sequence[PairVectors]) -> tuple[ClassVerdict, ...]:
     """The verdict on each class that has pixels.  No pair: none."""
     return tuple(verdict for verdict in (*_surfaces(pairs), _sky(pairs)) if verdict is not None) if pairs else ()
 
@@ -176,7 +176,7 @@ def _by_camera(pairs: Sequence[PairVectors]) -> Iterator[ClassVerdict | None]:
     if _share(others, good) < 1.0 - MOST and sum(map(np.count_nonzero, others)) < FEW_PIXELS * len(good):
         yield ClassVerdict(MOVING, NOT_JUDGED, _NOTHING, _share(others, good))
     else:
-        text = "vectors differ from the camera's; give --scene-file or previous positions to judge them"
+        text = "vectors differ from the camera's: give --scene-file or previous positions"
         yield ClassVerdict(MOVING, NOT_JUDGED, text, _share(others, good))
 
 
