@@ -153,8 +153,10 @@ def test_contradicting_and_unknown_options_are_refused(renders):
     for wrong in ({"camera_file": "a", "scene_file": "b"}, {"lobes": ("shiny",)}):
         with pytest.raises(SettingsError):
             PathTracedOptions(**wrong)
-    with pytest.raises(SettingsError):  # these files have no previous positions
-        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
+    mapping = renders / "still.toml"
+    mapping.write_text('[passes]\nposition = "Position"\n')  # neither vectors nor previous positions
+    with pytest.raises(SettingsError):
+        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders, mapping=mapping))
 
 
 def test_the_noise_floor_of_two_seeds_is_noise_and_that_of_one_is_zero(renders, tmp_path):
