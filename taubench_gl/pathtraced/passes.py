@@ -50,6 +50,7 @@ EXPORT_PRESET, EXPORT_ATTRIBUTE = "taubench", "taubench.positions"
 Up = Literal["z", "y", "z-left", "y-left"]
 Depth = Literal["planar", "distance", "view-z"]
 Primaries = Literal["file", "rec709", "rec2020", "p3-d65", "ap0", "ap1"]
+Pixels = Annotated[int, msgspec.Meta(ge=-65536, le=65536)]
 Positive = Annotated[float, msgspec.Meta(gt=0, le=FLOAT32_MAX)]
 
 
@@ -94,7 +95,7 @@ class PassMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str = ""
     up: Up = "z"
     rows: Literal["top", "bottom"] = "top"  # the row that is stored first
-    principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
+    principal_point: tuple[Pixels, Pixels] = (0, 0)  # right and down, of the camera's axis from the image center
     depth: Depth = "planar"
     depth_offset: Annotated[float, msgspec.Meta(ge=0, le=FLOAT32_MAX)] = 0.0  # planar, where depth starts: near plane
     background_depth: Positive = 1e9
@@ -246,6 +247,7 @@ class PathTracedFrame:
     relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
     depth_offset: float = 0.0  # meters in front of the camera, along its axis, where ``depth`` starts
     half_position: bool = False  # positions are rounded to half floats
+    finer_depth: bool = False  # there is depth, which is not
     principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
     short_normals: float = 0.0  # share of the surface pixels whose stored normal was shorter than SHORT_NORMAL, not 0
     no_normals: float = 0.0  # share of the surface pixels whose normal is zero
@@ -348,9 +350,8 @@ def read_frame(
         glossy_color=light(take("glossy_color")),
         relative=mapping.positions == "relative",
         depth_offset=mapping.depth_offset * mapping.meters,
-        half_position=position is not None
-        and _in_halves(position[~sky])
-        and not (depth is not None and _in_halves(depth[~sky])),
+        half_position=position is not None and _in_halves(position[~sky]),
+        finer_depth=depth is not None and not _in_halves(depth[~sky]),
         principal_point=mapping.principal_point,
         short_normals=float(((length > 0) & (length < SHORT_NORMAL)).mean()),
         no_normals=float((length == 0).mean()),

@@ -79,7 +79,8 @@ class PathTracedSource:
             )
         self.missing = sequence.missing(self.lobes)
         # Vectors alone say where history is, but not whether it shows the same point.
-        self.geometry = self.reprojection == "camera" or any(n in sequence.index for n in ("position", "depth"))
+        located = any(name in sequence.index for name in ("position", "depth"))
+        self.geometry = located or self.reprojection == "camera"
         if not self.geometry:
             self.missing["position"] = "the files have neither positions nor depth"
         self.unmeasured = {c: self.missing[c] for c in COLUMNS if c in self.missing}
@@ -87,16 +88,12 @@ class PathTracedSource:
         self.unmeasured |= {c: "not requested" for c in COLUMNS if c not in settings.metrics.columns}
         self.radiance = tuple(c for c in LIGHT_FEATURES if c not in self.unmeasured)
         self.others: tuple[str, ...] = ()
-        both = self.moves and any(n in sequence.index for n in ("position", "depth"))
-        self.other = COUNTED if both else f"the files have no pass {' or '.join(MOTION_PASSES)}"
-        if not self.geometry:
-            self.other = self.missing["position"]
+        why = self.missing.get("position", f"the files have no pass {' or '.join(MOTION_PASSES)}")
+        self.other = COUNTED if self.moves and located else why
         self.cuts = False  # images do not show which surfaces have no history
         self.channels = ("position", "normal", *self.radiance)
-        if self.moves or self._follow is not None:
-            self.channels += ("prev_position",)
-        if "motion" in sequence.index:
-            self.channels += ("vectors",)
+        self.channels += ("prev_position",) * (self.moves or self._follow is not None)
+        self.channels += ("vectors",) * ("motion" in sequence.index)
         self.seen = Seen()
         self.current_view: View | None = None
         self.previous_view: View | None = None
@@ -156,10 +153,9 @@ class PathTracedSource:
     def describe(self) -> dict[str, Any]:
         """The summary blocks ``effects`` and ``path_traced``: the source of camera, passes and motion vectors."""
         index, name_of = self.sequence.index, self.sequence.mapping.file_name
-        stored = [name_of(name) for name in MOTION_PASSES if name in index]
-        moves = {"previous_pose": {"on": True, "reason": f"the files have the pass {stored[0]}"}} if stored else {}
+        moves = {"previous_pose": {"on": True, "reason": "the files say how surfaces moved"}}
         return {
-            "effects": moves,
+            "effects": moves if self.moves else {},
             "path_traced": {
                 "mapping": self.sequence.mapping.name,
                 "layer": index.layer,
@@ -181,12 +177,11 @@ class PathTracedSource:
 MIXED, EDGE = 0.02, 0.1
 """Relative differences of 1 / depth: of a pixel from either side if it lies on neither; of the sides of an edge."""
 
-
 OFF_CENTER_PX = 0.1
 """Median distance of samples from pixel centers above which a run has a note."""
 
-FEW_EDGES, FEW_SHORT = 20, 0.01
-"""Edge pixels below which nothing is said about them; share of normals below which nothing is said."""
+FEW_EDGES, FEW_SHORT, COARSE_M = 20, 0.01, 1e-3
+"""Edge pixels, share of normals, and rounding of positions (meters) below which nothing is said of them."""
 
 
 def mixed_pixels(depth: Array, sky: Array) -> tuple[int, int]:
@@ -220,7 +215,7 @@ class Seen:
     short_normals: float = 0.0  # largest share of a frame
     no_normals: float = 0.0
     rounding_m: float = 0.0  # of half-float positions
-    from_depth: bool = False  # which are replaced
+    from_depth: bool = False  # whether points from depth replace them
 
     def add(self, frame: PathTracedFrame, residual: Residual | None, depth: Array) -> None:
         """Add a frame; ``depth`` (h, w): planar, meters."""
@@ -230,7 +225,7 @@ class Seen:
         self.short_normals = max(self.short_normals, frame.short_normals)
         self.no_normals = max(self.no_normals, frame.no_normals)
         if frame.half_position and not frame.sky.all():
-            self.rounding_m, self.from_depth = max(self.rounding_m, rounding_m(frame)), frame.depth is not None
+            self.rounding_m, self.from_depth = max(self.rounding_m, rounding_m(frame)), frame.finer_depth
 
     @property
     def mismatch_px(self) -> float | None:
@@ -258,7 +253,7 @@ class Seen:
                 f"{100 * self.no_normals:.1f} % of the surface pixels have no normal: if they show no surface, set "
                 "sky = 'normal' in the mapping"
             )
-        if self.rounding_m:
+        if self.rounding_m > COARSE_M:
             what = (
                 "surface points are taken from depth" if self.from_depth else "write them, or depth, as 32-bit floats"
             )

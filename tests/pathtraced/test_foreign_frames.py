@@ -418,6 +418,9 @@ def test_half_float_positions_far_from_the_origin_give_way_to_depth(tmp_path):
     assert "half floats" in run.summary["notes"][0] and run.summary["path_traced"]["camera_mismatch_px"] > 0.1
     with pytest.raises(PathTracedError, match="half floats"):
         evaluated(folder, mapping, camera_file=None)
+    with pytest.raises(PathTracedError, match="depth is"):  # depth of another kind does not replace positions
+        evaluated(folder, mapping_file(tmp_path, ("prev_position",), depth_offset=0.5))
+    mapping = mapping_file(tmp_path, ("prev_position",))
     (folder / "camera.json").write_text(camera_file_text({n: view_at(n) for n in (1, 2, 3)}, 24.0, SIZE))
     with pytest.raises(PathTracedError, match="frame 1"):
         evaluated(folder, mapping)
