@@ -103,6 +103,7 @@ class PassMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     color: Literal["linear", "encoded"] = "linear"
     primaries: Primaries = "file"  # file: by its attribute chromaticities, without it rec709
     positions: Literal["world", "relative"] = "world"  # relative: to the camera, prev_position to that of its frame
+    normals: Literal["world", "view"] = "world"  # view: +x right, +y up, +z towards the camera
     meters: Positive = 1.0  # per unit of position, depth and background_depth
     motion: MotionMap = MotionMap()
 
@@ -230,7 +231,7 @@ class PathTracedFrame:
 
     size: tuple[int, int]
     sky: Array  # (h, w) bool, True where no surface is visible
-    normal: Array | None  # (h, w, 3) float32, unit, world
+    normal: Array | None  # (h, w, 3) float32, unit, world axes unless ``view_normals``
     position: Array | None  # (h, w, 3) float32, world
     depth: Array | None  # (h, w) float32, as ``depth_kind``
     depth_kind: str  # planar: along the view direction; distance: from the camera position
@@ -251,6 +252,7 @@ class PathTracedFrame:
     principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
     short_normals: float = 0.0  # share of the surface pixels whose stored normal was shorter than SHORT_NORMAL, not 0
     no_normals: float = 0.0  # share of the surface pixels whose normal is zero
+    view_normals: bool = False  # normals have the axes of the view
     kept: Array | None = None  # (h, w) float32, weight that the frames' program gave its history; 0: rejected
 
     def linear_radiance(self, exposure: float, where: str) -> Array:
@@ -334,7 +336,8 @@ def read_frame(
     return PathTracedFrame(
         size=image.size,
         sky=sky,
-        normal=None if normal is None else unit(to_y_up(normal, mapping.up)),
+        normal=None if normal is None else unit(to_y_up(normal, "y" if mapping.normals == "view" else mapping.up)),
+        view_normals=mapping.normals == "view",
         position=None if position is None else to_y_up(position, mapping.up) * meters,
         depth=None if depth is None else depth * meters,
         depth_kind="distance" if mapping.depth == "distance" else "planar",

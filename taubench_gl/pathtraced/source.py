@@ -277,6 +277,8 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
     position[~frame.sky & ~(depth > 0)] = np.nan
     out = {"position": position.astype(np.float32)}
     normal = np.zeros_like(out["position"][..., :3]) if frame.normal is None else frame.normal
+    if frame.view_normals:
+        normal = (normal @ view.world_from_view.T).astype(np.float32)
     out["normal"] = np.where(frame.sky[..., None], np.float32(0), normal)
     out |= {**frame.radiance, **frame.lobes}  # the mask pass applies the exposure
     if frame.combined is not None:

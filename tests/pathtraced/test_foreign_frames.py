@@ -89,6 +89,31 @@ def test_files_whose_bottom_row_is_first(tmp_path):
         np.testing.assert_allclose(getattr(frame, name), truth[name], atol=1e-5)
 
 
+def test_normals_with_the_axes_of_the_view(tmp_path):
+    """A camera that turns: with such normals nothing changes, read as world normals everything does."""
+    turns = {frame: math3d.mat3_from_quat(math3d.quat_from_axis_angle(np.array([0.0, 1.0, 0.0]), 0.3 * frame))
+             for frame in (1, 2, 3)}  # fmt: skip
+
+    def change(channels, frame):
+        out = dict(channels)
+        for name in ("Pos", "Normal"):
+            values = np.stack([channels[f"{name}.{c}"] for c in "XYZ"], axis=-1).astype(np.float64)
+            if name == "Pos":  # the whole world turns with the camera
+                at = view_at(frame).position
+                values = np.where(passes_of(frame)["sky"][..., None], 0.0, (values - at) @ turns[frame].T + at)
+            out |= {f"{name}.{c}": values[..., i].astype(np.float32) for i, c in enumerate("XYZ")}
+        return out
+
+    folder = write_frames(tmp_path / "f", change=change)
+    views = {frame: View(view_at(frame).position, turns[frame], view_at(frame).camera) for frame in turns}
+    (folder / "camera.json").write_text(camera_file_text(views, 24.0, SIZE))
+    mapping = mapping_file(tmp_path, ("prev_position", "motion"), normals="view")
+    frame = read(folder, mapping)
+    arrays = frame_channels(frame, views[1], views[1], Settings())
+    expected = passes_of(1)["normal"] @ turns[1].T
+    np.testing.assert_allclose(arrays["normal"], expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["planar", "distance", "view-z"])
 @pytest.mark.parametrize("offset", [0.0, 0.25])
 @pytest.mark.parametrize("camera", ["perspective", "orthographic"])
