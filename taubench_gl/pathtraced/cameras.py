@@ -312,16 +312,16 @@ def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[in
 
 
 def project(view: View, points: Array, size: tuple[int, int], *, relative: bool = False) -> Array:
-    """Pixel coordinates (column, row) of (N, 3) points; pixel centers are integers.  (N, 2) float64, NaN behind.
+    """Pixel coordinates (column, row) of (..., 3) points; pixel centers are integers.  (..., 2) float64, NaN behind.
 
     ``points`` are in world axes, relative to the camera position if ``relative``.
     """
     width, height = size
     offsets = points.astype(np.float64) - (0.0 if relative else view.position)
-    clip = np.column_stack([offsets, np.ones(len(offsets))]) @ view.clip_from_relative(width, height).T
-    w = np.where(clip[:, 3] > 0, clip[:, 3], np.nan)
-    ndc = clip[:, :2] / w[:, None]
-    return np.stack([(ndc[:, 0] + 1.0) * 0.5 * width - 0.5, (1.0 - ndc[:, 1]) * 0.5 * height - 0.5], axis=-1)
+    matrix = view.clip_from_relative(width, height)
+    clip = offsets @ matrix[:, :3].T + matrix[:, 3]
+    ndc = clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], np.nan)
+    return (ndc * [1.0, -1.0] + 1.0) * 0.5 * np.array(size) - 0.5
 
 
 def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_POINTS) -> Array:
