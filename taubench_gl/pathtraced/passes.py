@@ -297,7 +297,7 @@ def _rec709(image: ExrImage, mapping: PassMap) -> Callable[[Array | None], Array
         )
     try:
         matrix = rec709_from(stored).astype(np.float32)
-    except (np.linalg.LinAlgError, ValueError):
+    except np.linalg.LinAlgError:
         hint = "set primaries in the mapping"
         raise PathTracedError("its chromaticities are no primaries", where=str(image.path), hint=hint) from None
     return lambda light: None if light is None else light @ matrix.T

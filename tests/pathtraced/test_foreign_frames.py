@@ -194,9 +194,12 @@ def test_light_of_other_primaries_is_converted(tmp_path, stated):
         np.testing.assert_allclose(as_is, passes_of(1)["combined"], atol=1e-6)
         with pytest.raises(PathTracedError):
             read(folder, mapping_file(tmp_path, color="encoded"))
-        write(folder / "f_001.exr", channels_of(passes_of(1)), chromaticities=(0.3,) * 8)
-        with pytest.raises(PathTracedError):
-            read(folder, mapping)
+        for no_primaries in ((0.3,) * 8, (0.64, 0.33, 0.3, 0.0, 0.15, 0.06, 0.31, 0.33), (float("nan"),) * 8):
+            write(folder / "f_001.exr", channels_of(passes_of(1)), chromaticities=no_primaries)
+            with pytest.raises(PathTracedError):
+                read(folder, mapping)
+        write(folder / "f_001.exr", channels_of(passes_of(1)), multiView=3, view=2.0)
+        np.testing.assert_allclose(read(folder, mapping).combined, passes_of(1)["combined"], atol=1e-6)
 
 
 def test_passes_that_a_mapping_omits_are_not_asked_for(tmp_path):
@@ -295,6 +298,22 @@ def test_an_image_that_is_shifted_by_whole_pixels(tmp_path):
     arrays = frame_channels(passes, view_at(2), view_at(1), MOTION)
     arrays["position"][passes.sky] = 0
     assert not np.isnan(arrays["position"]).any()
+
+
+def test_frames_without_a_surface_prove_nothing(tmp_path):
+    """An empty first file: the camera of the others is checked all the same, and nothing of it has motion."""
+
+    def empty(channels, frame):
+        return {n: np.where(n[0] == "V", np.nan, 0.0).astype(np.float32) + 0 * v for n, v in channels.items()}
+
+    folder = write_frames(tmp_path / "f", change=lambda channels, n: empty(channels, n) if n == 1 else channels)
+    run = evaluated(folder, mapping_file(tmp_path))
+    assert run.summary["path_traced"]["camera_mismatch_px"] < 1e-4
+    (folder / "camera.json").write_text(camera_file_text({n: view_at(n + 1) for n in (1, 2, 3)}, 24.0, SIZE))
+    with pytest.raises(PathTracedError, match="frame 2"):
+        evaluated(folder, mapping_file(tmp_path))
+    everywhere = write_frames(tmp_path / "g", change=empty)
+    assert evaluated(everywhere, mapping_file(tmp_path)).summary["path_traced"]["camera_mismatch_px"] is None
 
 
 def test_a_rate_that_does_not_fit_is_refused_with_the_one_that_does(data):
