@@ -139,8 +139,8 @@ def _orthographic(stage: Stage) -> None:
 
 @_case("off-axis", "still sky", offsets=lambda size: np.tile(np.array([0.15, -0.1]) * size, (FRAMES, 1)))
 def _off_axis(stage: Stage) -> None:
-    """The projection is off its axis, as for a tile of a large image or an eye: every frame is sampled at the same large
-    offset, 15 % of the width and 10 % of the height.  The offset is in both frames and no part of a vector."""
+    """The projection is off its axis, as for a tile of a large image or an eye: every frame is sampled at the same
+    large offset, 15 % of the width and 10 % of the height.  The offset is in both frames and no part of a vector."""
     _dolly(stage)
 
 
@@ -322,7 +322,7 @@ def _behind(stage: Stage) -> None:
     """The camera moves backward near the ground: what is in front of it now was behind it before.  Such pixels have no
     place in the previous image, and a division by their depth puts them into it."""
     stage.furniture()
-    stage.animate(stage.eye((0.2, 0.35, 1.5), -14.0), "translation", along((0.2, 0.35, 1.5), (0.02, 0.0, 0.45)))
+    stage.animate(stage.eye((0.2, 0.2, 1.2), -14.0), "translation", along((0.2, 0.2, 1.2), (0.02, 0.0, 0.8)))
 
 
 @_case("disocclusion-object", "still rigid sky")
@@ -436,8 +436,8 @@ def _kilometer(stage: Stage) -> None:
 
 @_case("far", "still rigid sky", origin=(1e5, 0.0, 1e5))
 def _hundred_kilometers(stage: Stage) -> None:
-    """Camera and box move 100 km from the origin along two axes, where a step of single precision is 8 mm: matrices must
-    be relative to the camera before they are single precision."""
+    """Camera and box move 100 km from the origin along two axes, where a step of single precision is 8 mm: matrices
+    must be relative to the camera before they are single precision."""
     _far(stage)
 
 

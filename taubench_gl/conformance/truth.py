@@ -1,4 +1,4 @@
-"""Right values of every pixel of a case, in float64: exact rays against the triangles of its file, posed in both frames.
+"""Right values of every pixel of a case, in float64: exact rays against the posed triangles of its file.
 
 A pixel is the point of the image at its center plus the frame's offset.  Triangles are met by the ray through that
 point alone; vectors are between the projections of one surface point in two frames.  Nothing is stored: the scorer
@@ -28,8 +28,8 @@ CLASSES = ("still", "rigid", "skinned", "morphed", "sky")
 JUMP_PX = 1.0
 """Difference of the vectors of two neighbors of one object from which on an outline is between them."""
 
-Points = Callable[[FrameState, int, Primitive, int | None], Array]
-"""Another way to pose the vertices of a primitive of a node: (state, node, primitive, instance) -> (V, 3) world."""
+Pose = Callable[[Scene, FrameState, int, Primitive, int | None], Array]
+"""A way to pose the vertices of a primitive of a node, as ``pose_vertices``: -> (V, 3) world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +89,7 @@ class Truth:
         self.node_of = np.repeat([p.node for p in self._parts], [len(p.triangles) for p in self._parts])
         self._frames: dict[int, Frame] = {}
         self._posed: dict[tuple, Array] = {}
+        self._drawn: dict[tuple, Hits] = {}
 
     def state(self, frame: float) -> FrameState:
         """The scene at ``frame``; before the first frame it is as at the first."""
@@ -97,14 +98,15 @@ class Truth:
     def view(self, frame: int) -> View:
         """The camera of ``frame``, sampled at the frame's offset."""
         view = self._camera.view_at(self.state(frame))
-        return replace(view, jitter_px=self._offsets[max(frame, 0)])
+        return replace(view, jitter_px=self._offsets[min(max(frame, 0), FRAMES - 1)])
 
-    def vertices(self, frame: float, points: Points | None = None) -> Array:
-        """World positions (V, 3) of all vertices.  ``points``: another way to pose them."""
-        key = (max(frame, 0), points)
+    def vertices(self, frame: float, pose: Pose = pose_vertices) -> Array:
+        """World positions (V, 3) of all vertices."""
+        key = (max(frame, 0), pose)
         if key not in self._posed:
-            state, pose = self.state(frame), points or (lambda *part: pose_vertices(self.scene, *part))
-            self._posed[key] = np.concatenate([pose(state, p.node, p.primitive, p.instance) for p in self._parts])
+            state = self.state(frame)
+            posed = [pose(self.scene, state, p.node, p.primitive, p.instance) for p in self._parts]
+            self._posed[key] = np.concatenate(posed)
         return self._posed[key]
 
     def frame(self, number: int) -> Frame:
@@ -130,17 +132,30 @@ class Truth:
         width, height = self.size
         return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.float64)
 
-    def cast(self, frame: int, view: View, pixels: Array, *, masked: bool = True) -> Hits:
-        """What the rays through ``pixels`` (N, 2: column, row) of ``view`` meet in ``frame``.
+    def drawn(
+        self, number: int, *, pose: Pose = pose_vertices, masked: bool = True, hidden: bool = False, without: int = -1
+    ) -> Hits:
+        """What the camera of frame ``number`` sees of a scene that is drawn wrongly.
 
-        ``masked``: alpha masks make holes.
+        ``pose``: how vertices are posed; ``masked``: alpha masks make holes; ``hidden``: hidden nodes are drawn;
+        ``without``: a node that is not drawn.
         """
+        key = (number, pose, masked, hidden, without)
+        if key not in self._drawn:
+            self._drawn[key] = self.cast(number, self.view(number), self.pixels, *key[1:])
+        return self._drawn[key]
+
+    def cast(
+        self, frame: int, view: View, pixels: Array, pose: Pose = pose_vertices, masked: bool = True,
+        hidden: bool = False, without: int = -1,
+    ) -> Hits:  # fmt: skip
+        """What the rays through ``pixels`` (N, 2: column, row) of ``view`` meet in ``frame``; the rest as ``drawn``."""
         width, height = self.size
-        relative = self.vertices(frame) - view.position
+        relative = self.vertices(frame, pose) - view.position
         clip = relative @ view.clip_from_relative(width, height)[[0, 1, 3], :3].T
         clip += view.clip_from_relative(width, height)[[0, 1, 3], 3]
         along = relative @ -view.world_from_view[:, 2]
-        present = present_nodes(self.scene, self.state(frame))[self.node_of]
+        present = (hidden or present_nodes(self.scene, self.state(frame))[self.node_of]) & (self.node_of != without)
         near, far = view.camera.znear, view.camera.zfar
         rays = np.column_stack([(2 * pixels[:, 0] + 1) / width - 1, 1 - (2 * pixels[:, 1] + 1) / height,
                                 np.ones(len(pixels))])  # fmt: skip
@@ -223,6 +238,11 @@ class Truth:
         ndc = np.column_stack([(2 * self.pixels[:, 0] + 1) / width - 1, 1 - (2 * self.pixels[:, 1] + 1) / height])
         along = (ndc + [clip[0, 2], clip[1, 2]]) / [clip[0, 0], clip[1, 1]]
         return np.column_stack([along, -np.ones(len(along))]) @ view.world_from_view.T
+
+    def jitter_motion(self, number: int) -> Array:
+        """What vectors that contain the offsets have more than those without, (2,) pixels, +x right, +y down."""
+        before, now = self._offsets[max(number - 1, 0)], self._offsets[number]
+        return (now - before) * [1.0, -1.0]
 
     def sky_motion(self, view: View, previous: View) -> Array:
         """Vectors (h * w, 2) of the sky, infinitely far away; NaN: behind the previous camera."""
