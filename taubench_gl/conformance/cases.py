@@ -317,7 +317,7 @@ def _near(stage: Stage) -> None:
     _moving(stage, "translation", along((-0.3, 0.7, 3.5), (0.03, 0.01, 0.3)), (0.5, 0.25, 5.0))
 
 
-@_case("behind", "still sky")
+@_case("behind", "still sky behind")
 def _behind(stage: Stage) -> None:
     """The camera moves backward near the ground: what is in front of it now was behind it before.  Such pixels have no
     place in the previous image, and a division by their depth puts them into it."""

@@ -223,7 +223,7 @@ def _conventions() -> list[Hypothesis]:
 
 HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis("rounding", "what stands still has tiny vectors by rounding, not zero",
-               lambda pair: np.where((pair.right == 0).all(axis=-1, keepdims=True), 0.0, np.nan)),
+               lambda pair: np.where(pair.frame.exact.reshape(-1, 1), [0.0, 0.0], np.nan)),
     Hypothesis("camera only", "moving pixels have the camera's motion only", _camera_only),
     Hypothesis("zero", "no vector is written: zero", lambda pair: np.zeros_like(pair.right)),
     Hypothesis("object only", "the motion of the camera is missing", _object_only),

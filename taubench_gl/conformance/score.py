@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taubench_gl.conformance.cases import Case
-from taubench_gl.conformance.frames import EngineFrame
+from taubench_gl.conformance.frames import EngineFrame, EngineFrames
 from taubench_gl.conformance.hypotheses import HYPOTHESES, Hypothesis, Pair
 from taubench_gl.conformance.loaded import agreement, difference
 from taubench_gl.conformance.truth import CLASSES, Frame, Truth
@@ -126,9 +126,7 @@ def _collect(truth: Truth, frame: Frame, engine: EngineFrame, collected: dict[st
     slack = np.linalg.norm(step, axis=-1)
     with np.errstate(invalid="ignore"):
         wrong = ~(error <= TOLERANCE_PX + slack)
-        jitter = truth.jitter_motion(frame.number)
-        exact = (right == 0).all(axis=-1) & (slack == 0) & ~np.any(jitter)
-        wrong |= exact & (error != 0) & (frame.number > 0)
+        wrong |= frame.exact & (slack == 0) & (error != 0) & (frame.number > 0)
     if frame.number == 0:
         _add(collected, FIRST, frame, where, vectors, error, wrong & ~none, step)
         return
@@ -240,19 +238,20 @@ def precision_recall(counts: Counter) -> tuple[float | None, float | None]:
 
 
 def score_cases(
-    cases: Sequence[Case], size: tuple[int, int] | None, read: Callable[[Truth], list[EngineFrame]],
-    has: Callable[[str], bool] = lambda name: True, size_of: Callable[[str], tuple[int, int]] | None = None,
-    progress: Callable[[CaseScore], None] | None = None,
-) -> list[CaseScore]:  # fmt: skip
-    """Score ``cases``.  ``read``: frames of a case; ``has``: whether there are any; ``size_of``: their size."""
+    cases: Sequence[Case], frames: EngineFrames, begun: Callable[[str, tuple[int, int]], object] = lambda *_: None
+) -> list[CaseScore]:
+    """Score ``cases`` by the files of an engine.  ``begun`` gets each case that has files, and the size of its frames.
+
+    Raises PathTracedError for damaged files.
+    """
     scores = []
     for case in cases:
-        if not has(case.name):
+        if not frames.has(case.name):
             scores.append(CaseScore(case.name, NOT_JUDGED, "its frames are missing"))
-        else:
-            truth = Truth(case, size_of(case.name) if size_of else size)
-            scores.append(score_case(truth, read(truth)))
-        if progress:
-            progress(scores[-1])
+            continue
+        size = frames.size(case.name)
+        begun(case.name, size)
+        truth = Truth(case, size)
+        scores.append(score_case(truth, frames.read(truth)))
     name_causes(scores)
     return scores

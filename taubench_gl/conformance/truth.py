@@ -69,6 +69,7 @@ class Frame:
     kind: Array  # (h, w) number of a class; -1: sky of a parallel camera, which has no vector
     node: Array  # (h, w), -1: sky
     edge: Array  # (h, w) bool, within 1 px of an outline
+    exact: Array  # (h, w) bool: neither the point nor the camera has moved, so that the vector is exactly zero
 
     @property
     def valid(self) -> Array:
@@ -262,9 +263,9 @@ class Truth:
         motion = self.motion(position, prev_position, view, previous)
         if view.camera.kind == "perspective":
             motion[sky] = self.sky_motion(view, previous)[sky]
-        # A point that did not move before a camera that did not move: the difference is 0 by definition, not rounding.
         same = number == 0 or _same_view(view.centered(), previous.centered())
-        motion[same & (sky | (position == prev_position).all(axis=-1))] = 0.0
+        exact = same & (sky | (position == prev_position).all(axis=-1))
+        motion[exact] = 0.0  # by definition, not by rounding
         normal = self.at(hits, self._normals(number))
         normal = np.nan_to_num(math3d.normalize(normal))
         kind = np.where(sky, CLASSES.index("sky") if view.camera.kind == "perspective" else -1,
@@ -277,7 +278,7 @@ class Truth:
         return Frame(
             number, view, previous, hits, position.reshape(*shape, 3), prev_position.reshape(*shape, 3),
             normal.reshape(*shape, 3), np.where(sky, 0.0, hits.depth).reshape(shape), motion,
-            visibility.reshape(shape), kind.reshape(shape), node, _outlines(node, motion),
+            visibility.reshape(shape), kind.reshape(shape), node, _outlines(node, motion), exact.reshape(shape),
         )  # fmt: skip
 
     def _visibility(self, number: int, hits: Hits, prev: Array, motion: Array, sky: Array, new: Array) -> Array:
