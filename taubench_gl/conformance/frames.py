@@ -40,6 +40,7 @@ class EngineFrame:
     rejected: Array | None = None  # (h, w) bool: the engine does not use its history
     step_px: Array | float = 0.0  # (h, w, 2) half a step of the stored vectors: that of half floats, else 0
     step_m: Array | float = 0.0  # (h, w) a step of the stored positions
+    exact_zero: bool = True  # files can store vectors that are exactly zero, and vectors contain no jitter
     world: bool = True  # points come from world positions, not relative ones or depth
 
     @property
@@ -144,5 +145,6 @@ def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int
     kept = getattr(frame, "kept", None)
     return EngineFrame(
         sky, motion, points, frame.normal, None if kept is None else kept <= 0.0, step, metric,
+        exact_zero=mapping.motion.zero == "0" and mapping.motion.jitter == "excluded",
         world=frame.position is not None and not frame.relative,
     )  # fmt: skip

@@ -92,7 +92,7 @@ def text_of(cause: str) -> str:
 
 
 def score_case(truth: Truth, engine: Sequence[EngineFrame]) -> CaseScore:
-    """Judge one case.  Causes are candidates until ``name_causes`` has seen all cases."""
+    """Score one case.  Causes are candidates until ``name_causes`` has seen all cases."""
     name = truth.case.name
     if any(frame.motion is None for frame in engine):
         return CaseScore(name, NOT_JUDGED, "there is no motion pass")
@@ -126,7 +126,7 @@ def _collect(truth: Truth, frame: Frame, engine: EngineFrame, collected: dict[st
     slack = np.linalg.norm(step, axis=-1)
     with np.errstate(invalid="ignore"):
         wrong = ~(error <= TOLERANCE_PX + slack)
-        wrong |= frame.exact & (slack == 0) & (error != 0) & (frame.number > 0)
+        wrong |= frame.exact & engine.exact_zero & (slack == 0) & (error != 0) & (frame.number > 0)
     if frame.number == 0:
         _add(collected, FIRST, frame, where, vectors, error, wrong & ~none, step)
         return
