@@ -200,7 +200,11 @@ def name_causes(scores: Sequence[CaseScore]) -> None:
     Of several that explain as many classes the one that also predicts more of the other pixels, then the simplest.
     """
     order = {hypothesis.key: i for i, hypothesis in enumerate(HYPOTHESES)}
-    left = [each for score in scores for each in score.classes if each.failed]
+    failed = [each for score in scores for each in score.classes if each.failed]
+    for each in failed:
+        if HYPOTHESES[0].key in each.explained:  # rounding is no sign of the mistake that other classes show
+            each.cause = HYPOTHESES[0].key
+    left = [each for each in failed if not each.cause]
     while left:
         votes = Counter(key for each in left for key in each.explained)
         if not votes:

@@ -54,7 +54,7 @@ def test_closed_forms():
     spin = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
     before = tilt.T @ spin @ tilt @ ray
     expected = focal * (before[:2] / -before[2] - ray[:2]) * [1, -1]
-    np.testing.assert_allclose(frame.motion[height // 2 - 1, width // 2], expected, atol=1e-6)  # keys of the file are float32
+    np.testing.assert_allclose(frame.motion[height // 2 - 1, width // 2], expected, atol=1e-6)  # float32 keys
     assert yaw.frame(0).exact.all()
 
     pan = truth_of("orthographic").frame(1)
