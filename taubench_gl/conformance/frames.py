@@ -132,7 +132,9 @@ def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int
     motion, step = frame.motion, 0.0
     if motion is not None:
         motion = motion.astype(np.float64)
-        unit = np.array(frame.size) if mapping.motion.unit == "uv" else np.ones(2)
+        unit = {"px": 1.0, "uv": 1.0, "ndc": 0.5}[mapping.motion.unit] * np.array(
+            (1, 1) if mapping.motion.unit == "px" else frame.size
+        )
         step = half_step(motion / unit) * unit
         if mapping.motion.jitter == "included":
             motion = motion - truth.jitter_motion(number)

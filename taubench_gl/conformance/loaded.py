@@ -16,8 +16,9 @@ from taubench_gl.conformance.stage import FRAMES
 from taubench_gl.conformance.truth import Frame, Truth
 
 Array = np.ndarray
-NEAR = 0.005
-"""Distance up to which two surface points agree, as a share of their depth; a step of the stored positions is added."""
+NEAR, PLACED_PX = 0.005, 0.3
+"""Distance up to which two surface points agree: a share of their depth, and what so many pixels beside the center show
+of the surface, as rasterizers snap vertices to a grid; a step of the stored positions is added."""
 
 ENOUGH, ENOUGH_EDGES = 0.98, 0.9
 """Share of pixels that must agree, also to name what differs: away from outlines, and at them where a case is about
@@ -42,8 +43,21 @@ def agreement(frame: Frame, engine: EngineFrame, points: Array | None = None) ->
         else:
             relative = points - frame.view.position
             depth = relative @ -frame.view.world_from_view[:, 2]
-            same = np.linalg.norm(engine.points - relative, axis=-1) <= NEAR * depth + engine.step_m
+            tolerance = NEAR * depth + PLACED_PX * _spread(points) + engine.step_m
+            same = np.linalg.norm(engine.points - relative, axis=-1) <= tolerance
     return np.where(sky, engine.sky, same & ~engine.sky)
+
+
+def _spread(points: Array) -> Array:
+    """How far apart the points (h, w, 3) of neighboring pixels are, (h, w) meters: the nearer neighbor of each axis."""
+    total = np.zeros(points.shape[:2])
+    for axis in (0, 1):
+        steps = np.linalg.norm(np.diff(points, axis=axis), axis=-1)
+        ends = [np.pad(steps, [side if i == axis else (0, 0) for i in (0, 1)], constant_values=np.inf)
+                for side in ((1, 0), (0, 1))]  # fmt: skip
+        nearer = np.fmin(*ends)
+        total += np.where(np.isfinite(nearer), nearer, 0.0)
+    return total
 
 
 def difference(truth: Truth, engine: list[EngineFrame]) -> str:

@@ -56,6 +56,14 @@ def strip(cells: int = 8) -> shapes.Shape:
     return {"POSITION": positions, "NORMAL": normals, "TEXCOORD_0": uv, "indices": triangles}
 
 
+def _key_times(interpolation: str) -> Array:
+    """Times of the keys of frames 0 to 4, seconds: on them, those of jumps a quarter of a frame before them.
+
+    Files hold float32 times; a jump on a frame would come a frame late where they are rounded up.
+    """
+    return np.maximum(np.arange(FRAMES + 1) - 0.25 * (interpolation == "STEP"), 0.0) / FPS
+
+
 class Stage:
     """One scene of the suite under construction.  Objects stand on the ground y = 0; methods return node indices."""
 
@@ -134,8 +142,8 @@ class Stage:
         return chain
 
     def animate(self, node: int, path: str, values: Any, interpolation: str = "LINEAR") -> None:
-        """Keys of ``path`` of ``node`` on frames 0 to 4: ``values`` (5, ...)."""
-        self._tracks.append((node, path, np.arange(FRAMES + 1) / FPS, np.asarray(values, dtype=float), interpolation))
+        """Keys of ``path`` of ``node`` for frames 0 to 4: ``values`` (5, ...)."""
+        self._tracks.append((node, path, _key_times(interpolation), np.asarray(values, dtype=float), interpolation))
 
     def point(self, pointer: str, values: Any, interpolation: str = "LINEAR", dtype: str = "f4") -> None:
         """Keys of any property by KHR_animation_pointer: ``values`` (5,) or (5, n)."""

@@ -45,7 +45,7 @@ Positive = Annotated[float, msgspec.Meta(gt=0, le=FLOAT32_MAX)]
 class MotionMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Conventions of a motion pass: the table ``[motion]`` of a pass mapping."""
 
-    unit: Literal["px", "uv"] = "px"
+    unit: Literal["px", "uv", "ndc"] = "px"
     direction: Literal["previous-current", "current-previous"] = "previous-current"
     y: Literal["up", "down"] = "up"
     zero: Literal["0", "0.5"] = "0"  # the stored value of no motion
@@ -312,8 +312,8 @@ def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Ar
     stored = mapping.motion
     motion = motion - np.float32(stored.zero)
     factor = np.ones(2, dtype=np.float32)
-    if stored.unit == "uv":
-        factor *= size
+    if stored.unit in ("uv", "ndc"):
+        factor *= np.array(size) * (1.0 if stored.unit == "uv" else 0.5)
     if stored.direction == "current-previous":
         factor *= -1
     if stored.y == "up":

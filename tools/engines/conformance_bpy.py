@@ -18,7 +18,7 @@ CRISP_FILTER_PX = 0.01  # the smallest filter width of Cycles
 
 
 def load(path):
-    """Import a scene; every object plays its own action, with keys on whole frames from 0."""
+    """Import a scene; every object plays its own action, with its keys on frames from 0."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.render.fps_base = 24, 1.0
@@ -37,7 +37,8 @@ def load(path):
     for action in bpy.data.actions:
         for curve in curves_of(action):
             for key in curve.keyframe_points:
-                key.co.x = round(key.co.x)
+                if abs(key.co.x - round(key.co.x)) < 0.01:  # float32 seconds
+                    key.co.x = round(key.co.x)
             curve.update()
     return scene
 
