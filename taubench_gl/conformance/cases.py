@@ -321,7 +321,7 @@ def _near(stage: Stage) -> None:
 def _behind(stage: Stage) -> None:
     """The camera moves backward near the ground: what is in front of it now was behind it before.  Such pixels have no
     place in the previous image, and a division by their depth puts them into it."""
-    stage.furniture()
+    stage.furniture(cells=8)
     stage.animate(stage.eye((0.2, 0.2, 1.2), -14.0), "translation", along((0.2, 0.2, 1.2), (0.02, 0.0, 0.8)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -104,14 +105,18 @@ class Stage:
         shape = shapes.box(-np.asarray(half), np.asarray(half))
         return self.node(name, self.mesh(name, shape, self.material(tuple(shade.tolist()))), translation=at, **fields)
 
-    def ground(self, name: str = "ground", half: float = 20.0) -> int:
-        """The ground, a square around the origin, seen from above and below."""
-        shape = shapes.quad((-half, 0, half), (2 * half, 0, 0), (0, 0, -2 * half))
-        return self.node(name, self.mesh(name, shape, self.material((0.4, 0.5, 0.3), doubleSided=True)))
+    def ground(self, cells: int = 1) -> int:
+        """The ground, a square of 40 m around the origin of ``cells`` times ``cells`` quads, seen from both sides.
 
-    def furniture(self) -> None:
-        """The ground, and two boxes that stand still on it."""
-        self.ground()
+        Rasterizers clip smaller triangles more exactly.
+        """
+        size, corners = 40.0 / cells, itertools.product(np.linspace(-20.0, 20.0, cells, endpoint=False), repeat=2)
+        shape = shapes.join([shapes.quad((x, 0, z + size), (size, 0, 0), (0, 0, -size)) for x, z in corners])
+        return self.node("ground", self.mesh("ground", shape, self.material((0.4, 0.5, 0.3), doubleSided=True)))
+
+    def furniture(self, cells: int = 1) -> None:
+        """The ground of ``cells`` times ``cells`` quads, and two boxes that stand still on it."""
+        self.ground(cells)
         self.box("left box", (-1.6, 0.6, -0.5), (0.5, 0.6, 0.5), rotation=turn((0, 1, 0), 20.0))
         self.box("right box", (1.9, 0.4, -2.0), (0.6, 0.4, 0.4), rotation=turn((0, 1, 0), -35.0))
 
