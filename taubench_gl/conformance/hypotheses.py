@@ -176,20 +176,29 @@ def _divided_at_vertices(linear: bool) -> Callable[[Pair], Array]:
     return predict
 
 
-def _sky_undivided(unit: bool) -> Callable[[Pair], Array]:
-    """The previous direction of the sky is not divided by its depth; ``unit``: directions have length 1."""
+def _sky_undivided(pair: Pair) -> Array:
+    """The previous clip coordinates of the sky, whose current depth is 1, are not divided by their depth."""
+    out = np.full_like(pair.right, np.nan)
+    now, then = pair.frame.view.centered(), pair.frame.previous.centered()
+    if now.camera.kind == "perspective":
+        ray = pair.truth.directions(pair.frame.view)
+        moved = pair.truth.project(then, ray, 0.0, divide=False) - pair.truth.project(now, ray, 0.0)
+        out[pair.sky] = moved[pair.sky]
+    return out
 
-    def predict(pair: Pair) -> Array:
-        out = np.full_like(pair.right, np.nan)
-        now, then = pair.frame.view.centered(), pair.frame.previous.centered()
-        if now.camera.kind == "perspective":
-            ray = pair.truth.directions(pair.frame.view)
-            ray = normalize(ray) if unit else ray
-            moved = pair.truth.project(then, ray, 0.0, divide=False)
-            out[pair.sky] = (moved - pair.truth.project(now, ray, 0.0, divide=not unit))[pair.sky]
-        return out
 
-    return predict
+def _sky_raster_undivided(pair: Pair) -> Array:
+    """Unit directions of the sky by matrices to raster coordinates, without a division, as in Cycles 5.2."""
+    out = np.full_like(pair.right, np.nan)
+    if pair.frame.view.camera.kind == "perspective":
+        width, height = pair.truth.size
+        ray = normalize(pair.truth.directions(pair.frame.view))
+        ends = []
+        for view in (pair.frame.previous, pair.frame.view):
+            clip = ray @ view.centered().clip_from_relative(width, height)[[0, 1, 3], :3].T
+            ends.append((clip[:, :2] + clip[:, 2:]) * [0.5 * width, -0.5 * height])  # rows count from the bottom
+        out[pair.sky] = (ends[0] - ends[1])[pair.sky]
+    return out
 
 
 def _unmasked(pair: Pair) -> Array:
@@ -256,8 +265,8 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
                _divided_at_vertices(False)),
     Hypothesis("divided on screen", "previous places are divided at the vertices and interpolated on the screen",
                _divided_at_vertices(True)),
-    Hypothesis("sky undivided", "the previous direction of the sky is not divided by its depth", _sky_undivided(False)),
-    Hypothesis("sky unit", "directions of the sky are projected without a division", _sky_undivided(True)),
+    Hypothesis("sky undivided", "the previous direction of the sky is not divided by its depth", _sky_undivided),
+    Hypothesis("sky raster", "raster coordinates of the sky are not divided by the depth", _sky_raster_undivided),
     Hypothesis("alpha ignored", "alpha masks are ignored where vectors are drawn", _unmasked),
     Hypothesis("wrapped time", "the frame before the first is taken from the end of the animation", _wrapped),
     Hypothesis("single precision", "matrices are single precision without being relative to the camera",

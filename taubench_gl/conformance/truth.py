@@ -223,7 +223,7 @@ class Truth:
     def project(self, view: View, relative: Array, w: float = 1.0, *, divide: bool = True) -> Array:
         """Column and row (N, 2) of points relative to the camera of ``view``, also behind it.
 
-        ``w`` 0: of directions; ``divide`` False: by no depth at all.
+        ``w`` 0: of directions; ``divide`` False: of the clip coordinates as they are.
         """
         width, height = self.size
         rows = view.clip_from_relative(width, height)[[0, 1, 3]]
