@@ -12,11 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taubench_gl.animation import View, pose_vertices
-from taubench_gl.conformance.poses import base_shape, bind_pose, skeleton_bind_pose, transposed_skin, unmirrored
+from taubench_gl.animation import FrameState, View, pose_vertices
+from taubench_gl.conformance.poses import (
+    base_shape,
+    bind_pose,
+    skeleton_bind_pose,
+    transposed_skin,
+    unmirrored,
+    unplaced,
+)
 from taubench_gl.conformance.stage import FRAMES
 from taubench_gl.conformance.truth import Frame, Hits, Pose, Truth
 from taubench_gl.math3d import normalize
+from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
 EXPLAINED_PX, EXPLAINED_SHARE = 0.02, 0.01
@@ -99,6 +107,16 @@ def _object_only(pair: Pair) -> Array:
 def _one_projection(pair: Pair) -> Array:
     now, k = pair.frame.view, pair.frame.number
     return pair.between(now, replace(pair.frame.previous, camera=now.camera), pair.points(k), pair.points(k - 1))
+
+
+def _current_shape(pair: Pair) -> Array:
+    k, truth = pair.frame.number, pair.truth
+    weights = truth.state(k).weights
+
+    def pose(scene: Scene, state: FrameState, *part) -> Array:
+        return pose_vertices(scene, replace(state, weights=weights), *part)
+
+    return pair.posed(pose_vertices, pose)
 
 
 def _to_next(pair: Pair) -> Array:
@@ -248,6 +266,10 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
                lambda pair: pair.posed(pose_vertices, base_shape)),
     Hypothesis("without morph", "vectors are those of the base shape in both frames",
                lambda pair: pair.posed(base_shape, base_shape)),
+    Hypothesis("current shape", "the previous shape is the current shape: weights of the frame before are not kept",
+               _current_shape),
+    Hypothesis("identity", "the previous world matrix is the identity",
+               lambda pair: pair.posed(pose_vertices, unplaced)),
     Hypothesis("transposed skin", "rotations of the previous joint matrices are transposed",
                lambda pair: pair.posed(pose_vertices, transposed_skin)),
     Hypothesis("mirror lost", "the negative scale is missing in the previous matrix",
@@ -256,7 +278,9 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     Hypothesis("two frames", "vectors lead two frames back", lambda pair: pair.since(max(pair.frame.number - 2, 0))),
     Hypothesis("next", "vectors lead to the next frame, not to the previous one", _to_next),
     Hypothesis("next negated", "vectors are current - next, of the following pair", lambda pair: -_to_next(pair)),
-    *(Hypothesis("jitter", "the jitter is left in", _jittered(sign, flip)) for sign in (1, -1) for flip in (1, -1)),
+    *(Hypothesis("jitter", "the jitter is left in", _jittered(1.0, flip)) for flip in (1.0, -1.0)),
+    *(Hypothesis("no jitter", "vectors lack the jitter that the mapping takes out", _jittered(-1.0, flip))
+      for flip in (1.0, -1.0)),
     Hypothesis("rows", "the first row of the vectors is the bottom one", _rows(1.0)),
     Hypothesis("rows and y", "the first row of the vectors is the bottom one, and y is up", _rows(-1.0)),
     Hypothesis("half precision", "world positions are rounded to half precision", _rounded(np.float16, False)),

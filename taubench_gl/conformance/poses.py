@@ -49,6 +49,13 @@ def transposed_skin(scene: Scene, state: FrameState, node: int, primitive: Primi
     return pose_vertices(scene, replace(state, world=world), node, primitive, instance)
 
 
+def unplaced(scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None) -> Array:
+    """Vertices as they are in the file, as if the world matrix of their node were the identity."""
+    world = state.world.copy()
+    world[node] = np.eye(4)
+    return pose_vertices(scene, replace(state, world=world), node, primitive, instance)
+
+
 def unmirrored(scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None) -> Array:
     """Vertices of nodes with a negative scale as if it were positive."""
     world = state.world.copy()
