@@ -28,7 +28,7 @@ _SETTINGS = {
     "com_basegame": "baseoa", "com_homepath": ".openarena", "com_legacyprotocol": 71, "com_protocol": 71, "vm_game": 0,
     "vm_cgame": 0, "vm_ui": 0, "r_mode": -1, "r_customwidth": 64, "r_customheight": 48, "r_fullscreen": 0,
     "s_initsound": 0, "sv_fps": 60, "snaps": 60, "rate": 90000, "sv_maxclients": 24, "g_gametype": 0, "fraglimit": 0,
-    "timelimit": 0, "com_maxfps": 1000, "sv_pure": 0,
+    "timelimit": 0, "com_maxfps": 1000, "sv_pure": 0, "com_hunkmegs": 512,
 }  # fmt: skip
 
 
@@ -45,7 +45,7 @@ def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool
     if not map_name.replace("_", "").replace("-", "").isalnum():
         raise SettingsError(f"{map_name!r:.60} is no name of a map", setting="map")
     waits = 2 * seconds * 1000 / STEP  # the engine counts a wait twice per frame
-    settling = 1200 + 300 * bots  # while the map loads, waits are counted as well
+    settling = 600  # while the map loads, waits are counted as well
     for _ in range(TRIES):
         with tempfile.TemporaryDirectory() as home:
             made = _play(
@@ -79,14 +79,11 @@ def _play(command: list[str], home: Path, bots: int, waits: tuple[int, int], lim
     """
     data = home / ".openarena" / "baseoa"
     data.mkdir(parents=True)
-    lines = [
-        "wait 30",
-        *(f"addbot {BOTS[i % len(BOTS)]} 5" for i in range(bots)),
-        "wait 60",
-        "team s",
-        f"wait {waits[0]}",
-    ]
-    lines += ["follow 1", "wait 60", "record made", f"wait {waits[1]}", "stoprecord", "wait 10", "quit"]
+    lines = [f"wait {waits[0]}"]
+    for i in range(bots):  # one by one: a client that is still loading is dropped for too many messages
+        lines += [f"addbot {BOTS[i % len(BOTS)]} 5", "wait 40"]
+    lines += ["team s", "wait 1200", "follow 1", "wait 60", "record made", f"wait {waits[1]}"]
+    lines += ["stoprecord", "wait 10", "quit"]
     (data / "record.cfg").write_text("\n".join(lines) + "\n", encoding="ascii")
     display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
     process = subprocess.Popen(
