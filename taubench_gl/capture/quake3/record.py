@@ -79,11 +79,8 @@ def _play(command: list[str], home: Path, bots: int, waits: tuple[int, int], lim
     """
     data = home / ".openarena" / "baseoa"
     data.mkdir(parents=True)
-    lines = [f"wait {waits[0]}"]
-    for i in range(bots):  # one by one: a client that is still loading is dropped for too many messages
-        lines += [f"addbot {BOTS[i % len(BOTS)]} 5", "wait 40"]
-    lines += ["team s", "wait 1200", "follow 1", "wait 60", "record made", f"wait {waits[1]}"]
-    lines += ["stoprecord", "wait 10", "quit"]
+    lines = [f"wait {waits[0]}", *(f"addbot {BOTS[i % len(BOTS)]} 5" for i in range(bots)), "wait 60", "team s"]
+    lines += ["wait 1200", "follow 1", "wait 60", "record made", f"wait {waits[1]}", "stoprecord", "wait 10", "quit"]
     (data / "record.cfg").write_text("\n".join(lines) + "\n", encoding="ascii")
     display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
     process = subprocess.Popen(
