@@ -70,10 +70,8 @@ def _lerp_frames(clips: dict[int, Clip], numbers: list[int], ms: list[float]) ->
         length = 1000.0 / clip.fps
         if wanted != number:
             if number is None:
-                time = old_time = start = t
-            else:
-                start = time + length
-            number = wanted
+                frame, time, old_time = clip.first, t, t
+            number, start = wanted, time + length
         if t >= time:
             old, old_time = frame, time
             time = start if t < start else old_time + length

@@ -18,7 +18,7 @@ from taubench_gl.capture.quake3.timeline import FIRE, IMPACTS, MISSILE_KIND, UNI
 from taubench_gl.capture.recording import EXACT_RATE, RATE, Recording, key_times
 from taubench_gl.errors import SceneError, SettingsError
 
-MAX_SECONDS = 4 * 3600.0
+MAX_SECONDS = 3600.0
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
 LICENSE = "GPL-2.0: OpenArena, by the OpenArena team (maps, models, images); recorded game: see its file"
@@ -43,7 +43,7 @@ class Choice:
 
 
 def as_recording(demo: Demo) -> Recording:
-    """The demo for ``info`` and the search for windows.  Raises SceneError for one of more than four hours."""
+    """The demo for ``info`` and the search for windows.  Raises SceneError for one of more than an hour."""
     if demo.seconds > MAX_SECONDS:
         raise SceneError(f"lasts {demo.seconds:.0f} s", where=demo.name, hint=f"at most {MAX_SECONDS:.0f} s are read")
     timeline = Timeline(demo, np.arange(int(demo.seconds * RATE + 1e-6) + 1) / RATE)
@@ -76,7 +76,8 @@ def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile
     """Write the scene to ``path`` (.glb).  Raises SceneError for damaged files, SettingsError for an empty part."""
     if not 0 <= choice.start < demo.seconds or choice.start + choice.seconds > demo.seconds + 1e-6:
         part = f"{choice.start:g} to {choice.start + choice.seconds:g} s"
-        raise SettingsError(f"{part} is not inside the recording", hint=f"it lasts {demo.seconds:g} s")
+        hint = f"it lasts {demo.seconds:g} s"
+        raise SettingsError(f"{part} is not inside the recording", where=demo.name, hint=hint)
     times = key_times(choice.seconds, choice.fps)
     timeline = Timeline(demo, choice.start + times)
     file = SceneFile(times, UNIT, LICENSE)

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from taubench_gl.capture import light
-from taubench_gl.capture.parts import SceneFile, y_up
+from taubench_gl.capture.parts import SceneFile
 from taubench_gl.capture.quake3.bsp import FLARE, Bsp
 from taubench_gl.capture.quake3.md3 import Md3
 from taubench_gl.capture.quake3.paks import Paks
@@ -185,6 +185,3 @@ class Surfaces:
             shape = self.file.primitive(corners * radius, corners, np.zeros((6, 2)), faces, material)
             self._meshes[key] = self.file.writer.mesh(key, shape)
         return self._meshes[key]
-
-
-__all__ = ["Surfaces", "y_up"]
