@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -21,7 +21,7 @@ BEST = "best"
 
 @click.group(
     cls=Commands,
-    default="scene",
+    default="run",
     epilog="""\b
 Examples:
   taubench-gl capture info game.dm_71
@@ -39,14 +39,14 @@ def capture() -> None:
 @command(
     epilog="""\b
 Examples:
-  taubench-gl capture scene game.dm_71 --start 12 --out scene.glb
-  taubench-gl capture scene game.dm_71 --start best --no-view-weapon --out scene.glb
+  taubench-gl capture run game.dm_71 --start 12 --out scene.glb
+  taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
 \b
 An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 1.5 to 3.5 points of
 frustum and over 4 of position and normal.  docs/capture.md says what is in a scene."""
 )
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
-def scene(
+def run(
     game: Path,
     *,
     data: Path = DATA,
@@ -109,41 +109,27 @@ def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bo
 
     recording = as_recording(read_demo(game))
     ranked = sorted(windows(recording, seconds), key=lambda window: (not window.alive, -window.rotation))
-    lives = stretches(recording.eye.times, recording.eye.alive)
+    alive = stretches(recording.eye.times, recording.eye.alive)
     facts = {
         "game": recording.game,
         "map": recording.map_name,
         "map in": _holders(recording.map_name, data),
         "seconds": round(recording.seconds, 3),
         "players": ", ".join(recording.players),
-        "lives (s)": ", ".join(f"{a:.2f} to {b:.2f}" for a, b in lives) or "never",
+        "lives (s)": ", ".join(f"{a:.2f} to {b:.2f}" for a, b in alive) or "never",
         **{kind: len(times) for kind, times in recording.counts.items()},
     }
     if as_json:
-        show_json({**facts, "windows": [_row(window) for window in ranked], "notes": recording.notes})
+        show_json({**facts, "windows": [asdict(window) for window in ranked], "notes": recording.notes})
         return
     show_pairs(f"Recording {game.name}", facts)
     show_notes(recording.notes)
     click.echo(f"Windows of {seconds:g} s, one every {STEP:g} s, by rotation; 'best' is {RULE}:")
     for window in ranked:
-        row = _row(window)
         events = ", ".join(f"{number} {kind}" for kind, number in window.counts.items())
-        lives_there = "lives" if window.alive else "dies or watches"
-        click.echo(
-            f"  --start {row['start']:<5g} {row['rotation']:6.1f} deg/s  {row['moved']:5.2f} m/s  {lives_there}, "
-            f"{window.jumps} jumps, {events}"
-        )
-
-
-def _row(window: Any) -> dict[str, Any]:
-    return {
-        "start": window.start,
-        "rotation": round(window.rotation, 2),
-        "moved": round(window.moved, 3),
-        "alive": window.alive,
-        "jumps": window.jumps,
-        **window.counts,
-    }
+        lives = "lives" if window.alive else "dies or watches"
+        rates = f"{window.rotation:6.1f} deg/s  {window.moved:5.2f} m/s  {lives}"
+        click.echo(f"  --start {window.start:<5g} {rates}, {window.jumps} jumps, {events}")
 
 
 def _holders(map_name: str, data: Path) -> str:
@@ -184,5 +170,5 @@ def record(
     note(f"its windows: taubench-gl capture info {out}")
 
 
-for member in (scene, info, record):
+for member in (run, info, record):
     capture.add_command(member)

@@ -13,7 +13,7 @@ from taubench_gl.capture.quake3.demo import Demo, decode
 from taubench_gl.capture.quake3.paks import DEBIAN_DATA, Paks
 from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
 from taubench_gl.capture.recording import best_window
-from taubench_gl.data_files import code_hash, read_bytes
+from taubench_gl.data_files import code_hash, hashed, read_bytes
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.errors import SceneError
 from taubench_gl.outputs import output_folder
@@ -69,5 +69,5 @@ def _demo(entry: Entry, paks: Paks) -> Demo:
 @cache
 def _code() -> str:
     """Hash of the code and of our recordings that scenes follow from."""
-    recordings = [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(RECORDINGS.glob("*.dm_*"))]
+    recordings = [hashed(path, SceneError).hexdigest() for path in sorted(RECORDINGS.glob("*.dm_*"))]
     return content_hash([code_hash(("capture", "datasets/gltf_writer.py"), shaders=()), recordings])

@@ -261,3 +261,43 @@ def test_a_benchmark_without_the_game_is_not_run_there(monkeypatch, tmp_path):
     recorded = [case for case in suite.cases if case.scene.source in arena.arena_scenes()]
     assert len(said) == 1 and "not run" in said[0] and recorded
     assert len(left.cases) == len(suite.cases) - len(recorded)
+
+
+def test_items_lie_where_the_map_has_them_and_everything_is_inside_it(game_demos, game_folder):
+    from taubench_gl.capture.quake3.paks import Paks
+    from taubench_gl.capture.quake3.scene import read_map
+
+    demo = wire.read_demo(game_demos["demos/demo088-test1.dm_71"])
+    bsp = read_map(demo, Paks(game_folder))
+    classes = {1: "item_armor_shard", 2: "item_armor_combat", 3: "item_armor_body", 4: "item_health_small",
+               5: "item_health", 6: "item_health_large", 7: "item_health_mega", 12: "weapon_rocketlauncher"}  # fmt: skip
+    places: dict[str, list] = {}
+    for entity in bsp.entities:
+        if "origin" in entity:
+            places.setdefault(entity["classname"], []).append([float(word) for word in entity["origin"].split()])
+    x = wire.ENTITY["x"]
+    found, states_ = {}, []
+    for snapshot in demo.snapshots:
+        for number, state in snapshot.entities.items():
+            kind = state[wire.ENTITY["kind"]]
+            if kind in (PLAYER_KIND, ITEM_KIND, MISSILE_KIND):
+                states_.append([state[wire.ENTITY[name]] for name in ("x", "y", "z")])
+            if kind == ITEM_KIND and not state[wire.ENTITY["model2"]]:  # 1: dropped by a player
+                found[number] = int(state[wire.ENTITY["model"]]), state[x], state[wire.ENTITY["y"]]
+    checked = [
+        min(np.hypot(a - place[0], b - place[1]) for place in places[classes[item]])
+        for item, a, b in found.values()
+        if item in classes and classes[item] in places
+    ]
+    assert len(checked) >= 15 and max(checked) == 0
+    states_ = np.array(states_)
+    low, high = bsp.models[0]["low"], bsp.models[0]["high"]
+    assert len(states_) > 50_000 and ((states_ >= low) & (states_ <= high)).all()
+
+
+@pytest.mark.parametrize("rate, least", [(60.0, 1), (24.0, 0)])
+def test_a_muzzle_flash_lasts_20_ms_and_is_on_a_frame_at_60_fps(scene, rate, least):
+    flash = next(i for i, light_ in enumerate(scene.lights) if light_.name == "muzzle 1")
+    on = [pose.lights[flash].intensity > 0 for pose in poses(scene, rate)]
+    frames = 0.5 + np.flatnonzero(on) / rate
+    assert len(frames) >= least and all(4 - 1e-6 <= t <= 4.02 + 1e-6 for t in frames)

@@ -168,7 +168,7 @@ def test_snapshots_have_a_budget(monkeypatch):
 
 
 def check_laws(demo, speed):
-    """What holds in every recording, whoever made it."""
+    """What holds in every recording of a game."""
     assert (demo.invalid, demo.unread, demo.truncated, demo.starts) == (0, 0, False, 1)
     times = np.array([s.time for s in demo.snapshots]) / 1000
     assert (np.diff(times) > 0).all()

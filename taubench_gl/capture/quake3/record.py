@@ -12,7 +12,7 @@ from pathlib import Path
 from taubench_gl.capture.quake3.demo import Demo, read_demo
 from taubench_gl.data_files import opened
 from taubench_gl.errors import SceneError, SettingsError
-from taubench_gl.outputs import copy_atomically
+from taubench_gl.outputs import copy_atomically, write_atomically
 
 INSTALL = "apt-get install ioquake3 openarena"
 FOLDERS = (Path("/usr/lib/openarena"), Path("/usr/share/games/openarena"))
@@ -81,7 +81,7 @@ def _play(command: list[str], home: Path, bots: int, waits: tuple[int, int], lim
     data.mkdir(parents=True)
     lines = [f"wait {waits[0]}", *(f"addbot {BOTS[i % len(BOTS)]} 5" for i in range(bots)), "wait 60", "team s"]
     lines += ["wait 1200", "follow 1", "wait 60", "record made", f"wait {waits[1]}", "stoprecord", "wait 10", "quit"]
-    (data / "record.cfg").write_text("\n".join(lines) + "\n", encoding="ascii")
+    write_atomically(data / "record.cfg", "\n".join(lines) + "\n")
     display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
     process = subprocess.Popen(
         command,

@@ -21,7 +21,7 @@ from taubench_gl.errors import SceneError, SettingsError
 MAX_SECONDS = 3600.0
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
-LICENSE = "GPL-2.0: OpenArena, by the OpenArena team (maps, models, images); recorded game: see its file"
+LICENSE = "derived from the game's maps, models and images; those of OpenArena: GPL-2.0, by the OpenArena team"
 _LEFT_OUT = (
     "triangles of additive surfaces", "triangles of sprites", "surfaces of models that are additive surfaces",
     "surfaces of models that are sprites", "animated textures, which stand still", "flares", "bullet marks",
