@@ -269,8 +269,8 @@ def test_items_lie_where_the_map_has_them_and_everything_is_inside_it(game_demos
 
     demo = wire.read_demo(game_demos["demos/demo088-test1.dm_71"])
     bsp = read_map(demo, Paks(game_folder))
-    classes = {1: "item_armor_shard", 2: "item_armor_combat", 3: "item_armor_body", 4: "item_health_small",
-               5: "item_health", 6: "item_health_large", 7: "item_health_mega", 12: "weapon_rocketlauncher"}  # fmt: skip
+    names = "armor_shard armor_combat armor_body health_small health health_large health_mega"
+    classes = dict(enumerate((f"item_{name}" for name in names.split()), start=1)) | {12: "weapon_rocketlauncher"}
     places: dict[str, list] = {}
     for entity in bsp.entities:
         if "origin" in entity:
