@@ -34,6 +34,7 @@ LAYERS: tuple[set[str], ...] = (
     {"pathtraced"},
     {"study"},
     {"reuse", "reject", "datasets"},
+    {"capture"},
     {"export", "conformance"},
     {"api"},
     {"selftest"},
