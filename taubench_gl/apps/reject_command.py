@@ -152,7 +152,7 @@ def _evaluated(path: str, tests: tuple[str, ...] | None, settings: Settings) -> 
     from taubench_gl.reject.contract import builtin_tests
     from taubench_gl.reject.evaluate import evaluate_tests
 
-    path, row = resolve(path)
+    path, row = resolve(path, settings.sequence.animation)
     settings = settings.replace(reprojection="motion", **row_settings(row))
     with ProgressBar(path) as progress:
         return evaluate_tests(path, tests or builtin_tests(), settings, progress=progress)
