@@ -142,6 +142,8 @@ REMARKS: dict[str, Kind] = {
     "aff-background": Kind("background color{s}", "not simulated: the sky is black"),
     "aff-ambient": Kind("ambient light{s}", "simulated only on surfaces without diffuse and specular reflection"),
     # glTF
+    "instances-skinned": Kind("node{s} with a skin and EXT_mesh_gpu_instancing",
+                              "every instance is drawn where the joints of the skin are"),
     "extension-undeclared": Kind("extension{s} used without a declaration in extensionsUsed", "read all the same"),
     "primitive-without-positions": Kind("primitive{s} without POSITION", "not drawn"),
     "primitive-without-triangles": Kind("primitive{s} without triangles", "not drawn"),
