@@ -53,8 +53,10 @@ REPAIRS: dict[str, Kind] = {
     "statement-numbers": Kind("OBJ statement{s} with more numbers than usual", "the first ones are used"),
     "statement-nonfinite": Kind("normal{s} or texture coordinate{s} that are no finite numbers", "read as 0"),
     "face-corners": Kind("face{s} with fewer than three corners", "not drawn"),
+    "corner-slash": Kind("corner{s} of faces that end in a slash", "read without it"),
     "face-index": Kind("face{s} with an index outside the file", "not drawn, or drawn without normal or texture"),
     "library-name": Kind("mtllib statement{s} without a file name", "ignored"),
+    "mtl-case": Kind("MTL statement{s} in other letters than the format's", "read without regard to case"),
     "mtl-statement": Kind("MTL statement{s} that cannot be read", "ignored"),
     # Data
     "short-buffer": Kind("buffer{s} shorter than declared", "what is there is used"),
