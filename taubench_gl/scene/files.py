@@ -50,7 +50,19 @@ def read_file(path: Path, where: str | None = None, max_bytes: int = MAX_TEXT_BY
     data = read_bytes(path, SceneError, max_bytes=max_bytes, where=where)
     if not data:
         raise SceneError("is empty", where=where or str(path), hint="export the scene again")
+    require_content(data, path, where)
     return data
+
+
+def require_content(start: bytes, path: Path, where: str | None = None) -> None:
+    """Raise SceneError for a file whose first bytes show that its content was never downloaded."""
+    text = start[:512].lstrip().lower()
+    if text.startswith(b"version https://git-lfs"):
+        raise SceneError("is a Git LFS pointer, not the file", where=where or str(path), hint="run git lfs pull")
+    if text.startswith((b"<!doctype html", b"<html")):
+        kind = "glTF file" if path.suffix.lower() in (".glb", ".gltf", ".vrm") else f"{path.suffix} file"
+        hint = "download the file itself, not the page about it"
+        raise SceneError(f"is a web page (HTML), not a {kind}", where=where or str(path), hint=hint)
 
 
 def read_text_file(path: Path, where: str | None = None) -> bytes:

@@ -13,6 +13,7 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.blender.glb import Glb
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
 from taubench_gl.scene import CONVERTIBLE
+from taubench_gl.scene.files import require_content
 
 LIGHTING_MODE = "SPEC"
 """Mode of Blender's exporter: candela and lux at 683 lumens per watt, what ``light_unit`` expects of its files."""
@@ -94,6 +95,7 @@ def _check(source: Path, target: Path, take: str | None, up_axis: str | None) ->
         raise SceneError("names its up axis", where=str(source), hint="only PLY and STL files do not: omit --up-axis")
     with opened(source, SceneError) as file:
         start = file.read(512)
+    require_content(start, source)
     if suffix == ".stl" and not start.lstrip().startswith(b"solid"):
         # Blender reads the triangles of any bytes: an 80-byte header, their number, 50 bytes each.
         count = int.from_bytes(start[80:84], "little")
