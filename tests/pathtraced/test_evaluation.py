@@ -43,6 +43,12 @@ def test_masks_equal_the_float64_reference(renders):
         assert row["direct"] == int(((expected.mask & Reason.DIRECT) != 0).sum()) > 0
 
 
+def test_frames_below_zero_are_in_order(data):
+    run = tb.evaluate(f"exr:{data / 'reports4' / 'exr' / 'room_neg'}", columns=("frustum",))
+    assert [row["frame"] for row in run.frames] == [-3, -2, -1]
+    np.testing.assert_allclose([row["translation_m"] for row in run.frames], [0.5, 1.0, 1.5], rtol=1e-6)
+
+
 def test_pairs_of_files_are_those_of_their_evaluation(renders):
     """Options of path-traced files are given by name."""
     camera_file = options(renders).camera_file
