@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from lamp_field import lamp_field
 from light_tools import opened, shoot
 from test_effects_on_demand import everything
 
@@ -24,7 +25,7 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import busy_room, lamp_field
+from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
