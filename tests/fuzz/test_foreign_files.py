@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
-from taubench_gl import Settings, evaluate
+from taubench_gl import evaluate
 from taubench_gl.errors import OutputError
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock, lock_holder
@@ -94,7 +95,7 @@ def test_an_export_does_not_write_through_links(out, foreign, form):
         pytest.importorskip("zarr")
     name = "frames.zarr" if form == "zarr" else f"frame_00000.{form}"
     (out / name).symlink_to(foreign.parent if form == "zarr" else foreign)
-    settings = Settings(width=32, height=18, frames=(0, 2))
+    settings = fixed_settings(width=32, height=18, frames=(0, 2))
     with contextlib.suppress(OutputError):  # refused, or left as it is
         export_scene(DEMO, out, settings, ExportOptions(form, ("normal",)), overwrite=True)
 

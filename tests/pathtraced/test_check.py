@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.apps.cli import main
 from taubench_gl.export.run import ExportOptions, export_scene
@@ -32,7 +33,7 @@ JITTER = {40: (0.31, -0.17), 41: (-0.19, 0.33), 42: (0.07, 0.11), 43: (-0.4, -0.
 def exported(tmp_path_factory):
     """Six frames of the demo: motion, positions relative to the camera, planar depth, and the camera."""
     out = tmp_path_factory.mktemp("frames")
-    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
+    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
     export_scene(ASSETS / "demo.glb", out, settings, ExportOptions("exr", ("gbuffer", "prev_position", "flow")))
     opened = plan_sequence(f"exr:{out}", Settings(), PathTracedOptions())
     frames = {n: opened.sequence.read(n) for n in opened.sequence.frames}

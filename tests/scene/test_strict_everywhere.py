@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -28,12 +27,10 @@ def departed(tmp_path: Path) -> Path:
     ["inspect", "evaluate --out OUT", "export --format npz --out OUT", "cost --out OUT",
      "reuse evaluate --methods none --out OUT", "stress --out OUT.glb", "reference render --out OUT"],
 )  # fmt: skip
-def test_commands(
-    departed: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str], lighting_defaults: Any
-) -> None:
+def test_commands(departed: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
     words = command.replace("OUT", str(tmp_path / "out")).split()
     names = 2 if words[0] in ("reuse", "reference") else 1
-    with lighting_defaults(light="auto"), pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit) as ended:
         main([*words[:names], str(departed), *words[names:], "--strict"])
     assert ended.value.code == 2 and "/nodes/0/rotation" in capsys.readouterr().err
 
