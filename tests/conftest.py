@@ -254,6 +254,15 @@ def taubench(
     return run
 
 
+@pytest.fixture(scope="module")
+def coarse_metering(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Exposures from few pixels, within 15 %, for modules whose subject is another; their cache is their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("taubench_gl.evaluation.exposure.METERED_PIXELS", 512)
+        patch.setenv("TAUBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 def _no_picture() -> dict[str, bytes]:
     """Files of one pixel and of nothing, by suffix."""
     from PIL import Image

@@ -19,6 +19,8 @@ from taubench_gl.run import RunWriter
 from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.selftest.scenes import SceneBuilder, quad
 
+pytestmark = pytest.mark.usefixtures("coarse_metering")
+
 REPORT = {
     "backend": "egl",
     "renderer": "llvmpipe [x]",

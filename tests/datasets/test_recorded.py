@@ -16,6 +16,8 @@ from taubench_gl.errors import SceneError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 HEAD = "time,x,y,z,qx,qy,qz,qw"
 GOOD = [[10.0 + i / 90, 0.1 * i, 1.6, 0.0, 0.0, np.sin(0.02 * i), 0.0, np.cos(0.02 * i)] for i in range(40)]

@@ -22,6 +22,8 @@ from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 PAPER = {scene["name"].replace(" ", ""): scene for scene in paper_numbers()["scenes"]}
 RECIPES = list(STAND_INS.values())
 each = pytest.mark.parametrize("recipe", few(RECIPES), ids=list(STAND_INS))

@@ -38,6 +38,8 @@ from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SPEC = CameraSpec(
     MotionStats(0.2, 0.02, 1.0), MotionStats(3.365, 8.887), MotionStats(1.55, 2.839), MotionStats(0.5, 0.2),

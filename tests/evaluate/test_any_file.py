@@ -12,6 +12,8 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_metering")
+
 SIZE = {"width": 64, "height": 36, "frames": (0, 2), "shadow_size": 64, "probes": 32}
 NO_LIGHT = (
     "BoxAnimated/BoxAnimated.glb",  # animated, no camera

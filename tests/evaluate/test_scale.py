@@ -15,6 +15,8 @@ from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SMALL = {"width": 32, "height": 18, "frames": (0, 5), "columns": ("frustum", "position"), "camera": 0}
 
 

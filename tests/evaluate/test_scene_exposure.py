@@ -32,6 +32,9 @@ CHANGES = [
 ]
 
 
+pytestmark = pytest.mark.usefixtures("coarse_metering")
+
+
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
@@ -39,7 +42,7 @@ def cache(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def expected() -> float:
+def expected(coarse_metering: None) -> float:
     """The exposure of the demo, metered without a cache."""
     return exposure(dataclasses.replace(load_scene(DEMO), sha256=None))
 

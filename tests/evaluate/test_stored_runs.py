@@ -18,6 +18,8 @@ from taubench_gl.errors import OutputError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL: dict[str, Any] = {"size": "32x18", "light_unit": "candela", "exposure": 1, "shadow_size": 64, "probes": 32}
 EDITS = 60

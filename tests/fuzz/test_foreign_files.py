@@ -20,6 +20,8 @@ from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, RunWriter
 from taubench_gl.study.engines import Processes
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL = {"size": "32x18", "frames": range(3), "columns": "frustum,position"}
 MINE = b"not yours\n" * 40

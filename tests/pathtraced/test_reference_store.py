@@ -33,6 +33,8 @@ from taubench_gl.pathtraced.references import (
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import STEREO, Settings
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SIZE = (6, 4)
 SIGMA = {"direct_diffuse": 0.5, "direct_glossy": 0.0, "indirect_diffuse": 0.25, "indirect_glossy": 0.0}
 

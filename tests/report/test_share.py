@@ -15,6 +15,8 @@ from taubench_gl.report import run_page
 from taubench_gl.report.frame_store import FOLDER
 from taubench_gl.report.run_frames import FrameRecorder
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SIZE = (64, 36)
 WORDS = np.uint32([0, int(Reason.POSITION), int(Reason.NORMAL), int(Reason.POSITION | Reason.NORMAL)])
 

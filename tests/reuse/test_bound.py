@@ -17,6 +17,8 @@ from taubench_gl.reuse.glsl_method import reporting_passes
 from taubench_gl.reuse.loading import frame_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 FLOAT32 = 1e-6
 """Relative error of a mean squared error of float32 images whose colors are not far below 1."""
 

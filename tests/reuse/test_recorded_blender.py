@@ -12,6 +12,8 @@ from fixed import fixed_settings
 
 from taubench_gl.reuse.evaluate import evaluate_methods
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 STORED = Path(__file__).parents[1] / "pathtraced" / "blender_lights"
 MAPPING = """[passes]
 combined = "Direct"
