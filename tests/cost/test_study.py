@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from fixed import fixed_settings
 
-from taubench_gl.apps.cli import main
 from taubench_gl.cost import configurations, cost
 from taubench_gl.cost import study as study_module
 from taubench_gl.cost.study import EvaluationUnit
@@ -160,12 +159,11 @@ def test_settings_of_the_configurations_are_refused(tmp_path, setting, options):
     [(("--truth-within", "no"), "--truth-within"), (("--longest", "soon"), "--longest"), (("--frames", "0:1"), "pair"),
      (("--spp", "4"), "--spp"), (("--columns", "position"), "column"), (("--camera", "nobody"), "nobody")],
 )  # fmt: skip
-def test_wrong_input_is_one_line(capsys, tmp_path, wrong, named):
+def test_wrong_input_is_one_line(taubench, tmp_path, wrong, named):
     given = ["--exposure", "1", "--environment", "none", "--size", "8x5"]
-    with pytest.raises(SystemExit) as end:
-        main(["cost", str(DEMO), "--out", str(tmp_path / "study"), *given, *wrong])
-    lines = [line for line in capsys.readouterr().err.strip().splitlines() if "rror" in line]
-    assert end.value.code == 2 and len(lines) == 1 and named in lines[0]
+    code, _, err = taubench("cost", DEMO, "--out", tmp_path / "study", *given, *wrong)
+    lines = [line for line in err.splitlines() if "rror" in line]
+    assert code == 2 and len(lines) == 1 and named in lines[0]
     assert not (tmp_path / "study").exists()
 
 

@@ -135,12 +135,9 @@ def test_folders_with_other_files_are_refused(tmp_path):
         (("--camera", "nobody"), "'nobody'"),
     ],
 )
-def test_invalid_options(tmp_path, capsys, arguments, named):
-    out = tmp_path / "out"
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["export", str(DEMO), "--out", str(out), "--size", f"{WIDTH}x{HEIGHT}", *arguments])
-    assert caught.value.code == 2 and named in capsys.readouterr().err
-    assert not out.exists()
+def test_invalid_options(tmp_path, taubench, arguments, named):
+    code, _, err = taubench("export", DEMO, "--out", tmp_path / "out", "--size", f"{WIDTH}x{HEIGHT}", *arguments)
+    assert code == 2 and named in err and not (tmp_path / "out").exists()
 
 
 def test_the_command(tmp_path, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -11,7 +12,6 @@ import numpy as np
 import pytest
 from fixed import fixed_settings
 
-from taubench_gl.apps.cli import main
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
@@ -376,16 +376,8 @@ def test_missing_passes_and_a_mistake_beside_them(tmp_path):
 
 # Files and the command line
 @pytest.fixture
-def run(capsys):
-    """Runs ``check`` with arguments -> exit code, output, errors."""
-
-    def call(*arguments):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main(["check", *map(str, arguments)])
-        return ended.value.code, *capsys.readouterr()
-
-    return call
+def run(taubench):
+    return partial(taubench, "check")
 
 
 def test_command_line(exported, tmp_path, run):
