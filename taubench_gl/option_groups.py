@@ -56,8 +56,8 @@ class PathTracedOptions(Checked):
     scene_file: str | Path | None = setting(None, "glTF file with the camera of the frames", metavar="SCENE")
     mapping: str | Path | None = setting(
         None,
-        "Names and conventions of the passes: blender, eevee, falcor, godot, luxcore, mitsuba, taubench, unity, unreal "
-        "or a TOML file",
+        "Names and conventions of the passes: babylon, blender, eevee, falcor, godot, luxcore, mitsuba, taubench, "
+        "three-webgl, three-webgpu, unity, unreal or a TOML file",
         metavar="NAME|FILE",
         shown="taubench for an export, else blender",
     )

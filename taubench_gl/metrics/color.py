@@ -35,7 +35,7 @@ _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0
 def rec709_from(chromaticities: Sequence[float]) -> Array:
     """(3, 3) float64 that makes linear Rec. 709 RGB of linear RGB with ``chromaticities``, in the order of PRIMARIES.
 
-    White stays white: Bradford's chromatic adaptation (Lam 1985).  Raises LinAlgError for primaries on one line.
+    White stays white: Bradford's chromatic adaptation (Lam 1985).  Raises LinAlgError for what are no primaries.
     """
 
     def adapted(xy: Sequence[float]) -> Array:  # RGB -> XYZ, divided by white in Bradford's cone space
@@ -45,7 +45,11 @@ def rec709_from(chromaticities: Sequence[float]) -> Array:
         columns = columns * np.linalg.solve(columns, white)
         return (_BRADFORD @ columns) / (_BRADFORD @ white)[:, None]
 
-    return np.linalg.solve(adapted(PRIMARIES["rec709"]), adapted(chromaticities))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        matrix = np.linalg.solve(adapted(PRIMARIES["rec709"]), adapted(chromaticities))
+    if not np.isfinite(matrix).all():
+        raise np.linalg.LinAlgError("not finite")
+    return matrix
 
 
 def tone_map(radiance: Array, curve: str = "linear") -> Array:

@@ -42,6 +42,9 @@ MAX_MISMATCH_PX = 0.5
 RATES = (24.0, 30.0, 60.0, 25.0, 50.0, 12.0, 15.0, 48.0, 72.0, 90.0, 120.0, *(n * 1000 / 1001 for n in (24, 30, 60)))
 """Frame rates that are tried where the rate of a scene's camera does not fit, the first of equal ones preferred."""
 
+SAME_DEPTH = 0.01
+"""Relative difference up to which depth is that of positions."""
+
 PLACED_PX = 0.05
 """Residuals below this, pixels, are equal: rounding of positions."""
 
@@ -266,18 +269,27 @@ class FittedCamera(PathTracedCamera):
 def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
     """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, meters.
 
-    Without a position pass, or with one of half floats beside finer depth, points are reconstructed from depth.
+    Without a position pass, or with one of half floats beside finer depth, points are reconstructed from depth.  Raises
+    PathTracedError where such depth is not that of the positions.
     """
-    forward = -view.world_from_view[:, 2]
-    if frame.position is not None and not (frame.half_position and frame.depth is not None):
+    forward, planar = -view.world_from_view[:, 2], None
+    if frame.position is not None:
         relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)
         with np.errstate(invalid="ignore"):  # where the sky is infinitely far
-            return relative, relative @ forward
+            planar = relative @ forward
+        if not (frame.half_position and frame.finer_depth):
+            return relative, planar
     height, width = frame.depth.shape
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
     depth = frame.depth.astype(np.float64)
     relative = points_at(view, pixels, depth, frame.depth_kind, frame.size, frame.depth_offset)
-    return relative, relative @ forward
+    found = relative @ forward
+    if planar is not None:
+        off, far = (float(np.nanmedian(values[~frame.sky])) for values in (np.abs(found - planar), np.abs(planar)))
+        if off > 4.0 * rounding_m(frame) + SAME_DEPTH * far:
+            message = f"depth is {off:.3g} m (median) off that of the positions, which are half floats"
+            raise PathTracedError(message, hint="set depth in the mapping ('check' names its kind), or do not name it")
+    return relative, found
 
 
 def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[int, int], offset: float = 0.0) -> Array:
@@ -300,16 +312,16 @@ def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[in
 
 
 def project(view: View, points: Array, size: tuple[int, int], *, relative: bool = False) -> Array:
-    """Pixel coordinates (column, row) of (N, 3) points; pixel centers are integers.  (N, 2) float64, NaN behind.
+    """Pixel coordinates (column, row) of (..., 3) points; pixel centers are integers.  (..., 2) float64, NaN behind.
 
     ``points`` are in world axes, relative to the camera position if ``relative``.
     """
     width, height = size
     offsets = points.astype(np.float64) - (0.0 if relative else view.position)
-    clip = np.column_stack([offsets, np.ones(len(offsets))]) @ view.clip_from_relative(width, height).T
-    w = np.where(clip[:, 3] > 0, clip[:, 3], np.nan)
-    ndc = clip[:, :2] / w[:, None]
-    return np.stack([(ndc[:, 0] + 1.0) * 0.5 * width - 0.5, (1.0 - ndc[:, 1]) * 0.5 * height - 0.5], axis=-1)
+    matrix = view.clip_from_relative(width, height)
+    clip = offsets @ matrix[:, :3].T + matrix[:, 3]
+    ndc = clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], np.nan)
+    return (ndc * [1.0, -1.0] + 1.0) * 0.5 * np.array(size) - 0.5
 
 
 def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_POINTS) -> Array:

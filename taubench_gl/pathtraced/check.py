@@ -266,8 +266,14 @@ def _search(
     first = lowered >= lowered.max() - SAME
     alike = [(not first[g, m], replace(left[g], **motion[m].values), total[g, m])
              for g, m in np.argwhere(first | (total >= total.max() - SAME))]  # fmt: skip
-    best, *others = (r for _, r, _ in sorted(alike, key=lambda each: (each[0], len(each[1].values), -each[2])))
+    best, *others = (r for _, r, _ in sorted(alike, key=_simplicity))
     return best, others, bases
+
+
+def _simplicity(each: tuple[bool, Reading, float]) -> tuple[bool, int, float, list[int]]:
+    """Order of readings, the preferred first; equal shares: by the order of conventions."""
+    lower, reading, share = each
+    return lower, len(reading.values), -round(share, 2), [(*GEOMETRY, *MOTION).index(name) for name in reading.values]
 
 
 # ---------------------------------------------------------------------------------------------------------- verdicts
@@ -385,7 +391,9 @@ class _Checked:
         if not stored:
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
         stored, planar, distance = map(np.concatenate, (stored, planar, distance))
-        return _depth_verdict(stored, {"planar": planar, "distance": distance}, kind, files.some.depth_offset)
+        return _depth_verdict(
+            stored, {"planar": planar, "distance": distance}, kind, files.some.depth_offset * self.best.factor
+        )
 
     def vectors(self, first: int) -> PairVectors | None:
         """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""

@@ -159,7 +159,7 @@ class Files:
         mapping = self.sequence.mapping
         if position is None:
             depth, kind = samples.depth * reading.factor, reading.depth or self.some.depth_kind
-            offset = self.some.depth_offset
+            offset = self.some.depth_offset * reading.factor
             return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size, offset)
         points = position * reading.factor
         if reading.up:

@@ -96,7 +96,8 @@ def read_exr(path: str | Path) -> ExrImage:
             whole = channel.pixels is not None and channel.pixels.shape == shape
             planes.setdefault(_full_name(name, header), (channel.pixels if whole else None, window))
     size = (display[2] - display[0] + 1, display[3] - display[1] + 1)
-    return ExrImage(path, size, planes, display, headers[0].get("chromaticities"))
+    primaries = headers[0].get("chromaticities")
+    return ExrImage(path, size, planes, display, primaries if isinstance(primaries, tuple) else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +117,9 @@ def read_header(path: str | Path) -> ExrHeader:
         headers = _headers(path, file)
     x0, y0, x1, y1 = _check_headers(path, headers)
     names = dict.fromkeys(_full_name(c.name, h) for h in headers for c in h["channels"])
-    views = headers[0].get("multiView") or dict.fromkeys(h["view"] for h in headers if h.get("view"))
+    listed = headers[0].get("multiView")
+    views = listed if isinstance(listed, list) else [h.get("view") for h in headers]
+    views = dict.fromkeys(view for view in views if view and isinstance(view, str))  # attributes may have any type
     return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names), frozenset(headers[0]), tuple(views))
 
 
@@ -148,7 +151,8 @@ def _full_name(channel: str, header: Mapping[str, Any]) -> str:
 
     In parts of several views the view stands before the component, as in one part: ``ViewLayer.Combined.left.R``.
     """
-    part, view = header.get("name") or "", header.get("view") or ""
+    part, view = header.get("name") or "", header.get("view")
+    view = view if isinstance(view, str) else ""
     if view and part[: -len(view)].endswith(("-", ".", "_")) and part.endswith(view):
         part = part[: -len(view) - 1]
     name = channel if not part or channel == part or channel.startswith(part + ".") else f"{part}.{channel}"

@@ -50,6 +50,7 @@ EXPORT_PRESET, EXPORT_ATTRIBUTE = "taubench", "taubench.positions"
 Up = Literal["z", "y", "z-left", "y-left"]
 Depth = Literal["planar", "distance", "view-z"]
 Primaries = Literal["file", "rec709", "rec2020", "p3-d65", "ap0", "ap1"]
+Pixels = Annotated[int, msgspec.Meta(ge=-65536, le=65536)]
 Positive = Annotated[float, msgspec.Meta(gt=0, le=FLOAT32_MAX)]
 
 
@@ -64,6 +65,7 @@ class MotionMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     direction: Literal["previous-current", "current-previous"] = "previous-current"
     y: Literal["up", "down"] = "up"
     zero: Literal["0", "0.5"] = "0"  # the stored value of no motion
+    jitter: Literal["excluded", "included"] = "excluded"  # whether vectors contain the difference of the offsets
     encoding: Literal["linear", "cube-root"] = "linear"
     no_data: float | None = None
 
@@ -94,7 +96,7 @@ class PassMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str = ""
     up: Up = "z"
     rows: Literal["top", "bottom"] = "top"  # the row that is stored first
-    principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
+    principal_point: tuple[Pixels, Pixels] = (0, 0)  # right and down, of the camera's axis from the image center
     depth: Depth = "planar"
     depth_offset: Annotated[float, msgspec.Meta(ge=0, le=FLOAT32_MAX)] = 0.0  # planar, where depth starts: near plane
     background_depth: Positive = 1e9
@@ -102,6 +104,7 @@ class PassMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     color: Literal["linear", "encoded"] = "linear"
     primaries: Primaries = "file"  # file: by its attribute chromaticities, without it rec709
     positions: Literal["world", "relative"] = "world"  # relative: to the camera, prev_position to that of its frame
+    normals: Literal["world", "view"] = "world"  # view: +x right, +y up, +z towards the camera
     meters: Positive = 1.0  # per unit of position, depth and background_depth
     motion: MotionMap = MotionMap()
 
@@ -229,7 +232,7 @@ class PathTracedFrame:
 
     size: tuple[int, int]
     sky: Array  # (h, w) bool, True where no surface is visible
-    normal: Array | None  # (h, w, 3) float32, unit, world
+    normal: Array | None  # (h, w, 3) float32, unit, world axes unless ``view_normals``
     position: Array | None  # (h, w, 3) float32, world
     depth: Array | None  # (h, w) float32, as ``depth_kind``
     depth_kind: str  # planar: along the view direction; distance: from the camera position
@@ -246,9 +249,11 @@ class PathTracedFrame:
     relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
     depth_offset: float = 0.0  # meters in front of the camera, along its axis, where ``depth`` starts
     half_position: bool = False  # positions are rounded to half floats
+    finer_depth: bool = False  # there is depth, which is not
     principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
     short_normals: float = 0.0  # share of the surface pixels whose stored normal was shorter than SHORT_NORMAL, not 0
     no_normals: float = 0.0  # share of the surface pixels whose normal is zero
+    view_normals: bool = False  # normals have the axes of the view
     kept: Array | None = None  # (h, w) float32, weight that the frames' program gave its history; 0: rejected
 
     def linear_radiance(self, exposure: float, where: str) -> Array:
@@ -293,7 +298,7 @@ def _rec709(image: ExrImage, mapping: PassMap) -> Callable[[Array | None], Array
         )
     try:
         matrix = rec709_from(stored).astype(np.float32)
-    except (np.linalg.LinAlgError, ValueError):
+    except np.linalg.LinAlgError:
         hint = "set primaries in the mapping"
         raise PathTracedError("its chromaticities are no primaries", where=str(image.path), hint=hint) from None
     return lambda light: None if light is None else light @ matrix.T
@@ -332,7 +337,8 @@ def read_frame(
     return PathTracedFrame(
         size=image.size,
         sky=sky,
-        normal=None if normal is None else unit(to_y_up(normal, mapping.up)),
+        normal=None if normal is None else unit(to_y_up(normal, "y" if mapping.normals == "view" else mapping.up)),
+        view_normals=mapping.normals == "view",
         position=None if position is None else to_y_up(position, mapping.up) * meters,
         depth=None if depth is None else depth * meters,
         depth_kind="distance" if mapping.depth == "distance" else "planar",
@@ -348,9 +354,8 @@ def read_frame(
         glossy_color=light(take("glossy_color")),
         relative=mapping.positions == "relative",
         depth_offset=mapping.depth_offset * mapping.meters,
-        half_position=position is not None
-        and _in_halves(position[~sky])
-        and not (depth is not None and _in_halves(depth[~sky])),
+        half_position=position is not None and _in_halves(position[~sky]),
+        finer_depth=depth is not None and not _in_halves(depth[~sky]),
         principal_point=mapping.principal_point,
         short_normals=float(((length > 0) & (length < SHORT_NORMAL)).mean()),
         no_normals=float((length == 0).mean()),

@@ -36,11 +36,11 @@ class Corrupted:
 
 
 def motion(change):
-    """``change``: motion (h, w, 2), frame number, (2,) size, (2,) pixels of one stored unit -> motion."""
+    """``change``: motion (h, w, 2), frame number, (2,) size, (2,) what a stored (1, 1) is read as -> motion."""
 
     def spoil(frames, camera, mapping):
         size = np.array(next(iter(frames.values())).size)
-        unit = np.abs(mapping.motion.factors(tuple(size)).astype(float))
+        unit = mapping.motion.factors(tuple(size)).astype(float)
         return {n: replace(f, motion=change(f.motion.astype(float), n, size, unit).astype(np.float32))
                 for n, f in frames.items()}, camera  # fmt: skip
 
@@ -144,12 +144,12 @@ MISTAKES = {
     "sign": (motion(lambda m, *_: -m), {"direction": "current-previous"}),
     "y up": (motion(lambda m, *_: m * [1, -1]), {"y": "up"}),
     "x": (motion(lambda m, *_: m * [-1, 1]), {"direction": "current-previous", "y": "up"}),
-    "uv": (motion(lambda m, n, size, unit: m / size if unit[0] == 1 else m * unit), {"unit": "uv"}),
-    "clip space": (motion(lambda m, n, size, unit: 2 * m / size if unit[0] == 1 else 2 * m), {"unit": "ndc"}),
+    "uv": (motion(lambda m, n, size, unit: m / size if abs(unit[0]) == 1 else m * abs(unit)), {"unit": "uv"}),
+    "clip space": (motion(lambda m, n, size, unit: 2 * m / size if abs(unit[0]) == 1 else 2 * m), {"unit": "ndc"}),
     "half": (motion(lambda m, *_: m / 2), {"unit": "half"}),
     "double": (motion(lambda m, *_: m * 2), {"unit": "double"}),
     "from 0.5": (
-        motion(lambda m, n, size, unit: m / size + 0.5 if unit[0] == 1 else m + 0.5 * unit),
+        motion(lambda m, n, size, unit: (m / size if abs(unit[0]) == 1 else m) + 0.5 * unit),
         {"unit": "uv", "zero": "0.5"},
     ),
     "exchanged": (motion(lambda m, *_: m[..., ::-1]), {"components": "yx"}),

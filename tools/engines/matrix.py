@@ -49,6 +49,9 @@ class Set:
                 plan.camera.place(n, frame)
             self.truth = partial(dict.fromkeys, ()) if not self.moves else self.rendered(plan.settings)
 
+        check = self.check(self.frames)
+        self.said, self.wrong = said(check), {v.convention for v in check.wrong} | faults(check)
+
     @property
     def moves(self):
         return next(iter(self.frames.values())).motion is not None
@@ -70,7 +73,7 @@ class Set:
                 camera = SidecarCamera(file.name)
         elif self.scene:
             camera = SceneCamera(self.camera.scene, self.camera.track, 24.0)
-        return check_sequence(Corrupted(self.sequence, frames), camera, list(frames), 5, self.truth)
+        return check_sequence(Corrupted(self.sequence, frames), camera, list(frames), 4, self.truth)
 
 
 def convention(one, name):
@@ -97,13 +100,13 @@ def convention(one, name):
     else:
         frames, matrices = spoil(frames, matrices, one.sequence.mapping)
     check = one.check(frames, matrices, yfov)
-    found = {v.convention for v in check.wrong}
+    found = {v.convention for v in check.wrong} - one.wrong
     shown = any(check[key].status == "not checked" for key in keys)
     if found and keys & found:
         return "named" if found == keys else "named, " + ", ".join(sorted(found - keys))
-    if found or any(c.fault for c in check.classes):
-        return "OTHER NAME " + ", ".join([*found, *(c.fault for c in check.classes if c.fault)])
-    return "not judged" if check.answer == "not judged" or shown else "MISSED"
+    if found | (faults(check) - one.wrong):
+        return "OTHER NAME " + ", ".join(sorted(found | faults(check)))
+    return "not judged" if shown or any(c.answer == "not judged" for c in check.classes) else "MISSED"
 
 
 def some_view(one):
@@ -119,12 +122,12 @@ def vectors(one, name):
     if np.median(changed) < 0.1:
         return "-"
     check = one.check(frames)
-    found = {v.convention for v in check.wrong} | {c.fault for c in check.classes if c.answer == "wrong"}
+    found = ({v.convention for v in check.wrong} | faults(check)) - one.wrong
     if found & FAULTS[name]:
         return "named"
     if found:
         return "OTHER NAME " + ", ".join(sorted(found))
-    return check.answer if check.answer == "not judged" else "MISSED"
+    return "not judged" if any(c.answer == "not judged" for c in check.classes) else "MISSED"
 
 
 def main(mode, folder, *given):
@@ -132,11 +135,15 @@ def main(mode, folder, *given):
     sets = {name: Set(mode, Path(folder), name, mapping) for name, mapping in (each.split("=") for each in given)}
     print("|", " | ".join(["injected", *sets]), "|")
     print("|" + " --- |" * (1 + len(sets)))
-    print("|", " | ".join(["nothing", *(said(one.check(one.frames)) for one in sets.values())]), "|", flush=True)
+    print("|", " | ".join(["nothing", *(one.said for one in sets.values())]), "|", flush=True)
     for name in MISTAKES:
         print("|", " | ".join([name, *(convention(one, name) for one in sets.values())]), "|", flush=True)
     for name in INJECTED:
         print("|", " | ".join([name, *(vectors(one, name) for one in sets.values())]), "|", flush=True)
+
+
+def faults(check):
+    return {c.fault or c.name for c in check.classes if c.answer == "wrong"}
 
 
 def said(check):
