@@ -118,8 +118,13 @@ class Check:
 
     @property
     def answer(self) -> str:
-        """Wrong if a convention or a class is, else not judged if a class is not, else right."""
+        """Wrong if a convention or a class is, else not judged if a class is not, else right.
+
+        Files without vectors are right if their camera is.
+        """
         answers = {WRONG} if self.wrong else {verdict.answer for verdict in self.classes}
+        if not self.classes and self["camera"].status == "not checked":
+            answers |= {NOT_JUDGED}
         return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
 
     def __getitem__(self, convention: str) -> Verdict:
