@@ -396,9 +396,9 @@ class _Checked:
         if not stored:
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
         stored, planar, distance = map(np.concatenate, (stored, planar, distance))
-        return _depth_verdict(
-            stored, {"planar": planar, "distance": distance}, kind, files.some.depth_offset * self.best.factor
-        )
+        slack = max((3.0 * cams.rounding_m(f) for f in files.frames.values() if f.half_position), default=0.0)
+        kinds, offset = {"planar": planar, "distance": distance}, files.some.depth_offset * self.best.factor
+        return _depth_verdict(stored, kinds, kind, offset, slack)
 
     def vectors(self, first: int) -> PairVectors | None:
         """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""
@@ -514,12 +514,15 @@ class _Checked:
         return sum(shares) / len(self.bases[basis])
 
 
-def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: float) -> Verdict:
-    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind`` and ``offset``."""
+def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: float, slack: float) -> Verdict:
+    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind`` and ``offset``.
+
+    ``slack``: rounding of positions, meters.
+    """
     planar = kinds["planar"]
 
     def share(expected: Array) -> float:
-        return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected)).mean())
+        return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected) + slack).mean())
 
     as_read = share(kinds[kind] * (1.0 - offset / planar))
     found = {"as read": (as_read, kind)}
