@@ -368,7 +368,8 @@ class _Checked:
         if max(abs(x), abs(y), spread) <= CENTERED_PX:
             return Verdict("centers", "ok", "positions are those of pixel centers")
         if spread > CENTERED_PX:
-            text = f"positions lie beside the pixel centers, each by another offset (median {spread:.2g} px): filtered"
+            why = "rounded to half floats" if self.files.some.half_position else "filtered"
+            text = f"positions lie beside the pixel centers, each by another offset (median {spread:.2g} px): {why}"
             return Verdict("centers", "note", text)
         text = f"positions are {x:+.2f}, {y:+.2f} px off the pixel centers"
         if np.ptp(offsets, axis=0).max() > MIN_JITTER_PX:
