@@ -54,7 +54,7 @@ Array = np.ndarray
 log = logging.getLogger(__name__)
 
 SAME = 0.02  # readings whose shares of explained pixels differ by less cannot be distinguished
-BACKWARDS_MARGIN = 0.1  # by which more a reading of another frame order must explain: it scores another pair's pixels
+MARGIN = 0.1  # by which more a reading of another frame order must explain: it scores another pair's pixels
 MAX_JITTER_PX = 1.5  # largest jitter: the difference of two offsets, each in [-0.5, 0.5], and a margin
 MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes; largest spread of jitter
 CENTERED_PX = 0.05  # largest offset of positions from the pixel centers that is not mentioned
@@ -152,11 +152,9 @@ def check_sequence(
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
     log.info("checking the conventions of %d frames", len(numbers))
     geometry = "motion" not in sequence.index  # without it the scene may do
-    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
+    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers}, truth)
     for number, frame in files.frames.items():
         camera.place(number, frame)
-    if truth is not None and files.some.motion is not None:
-        files.truth = truth(numbers)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
     missing = "; ".join(f"{column}: {why}" for column, why in sequence.missing().items())
     text = f"{len(names)} found with the mapping {sequence.mapping.name}: {', '.join(names)}"
@@ -200,6 +198,11 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
     if positions:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
+        if isinstance(files.camera, cams.SceneCamera) and left and (step := files.steps(left[0])):
+            # Where other conventions are wrong too, the scene's camera could not be placed in time.
+            files.camera.offset += step
+            files.views.clear()
+            return _by_geometry(files, starts, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
             others = _skipped((*GEOMETRY, "centers"), "no reading of the camera explains the files")
@@ -255,8 +258,8 @@ def _search(
                     if expected is not None and np.isfinite(expected[:, 0]).sum() >= FEW_PIXELS:
                         off = stored[files.pair(first, left[row])[0]] - expected
                         share[row] = _explained(off, limit if shifted else tolerance(expected), shifted)
-                        if shifted and _explained(expected, limit, shifted) >= ENOUGH:
-                            share[row, 1:] = 0.0  # where no motion and an offset explain as much, no reading is shown
+                        if shifted:  # where no motion and an offset explain about as much, no reading is shown
+                            share[row, 1:] *= share[row, 1:] > _explained(expected, limit, shifted) + MARGIN
                 if share.max() >= ENOUGH:
                     found[first] = share, shifted
                     break
@@ -267,7 +270,7 @@ def _search(
         return left[0], [r for r in left[1:] if not starts], bases
     # Previous positions hold for what moves; still surfaces also show the unit and the place of the camera.
     total = np.mean(total, axis=0)
-    lowered = total - BACKWARDS_MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
+    lowered = total - MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
     first = lowered >= lowered.max() - SAME
     alike = [(not first[g, m], replace(left[g], **motion[m].values), total[g, m])
              for g, m in np.argwhere(first | (total >= total.max() - SAME))]  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -65,14 +66,17 @@ class Samples:
         return cls(at, np.stack([at % frame.size[0], at // frame.size[0]], axis=-1).astype(np.float64), *taken)
 
 
-@dataclass(slots=True)
+@dataclass
 class Files:
-    """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well."""
+    """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well.
+
+    ``render``: gives the truth of the scene; None: it is not known.
+    """
 
     sequence: PathTracedSequence
     camera: PathTracedCamera
     frames: dict[int, PathTracedFrame]
-    truth: Mapping[int, SceneTruth] = field(default_factory=dict)
+    render: Truth | None = None
     placed: dict[int, Samples] = field(default_factory=dict)
     every: dict[int, Samples] = field(default_factory=dict)
     few: dict[int, Samples] = field(default_factory=dict)
@@ -99,6 +103,16 @@ class Files:
         """The first file's frame: all files have the same passes."""
         return next(iter(self.frames.values()))
 
+    @cached_property
+    def truth(self) -> Mapping[int, SceneTruth]:
+        """What the scene shows in each frame; empty if it is not known or there are no vectors."""
+        return {} if self.render is None or self.some.motion is None else self.render(self.frames)
+
+    @staticmethod
+    def steps(reading: Reading) -> int:
+        """Frames by which the camera that a file needs has another number."""
+        return {"ahead": -1, "behind": 1}.get(reading.order, 0)
+
     @property
     def geometry(self) -> bool:
         """Whether surface points are known: there is a position or a depth pass."""
@@ -117,7 +131,7 @@ class Files:
 
     def view(self, number: int, reading: Reading) -> View | None:
         """The camera of file ``number`` by ``reading``; None where the camera file has none for it."""
-        shown = number + {"ahead": -1, "behind": 1}.get(reading.order, 0)
+        shown = number + self.steps(reading)
         if "backwards" in reading.order:
             shown = self.sequence.frames[0] + self.sequence.frames[-1] - number
         key = (number, shown, Reading(rows=reading.rows * self.fitted, matrix=reading.matrix, lens=reading.lens))
