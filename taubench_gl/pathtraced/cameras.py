@@ -209,15 +209,15 @@ class SceneCamera(PathTracedCamera):
     """The camera of a scene file.  Frame i is at (i + ``offset``) / fps seconds."""
 
     def __init__(self, scene: Scene, track: CameraTrack, fps: float):
-        self._scene, self._track, self._fps = scene, track, fps
+        self.scene, self.track, self._fps = scene, track, fps
         self._poser, self.offset, self._placed = Poser(scene, fps), 0, False
 
     def describe(self) -> str:
         shift = f", frame {-self.offset} at 0 s" if self.offset else ""
-        return f"{self._track.describe()} of the scene file{shift}"
+        return f"{self.track.describe()} of the scene file{shift}"
 
     def _view(self, number: int, frame: PathTracedFrame) -> View:
-        return self._track.view_at(self._poser.sample((number + self.offset) / self._fps))
+        return self.track.view_at(self._poser.sample((number + self.offset) / self._fps))
 
     def place(self, number: int, frame: PathTracedFrame) -> None:
         """Set the offset that explains the position pass: programs count frames from 0 or from 1.  Default: 0."""
@@ -229,7 +229,7 @@ class SceneCamera(PathTracedCamera):
 
     def _at(self, number: int, frame: PathTracedFrame, fps: float, offset: int) -> Residual:
         """The residual of frame ``number`` if the files had another rate and offset."""
-        other = SceneCamera(self._scene, self._track, fps)
+        other = SceneCamera(self.scene, self.track, fps)
         other.offset = offset
         return residual(other.view(number, frame), frame)
 

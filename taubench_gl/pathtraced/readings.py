@@ -21,7 +21,7 @@ BACKWARDS = ("files backwards", "next")
 _MOTION = {name: get_args(choices) for name, choices in get_type_hints(MotionMap).items()}
 _UNITS = {"0.01": "centimeters", "0.001": "millimeters", "0.0254": "inches", "0.3048": "feet"}
 TEXTS: dict[str, Mapping[str, str]] = {
-    "rows": {"bottom first": "rows are stored bottom first: write the top row first"},
+    "rows": {"bottom first": "rows are stored in the other order: set rows = '{}'"},
     "up": {up: f"axes are those of up = '{up}': set up = '{up}'" for up in get_args(Up)},
     "positions": {
         "world": "positions are world positions: set positions = 'world'",
@@ -100,14 +100,14 @@ class Reading:
 def text_of(name: str, value: str, mapping: PassMap) -> str:
     """What is wrong if ``value`` corrects convention ``name``, and what to set."""
     if name != "meters":
-        return TEXTS[name][value]
+        return TEXTS[name][value].format("bottom" if mapping.rows == "top" else "top")
     meters = mapping.meters * Reading(meters=value).factor
     return f"{TEXTS[name][value]}: set meters = {meters:.6g}, or scale the camera"
 
 
 def value_in(mapping: PassMap, name: str) -> str:
     """What the mapping says of a convention."""
-    fixed = {"rows": "top row first", "matrix": "world_from_view, rows", "lens": "yfov is vertical",
+    fixed = {"rows": f"{mapping.rows} row first", "matrix": "world_from_view, rows", "lens": "yfov is vertical",
              "order": "as numbered", "components": "x, y"}  # fmt: skip
     if name == "depth":
         return "distance" if mapping.depth == "distance" else "planar"
