@@ -155,7 +155,7 @@ def _evaluate_one(
     from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.pathtraced.sequence import is_sequence
 
-    scene, row = resolve(scene)
+    scene, row = resolve(scene, settings.sequence.animation)
     settings = settings.replace(**row_settings(row))
     options: dict[str, Any] = {"path_traced": path_traced}
     if not is_sequence(scene):

@@ -159,7 +159,7 @@ def _evaluated(
     from taubench_gl.reject.contract import builtin_tests
     from taubench_gl.reject.evaluate import evaluate_tests
 
-    path, row = resolve(path)
+    path, row = resolve(path, settings.sequence.animation)
     settings = settings.replace(reprojection="motion", **row_settings(row))
     with ProgressBar(path) as progress:
         return evaluate_tests(path, tests or builtin_tests(), settings, files=files, progress=progress)

@@ -238,7 +238,8 @@ def noise_floor(owner: GpuOwner, rendered: PathTracedPlan, second: PathTracedSeq
     evaluator = owner.open_evaluator(sources[0], settings, radiance=measured)
     for frame in rendered.frames:
         view, _ = (source.advance(frame) for source in sources)
-        stats.add(evaluator.compare(reprojection(view, view, *first.size), previous=sources[1].current))
+        run = evaluator.submit(reprojection(view, view, *first.size), previous=sources[1].current)
+        stats.add(evaluator.read(run))
     discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
     return {column: discard[column] for column in NOISY_COLUMNS}
 

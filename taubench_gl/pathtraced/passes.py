@@ -65,6 +65,7 @@ class MotionMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     direction: Literal["previous-current", "current-previous"] = "previous-current"
     y: Literal["up", "down"] = "up"
     zero: Literal["0", "0.5"] = "0"  # the stored value of no motion
+    jitter: Literal["excluded", "included"] = "excluded"  # whether vectors contain the difference of the offsets
     encoding: Literal["linear", "cube-root"] = "linear"
     no_data: float | None = None
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.conventions import FILE_NUMBER
 from taubench_gl.data_files import hashed
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
@@ -29,7 +30,7 @@ from taubench_gl.pathtraced.passes import (
 Array = np.ndarray
 
 PREFIX = "exr:"
-_NUMBERED = re.compile(r"^(.*?)(\d+)$")
+_NUMBERED = re.compile(rf"^(.*?)({FILE_NUMBER})$")
 
 
 def is_sequence(spec: object) -> bool:
@@ -49,10 +50,16 @@ def find_frames(spec: str | Path) -> dict[int, tuple[Path, ...]]:
     else:
         raise PathTracedError("is no folder of EXR files", where=str(where), hint="give exr:DIR or 'exr:DIR/name*.exr'")
     files_of: dict[int, list[Path]] = {}
+    spelled: dict[tuple[str, int], Path] = {}
     for path in sorted(files):
         numbered = _NUMBERED.match(path.stem)
         if numbered:
-            files_of.setdefault(int(numbered.group(2)), []).append(path)
+            number = int(numbered[2])
+            other = spelled.setdefault((numbered[1], number), path)
+            if other is not path:
+                message = f"{other.name} and {path.name} have the same number {number}"
+                raise PathTracedError(message, where=str(where), hint="write all numbers with as many digits")
+            files_of.setdefault(number, []).append(path)
     if not files_of:
         message = "no name ends in a frame number" if files else "holds no .exr file"
         raise PathTracedError(message, where=str(where), hint="name them as in frame_0001.exr")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from pathtraced.faults import INJECTED
 
 from taubench_gl.animation import choose_camera
@@ -36,7 +38,7 @@ JITTER = {40: (0.31, -0.17), 41: (-0.19, 0.33), 42: (0.07, 0.11), 43: (-0.4, -0.
 def exported(tmp_path_factory):
     """Six frames of the demo: motion, positions relative to the camera, planar depth, and the camera."""
     out = tmp_path_factory.mktemp("frames")
-    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
+    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
     export_scene(ASSETS / "demo.glb", out, settings, ExportOptions("exr", ("gbuffer", "prev_position", "flow")))
     opened = plan_sequence(f"exr:{out}", Settings(), PathTracedOptions())
     frames = {n: opened.sequence.read(n) for n in opened.sequence.frames}
@@ -419,16 +421,8 @@ def test_missing_passes_and_a_mistake_beside_them(tmp_path):
 
 # Files and the command line
 @pytest.fixture
-def run(capsys):
-    """Runs ``check`` with arguments -> exit code, output, errors."""
-
-    def call(*arguments):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main(["check", *map(str, arguments)])
-        return ended.value.code, *capsys.readouterr()
-
-    return call
+def run(taubench):
+    return partial(taubench, "check")
 
 
 def test_command_line(exported, tmp_path, run):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 import numpy as np
 
@@ -46,6 +46,17 @@ class ComparedSource(Protocol):
     radiance: tuple[str, ...]
     others: tuple[str, ...]
     cuts: bool
+
+
+class Comparison(TypedDict, total=False):
+    """Keywords of ``MaskPass.for_source`` that evaluators of pairs pass on."""
+
+    reprojection: str | None  # camera | motion; None: that of the source
+    radiance: tuple[str, ...] | None  # light features to compare; None: those of the source
+    images: bool  # mask and motion are written, False
+    distances: bool  # also the distances of every pixel, False
+    absent: bool  # surfaces that ``ids`` mark as ABSENT are CUT, False
+    both: bool  # the other reprojection is counted too, False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,14 +133,14 @@ def mask_pass(
         .glsl(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
         .constants("parameters", REPROJECTION, lambda record: record)
         .use(*(replace(use, form=IMAGE, type="rgba32f") for use in geometry) if images else geometry)
-        .buffer("mask_histogram", "uint", access=UPDATE, given=True)
-        .buffer("histograms", "uint", access=UPDATE, given=True)
+        .buffer("mask_histogram", "uint", access=UPDATE, filled=True)
+        .buffer("histograms", "uint", access=UPDATE, filled=True)
         .dispatch(size, group, each)
     )
     for name in dict.fromkeys(f.channel for f in options.values):
         p.texture(name).texture(f"history_{name}", resource=name, history=True)
     if options.both:
-        p.buffer("other_histogram", "uint", access=UPDATE, given=True)
+        p.buffer("other_histogram", "uint", access=UPDATE, filled=True)
     if options.cuts:
         p.texture("ids", "usampler2D")
     if vectors:
@@ -185,20 +196,11 @@ class MaskPass(Owner):
         context: GpuContext,
         source: ComparedSource,
         settings: Settings,
-        *,
-        reprojection: str | None = None,
-        radiance: tuple[str, ...] | None = None,
-        images: bool = False,
-        distances: bool = False,
-        absent: bool = False,
-        both: bool = False,
+        **asked: Unpack[Comparison],
     ) -> MaskPass:
-        """The mask pass of ``source`` with the metric of ``settings``.
-
-        ``reprojection``, ``radiance``: None: those of the source; ``images``: mask and motion are written, with
-        ``distances`` also the distances of every pixel; ``absent``: surfaces that ``ids`` mark as ABSENT are CUT;
-        ``both``: the other reprojection is counted too.
-        """
+        """The mask pass of ``source`` with the metric of ``settings``; ``asked``: what differs from its defaults."""
+        reprojection, radiance = asked.get("reprojection"), asked.get("radiance")
+        images, absent = asked.get("images", False), asked.get("absent", False)
         options = MaskOptions(
             reprojection=source.reprojection if reprojection is None else reprojection,
             sampling=settings.metrics.sampling,
@@ -206,10 +208,10 @@ class MaskPass(Owner):
             others=source.others,
             cuts=source.cuts or absent,
             absent=absent,
-            both=both,
+            both=asked.get("both", False),
             write_mask=images,
             write_motion=images,
-            write_distances=distances,
+            write_distances=asked.get("distances", False),
         )
         return cls(context, source.size, options)
 
