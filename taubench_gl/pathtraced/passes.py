@@ -33,7 +33,7 @@ COMPONENTS = {
 ``rejected``: 1 where the program that made the frames rejected its history; ``history_weight``: 0 there.
 """
 
-NAME_IT = "name it in a mapping (--mapping), or switch it on in the renderer if the files lack it"
+NAME_IT = "name it in a mapping, --mapping FILE, or switch it on in the renderer if the files lack it"
 """What to do where a pass is not found."""
 
 UNIT_ROUNDING = 5e-7
@@ -373,7 +373,7 @@ def _forward(depth: Array, mapping: PassMap, where: str) -> Array:
         raise PathTracedError(
             f"its depth is {'positive' if kind == 'planar' else 'negative'}, which {mapping.depth} depth is not",
             where=where,
-            hint=f"set depth = '{kind}' in the mapping (view-z: view-space z, negative in front of the camera)",
+            hint=f"set depth = '{kind}' in the mapping; view-z is view-space z, negative in front of the camera",
         )
     return depth
 
