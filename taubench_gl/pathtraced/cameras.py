@@ -288,7 +288,9 @@ def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]
         off, far = (float(np.nanmedian(values[~frame.sky])) for values in (np.abs(found - planar), np.abs(planar)))
         if off > 4.0 * rounding_m(frame) + SAME_DEPTH * far:
             message = f"depth is {off:.3g} m (median) off that of the positions, which are half floats"
-            raise PathTracedError(message, hint="set depth in the mapping ('check' names its kind), or do not name it")
+            raise PathTracedError(
+                message, hint="set depth in the mapping to the kind that 'check' names, or do not name it"
+            )
     return relative, found
 
 

@@ -8,6 +8,7 @@ import json
 
 import numpy as np
 import pytest
+from fixed import FIXED
 from foreign_frames import HEIGHT, MAPPING, SIZE, WIDTH, channels_of, passes_of, view_at, write_frames
 
 from taubench_gl import math3d
@@ -25,7 +26,7 @@ from taubench_gl.pathtraced.source import frame_channels, mixed_pixels
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
 
-MOTION = Settings(reprojection="motion")
+MOTION = Settings(**FIXED, reprojection="motion")
 
 
 def mapping_file(folder, without=(), motion=None, **more):
@@ -109,7 +110,7 @@ def test_normals_with_the_axes_of_the_view(tmp_path):
     (folder / "camera.json").write_text(camera_file_text(views, 24.0, SIZE))
     mapping = mapping_file(tmp_path, ("prev_position", "motion"), normals="view")
     frame = read(folder, mapping)
-    arrays = frame_channels(frame, views[1], views[1], Settings())
+    arrays = frame_channels(frame, views[1], views[1], MOTION)
     expected = passes_of(1)["normal"] @ turns[1].T
     np.testing.assert_allclose(arrays["normal"], expected, atol=1e-6)
 
@@ -350,7 +351,7 @@ def test_history_is_sampled_where_the_vectors_of_the_files_point(tmp_path, sampl
         return v
 
     folder, mapping = write_frames(tmp_path / "f", change=velocity(noise)), mapping_file(tmp_path, without)
-    settings = Settings(reprojection="motion", sampling=sampling)
+    settings = Settings(**FIXED, reprojection="motion", sampling=sampling)
     _, masks, motion = masks_of(folder, mapping, settings)
     sequence, limits = (
         PathTracedSequence.open(folder, mapping=mapping),
