@@ -54,11 +54,12 @@ Array = np.ndarray
 log = logging.getLogger(__name__)
 
 SAME = 0.02  # readings whose shares of explained pixels differ by less cannot be distinguished
-MARGIN = 0.1  # by which more a reading of another frame order must explain: it scores another pair's pixels
+MARGIN = 0.1  # by which more a reading must explain that scores other pixels or other axes
 MAX_JITTER_PX = 1.5  # largest jitter: the difference of two offsets, each in [-0.5, 0.5], and a margin
 MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes; largest spread of jitter
 CENTERED_PX = 0.05  # largest offset of positions from the pixel centers that is not mentioned
 MAX_SHIFT_PX = 0.45  # offset, per axis, from which on positions are those of other points than pixel centers
+MAX_TILT = 2.0  # degrees, median, between normals and the slopes of positions
 DEPTH_TOLERANCE = 0.001  # relative error up to which depth is explained
 _OTHERS = ("jitter", "cuts")
 
@@ -165,7 +166,7 @@ def check_sequence(
         return _by_geometry(files, starts, passes)
     else:
         why = "no camera is given, and none can be estimated from positions"
-    skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers"), why)]
+    skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers", "normals"), why)]
     return _by_vectors(files, starts, skipped)
 
 
@@ -205,11 +206,12 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
             return _by_geometry(files, starts, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
-            others = _skipped((*GEOMETRY, "centers"), "no reading of the camera explains the files")
+            others = _skipped((*GEOMETRY, "centers", "normals"), "no reading of the camera explains the files")
             found = [passes, Verdict("camera", "wrong", text, share, share), *others]
             return _by_vectors(files, starts, found)
     checked = _Checked.of(files, positions, limit, starts, left)
-    verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers(), checked.depth()]
+    verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers()]
+    verdicts += [checked.depth(), checked.normals()]
     return checked.result(starts, [passes, checked.camera(), *verdicts])
 
 
@@ -383,6 +385,33 @@ class _Checked:
         return Verdict(
             "centers", "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note", text, value=f"{x:.3f}, {y:.3f}"
         )
+
+    def normals(self) -> Verdict:
+        """Whether normals have the axes that the mapping says, by the slopes between neighboring points."""
+        files, read = self.files, self.files.sequence.mapping.normals
+        found: dict[str, list[Array]] = {"world": [], "view": []}
+        for number, frame in files.frames.items():
+            samples, view = files.placed[number], files.view(number, self.best)
+            if frame.normal is None or view is None or not len(samples.at):
+                continue
+            points = np.full((frame.sky.size, 3), np.nan)
+            points[samples.at] = files.points(samples, self.best, view, samples.position)
+            points = points.reshape(*frame.sky.shape, 3)
+            slopes = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
+            across, normal = np.cross(*slopes), frame.normal[1:-1, 1:-1].astype(np.float64)
+            across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+            for axes, turned in (("world", files.turned(normal, self.best)), ("view", normal @ view.world_from_view.T)):
+                along = np.abs(np.einsum("...i,...i", across, turned)).clip(0.0, 1.0)
+                found[axes].append(np.degrees(np.arccos(along[np.isfinite(along)])))
+        if not found[read] or not np.concatenate(found[read]).size:
+            return Verdict("normals", "not checked", "there are no normals, or no surface")
+        angles = {axes: float(np.median(np.concatenate(each))) for axes, each in found.items()}
+        other = "view" if read == "world" else "world"
+        text = f"normals are {angles[read]:.2g} degrees off the surfaces (median)"
+        if angles[read] > MAX_TILT and angles[other] < 0.5 * angles[read]:
+            why = f"{text}, with {other} axes {angles[other]:.2g}: set normals = '{other}'"
+            return Verdict("normals", "wrong", why, value=other)
+        return Verdict("normals", "ok", read) if angles[read] < 5 * MAX_TILT else Verdict("normals", "note", text)
 
     def depth(self) -> Verdict:
         """How the depth of all files follows from positions, or, without them, which kind motion shows."""

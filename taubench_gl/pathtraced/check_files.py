@@ -175,13 +175,17 @@ class Files:
             depth, kind = samples.depth * reading.factor, reading.depth or self.some.depth_kind
             offset = self.some.depth_offset * reading.factor
             return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size, offset)
-        points = position * reading.factor
-        if reading.up:
-            points = points @ to_y_up(np.eye(3), mapping.up).T @ to_y_up(np.eye(3), reading.up)
+        points = self.turned(position * reading.factor, reading)
         space = reading.positions or mapping.positions
         if space == "view":
             return points @ view.world_from_view.T
         return points - view.position if space == "world" else points
+
+    def turned(self, vectors: Array, reading: Reading) -> Array:
+        """Vectors (..., 3) that the mapping turned to glTF axes, turned as ``reading`` says."""
+        if not reading.up:
+            return vectors
+        return vectors @ to_y_up(np.eye(3), self.sequence.mapping.up).T @ to_y_up(np.eye(3), reading.up)
 
     def misplaced(self, number: int, reading: Reading, *, few: bool = False) -> Array | None:
         """Projections of the position pass minus their pixels, (N, 2); None without a view or samples."""

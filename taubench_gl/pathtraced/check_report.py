@@ -25,7 +25,8 @@ CHECK_FILE = "check.json"
 _LABELS = {
     "rows": "row order", "up": "axes of positions", "positions": "origin of positions", "meters": "unit of positions",
     "matrix": "camera matrices", "lens": "field of view", "order": "frame order", "centers": "pixel centers",
-    "depth": "kind of depth", "direction": "motion sign", "y": "motion y", "components": "motion components",
+    "depth": "kind of depth", "normals": "axes of normals",
+    "direction": "motion sign", "y": "motion y", "components": "motion components",
     "unit": "motion unit", "zero": "motion zero", "jitter": "jitter in motion",
 }  # fmt: skip
 _CAPTION = (

@@ -122,6 +122,13 @@ def turned(up):
     return points(lambda p, _, __, mapping: p @ to_y_up(axes, up).T @ to_y_up(axes, mapping.up))
 
 
+def normals(frames, camera, mapping):
+    """World normals in the axes of the view, or the other way round."""
+    turned = {n: camera[n][:3, :3] if mapping.normals == "world" else camera[n][:3, :3].T for n in frames}
+    return {n: f if f.normal is None else replace(f, normal=(f.normal @ turned[n]).astype(np.float32))
+            for n, f in frames.items()}, camera  # fmt: skip
+
+
 def rotation(matrix):
     out = matrix.copy()
     out[:3, :3] = out[:3, :3].T
@@ -157,6 +164,7 @@ MISTAKES = {
         points(lambda p, m, f, _: p + m[:3, 3] * (1 if f.relative else -1)), {"positions": "world"},
     ),
     "view": (points(lambda p, m, f, _: (p - (0 if f.relative else m[:3, 3])) @ m[:3, :3]), {"positions": "view"}),
+    "normals": (normals, {"normals": "view"}),
     "z": (turned("z"), {"up": "z"}),
     "z-left": (turned("z-left"), {"up": "z-left"}),
     "y-left": (turned("y-left"), {"up": "y-left"}),

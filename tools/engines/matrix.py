@@ -88,7 +88,8 @@ def convention(one, name):
     if (keys & CAMERA_ONLY or name.startswith(("camera", "all"))) and one.scene:
         return "-"
     motion = keys & {"direction", "y", "unit", "zero", "components", "jitter"}
-    if (motion and some.motion is None) or (keys == {"depth"} and some.depth is None):
+    needed = {"normals": some.normal, "depth": some.depth}
+    if (motion and some.motion is None) or any(needed.get(key, "") is None for key in keys):
         return "absent"
     if name.startswith(("z", "y-left")) and name == one.sequence.mapping.up:
         return "-"
