@@ -199,10 +199,7 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
     if positions:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
-        if isinstance(files.camera, cams.SceneCamera) and left and (step := files.steps(left[0])):
-            # Where other conventions are wrong too, the scene's camera could not be placed in time.
-            files.camera.offset += step
-            files.views.clear()
+        if left and files.shifted(left[0]):
             return _by_geometry(files, starts, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
@@ -210,6 +207,8 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
             found = [passes, Verdict("camera", "wrong", text, share, share), *others]
             return _by_vectors(files, starts, found)
     checked = _Checked.of(files, positions, limit, starts, left)
+    if files.shifted(checked.best):
+        return _by_geometry(files, starts, passes)
     verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers()]
     verdicts += [checked.depth(), checked.normals()]
     return checked.result(starts, [passes, checked.camera(), *verdicts])

@@ -113,6 +113,16 @@ class Files:
         """Frames by which the camera that a file needs has another number."""
         return {"ahead": -1, "behind": 1}.get(reading.order, 0)
 
+    def shifted(self, reading: Reading) -> bool:
+        """Move the scene's camera by a frame if ``reading`` needs it: beside other mistakes it could not be placed."""
+        step = self.steps(reading) if isinstance(self.camera, cams.SceneCamera) else 0
+        if not step or abs(self.camera.offset + step) > 1:
+            return False
+        self.camera.offset += step
+        self.views.clear()
+        self.__dict__.pop("truth", None)
+        return True
+
     @property
     def geometry(self) -> bool:
         """Whether surface points are known: there is a position or a depth pass."""
