@@ -84,32 +84,13 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class PairVerdict:
-    """Motion of file ``frame``; shares of its pixels, 0 to 1.
-
-    ``judged``: share of the surfaces with a vector whose motion is known; ``as_read``, ``explained``: share of the
-    judged pixels that are right as the mapping reads them and corrected; ``jitter_px`` left in it, pixels, +x right, +y
-    down; ``expected_px``: median length of the motion of surfaces; ``errors``: (h, w), as read and corrected, pixels,
-    NaN where nothing is known.
-    """
-
-    frame: int
-    judged: float
-    as_read: float
-    explained: float
-    jitter_px: tuple[float, float]
-    expected_px: float
-    errors: tuple[Array, Array]
-
-
-@dataclass(frozen=True, slots=True)
 class Check:
     """Verdicts, in the order of the tables; ``reading`` corrects the files; ``basis``: what motion is compared with."""
 
     verdicts: tuple[Verdict, ...]
     reading: Reading
     basis: str = ""
-    pairs: tuple[PairVerdict, ...] = ()
+    pairs: tuple[PairVectors, ...] = ()
     classes: tuple[ClassVerdict, ...] = ()
 
     @property
@@ -318,10 +299,9 @@ class _Checked:
         for pair in pairs:
             pair.faults |= simple_faults(pair, self.late(pair, {p.frame: p for p in pairs}))
         classes = class_verdicts(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
-        shown = tuple(map(self.pair, pairs))
         # A fault that is named explains pairs that the conventions do not.
-        good = [self.pair(pair) for pair in pairs if pair.good or any(verdict.fault for verdict in classes)]
-        return Check((*verdicts, *self.motion(shown, good)), self.best, self.basis, shown, classes)
+        good = [pair for pair in pairs if pair.good or any(verdict.fault for verdict in classes)]
+        return Check((*verdicts, *self.motion(pairs, good)), self.best, self.basis, tuple(pairs), classes)
 
     def camera(self) -> Verdict:
         """Whether the camera put the positions of every file on their pixels."""
@@ -504,21 +484,7 @@ class _Checked:
                     out[name] = values
         return out
 
-    def pair(self, pair: PairVectors) -> PairVerdict:
-        """The numbers of a pair for tables and pictures."""
-        expected, surfaces = pair.expected, pair.surfaces
-        judged = surfaces & np.isfinite(expected[:, 0])
-        errors = np.stack([length(vectors - expected) for vectors in (pair.stored, pair.corrected)])
-        limit, of_all = tolerance(expected), pair.truth if pair.known else pair.still
-        read, right = ((each <= limit)[judged].mean() if judged.any() else 0.0 for each in errors)
-        motion = length(of_all[surfaces])
-        return PairVerdict(
-            pair.frame, float(judged.sum() / max(1, surfaces.sum())), float(read), float(right),
-            tuple(pair.jitter_px.tolist()), float(np.median(motion)) if len(motion) else 0.0,
-            tuple(errors.reshape(2, *pair.size[::-1])),
-        )  # fmt: skip
-
-    def motion(self, pairs: Sequence[PairVerdict], good: Sequence[PairVerdict]) -> list[Verdict]:
+    def motion(self, pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> list[Verdict]:
         """Verdicts on MOTION, jitter and cuts.  ``good``: the pairs that are explained."""
         if not self.bases or not good:
             share = max([pair.as_read for pair in pairs], default=None)
@@ -595,7 +561,7 @@ def _fit(stored: Array, *terms: Array) -> tuple[Array, Array]:
     return factors, matrix @ factors
 
 
-def _jitter(good: Sequence[PairVerdict]) -> Verdict:
+def _jitter(good: Sequence[PairVectors]) -> Verdict:
     each = [f"frame {p.frame}: {p.jitter_px[0]:+.3f}, {p.jitter_px[1]:+.3f} px" for p in good if any(p.jitter_px)]
     if not each:
         return Verdict("jitter", "ok", "none is left")
@@ -604,7 +570,7 @@ def _jitter(good: Sequence[PairVerdict]) -> Verdict:
     return Verdict("jitter", "wrong", text, as_read, explained, value="left in")
 
 
-def _cuts(pairs: Sequence[PairVerdict], good: Sequence[PairVerdict]) -> Verdict:
+def _cuts(pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> Verdict:
     """Pairs whose motion no reading explains, beside others that are explained."""
     bad = [pair for pair in pairs if pair.frame not in {p.frame for p in good}]
     if len(pairs) == 1 or not bad:
