@@ -180,7 +180,7 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
     if positions:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
-        if left and files.shifted(left[0]):
+        if files.shifted(left[0] if left else None):
             return _by_geometry(files, starts, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())

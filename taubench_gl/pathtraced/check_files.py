@@ -70,19 +70,21 @@ class Samples:
 class Files:
     """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well.
 
-    ``render``: gives the truth of the scene; None: it is not known.
+    ``render``: gives the truth of the scene; None: it is not known; ``offsets`` of the scene's camera not tried yet.
     """
 
     sequence: PathTracedSequence
     camera: PathTracedCamera
     frames: dict[int, PathTracedFrame]
     render: Truth | None = None
+    offsets: list[int] = field(default_factory=lambda: [-1, 0, 1])
     placed: dict[int, Samples] = field(default_factory=dict)
     every: dict[int, Samples] = field(default_factory=dict)
     few: dict[int, Samples] = field(default_factory=dict)
     views: dict[tuple[int, int, Reading], View | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.offsets = [offset for offset in self.offsets if offset != getattr(self.camera, "offset", None)]
         for number, frame in self.frames.items():
             use = ~frame.sky
             if frame.position is not None:
@@ -113,12 +115,18 @@ class Files:
         """Frames by which the camera that a file needs has another number."""
         return {"ahead": -1, "behind": 1}.get(reading.order, 0)
 
-    def shifted(self, reading: Reading) -> bool:
-        """Move the scene's camera by a frame if ``reading`` needs it: beside other mistakes it could not be placed."""
-        step = self.steps(reading) if isinstance(self.camera, cams.SceneCamera) else 0
-        if not step or abs(self.camera.offset + step) > 1:
+    def shifted(self, reading: Reading | None) -> bool:
+        """Move the scene's camera by the frame that ``reading`` needs; None, no reading fits: to the next offset.
+
+        Beside other mistakes it could not be placed in time.  False where nothing is left to try.
+        """
+        if not isinstance(self.camera, cams.SceneCamera):
             return False
-        self.camera.offset += step
+        offset = self.camera.offset + self.steps(reading) if reading else next(iter(self.offsets), self.camera.offset)
+        if offset == self.camera.offset or offset not in self.offsets:
+            return False
+        self.offsets.remove(offset)
+        self.camera.offset = offset
         self.views.clear()
         self.__dict__.pop("truth", None)
         return True
