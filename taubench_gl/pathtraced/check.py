@@ -240,8 +240,10 @@ def _search(
                     if expected is not None and np.isfinite(expected[:, 0]).sum() >= FEW_PIXELS:
                         off = stored[files.pair(first, left[row])[0]] - expected
                         share[row] = _explained(off, limit if shifted else tolerance(expected), shifted)
-                        if shifted:  # where no motion and an offset explain about as much, no reading is shown
-                            share[row, 1:] *= share[row, 1:] > _explained(expected, limit, shifted) + MARGIN
+                        # Where no motion (and an offset) explains about as much, no correction is shown.
+                        shown = share[row] > _explained(expected, limit, shifted) + MARGIN
+                        shown[0] |= not left[row].values or left[row] == left[0]
+                        share[row] *= shown
                 if share.max() >= ENOUGH:
                     found[first] = share, shifted
                     break

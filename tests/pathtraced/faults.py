@@ -117,9 +117,19 @@ def same(n, whole):
 
 
 def turned(up):
-    """Positions whose axes are those of ``up``, read as those of the mapping."""
-    axes = np.eye(3)
-    return points(lambda p, _, __, mapping: p @ to_y_up(axes, up).T @ to_y_up(axes, mapping.up))
+    """Positions and normals whose axes are those of ``up``, read as those of the mapping."""
+
+    def turn(vectors, mapping):
+        return (vectors @ to_y_up(np.eye(3), up).T @ to_y_up(np.eye(3), mapping.up)).astype(np.float32)
+
+    def spoil(frames, camera, mapping):
+        frames, camera = points(lambda p, *_: turn(p, mapping))(frames, camera, mapping)
+        if mapping.normals == "view":
+            return frames, camera
+        return {n: f if f.normal is None else replace(f, normal=turn(f.normal, mapping))
+                for n, f in frames.items()}, camera  # fmt: skip
+
+    return spoil
 
 
 def normals(frames, camera, mapping):

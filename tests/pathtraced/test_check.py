@@ -19,6 +19,7 @@ from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.check import SAME, check_sequence
+from taubench_gl.pathtraced.check_vectors import CLASSES
 from taubench_gl.pathtraced.evaluation import plan_sequence
 from taubench_gl.pathtraced.exr import read_exr, write_exr
 from taubench_gl.pathtraced.passes import PRESETS
@@ -193,6 +194,28 @@ def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered,
         assert check.answer == "not judged" and not named and check.of("still surfaces").answer == "right"
     else:
         assert check.answer == "wrong" and named and named <= FOUND[fault], check.classes
+
+
+@pytest.mark.parametrize("names", [(), ("view",), ("z", "sign"), ("rows",), ("files backwards",)], ids=" and ".join)
+def test_mistakes_are_named_where_files_count_from_one(exported, names):
+    """The scene's camera is placed in time, one frame before the numbers of the files, beside other mistakes."""
+    sequence, frames, camera = exported
+    matrices = {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
+    for name in names:
+        frames, matrices = MISTAKES[name][0](frames, matrices, sequence.mapping)
+    frames = {n + 1: replace(f, prev_position=None) for n, f in frames.items()}
+    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]))
+    scene = load_scene(ASSETS / "demo.glb")
+    track = choose_camera(scene, settings.sequence.camera, tuple(SIZE))
+    given = SceneCamera(scene, track, settings.sequence.fps)
+    counted = replace(sequence, files={n + 1: path for n, path in sequence.files.items()})
+    check = check_sequence(
+        Corrupted(counted, frames), given, list(frames)[1:4], 2, lambda numbers: render_truth(given, settings, numbers)
+    )
+    assert given.offset == -1
+    assert wrong(check) == {key: value for name in names for key, value in MISTAKES[name][1].items()}
+    if names != ("files backwards",):
+        assert {c.name: c.answer for c in check.classes} == dict.fromkeys(CLASSES, "right")
 
 
 @pytest.fixture(scope="module")
