@@ -34,6 +34,7 @@ LAYERS: tuple[set[str], ...] = (
     {"pathtraced"},
     {"study"},
     {"reuse", "reject", "datasets"},
+    {"capture"},
     {"export", "conformance"},
     {"api"},
     {"selftest"},
@@ -225,6 +226,7 @@ HANDED = ("by_descriptor(", "io.BytesIO(", "fileobj=", "file", "data", "header",
 MAY_OPEN = {
     "apps/cli.py": "the null device, in place of a closed output",
     "memory_budget.py": "limits of the system, read by the gates themselves",
+    "pathtraced/blender/convert_read.py": "runs in Blender's Python, without this package",
     "pathtraced/blender/script_shared.py": "runs in Blender's Python, without this package",
     "pathtraced/blender/render_script.py": "runs in Blender's Python, without this package",
 }
