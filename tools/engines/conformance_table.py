@@ -22,8 +22,9 @@ def cell(case: dict, causes: dict[str, int]) -> str:
     for number, classes in sorted(wrong.items()):
         share = max(each["wrong_percent"] for each in classes)
         most = max((each["max_px"] for each in classes if each["max_px"] is not None), default=0.0)
-        length = "" if most == 0.0 else f", {most:.2g} px" if most >= 0.01 else ", below 0.01 px"
-        parts.append(f"{', '.join(each['name'] for each in classes)}: {share:.2g} %{length} ({number})")
+        length = f", {most:.{0 if most >= 9.5 else 2}f} px" if most >= 0.01 else ", below 0.01 px" * (most > 0.0)
+        percent = f"{share:.0f}" if share >= 9.5 else f"{share:.1f}"
+        parts.append(f"{', '.join(each['name'] for each in classes)}: {percent} %{length} ({number})")
     return "; ".join(parts) or "right"
 
 
