@@ -14,6 +14,7 @@ from taubench_gl.conformance.hypotheses import HYPOTHESES, Hypothesis, Pair
 from taubench_gl.conformance.loaded import agreement, difference
 from taubench_gl.conformance.truth import CLASSES, Frame, Truth
 from taubench_gl.conventions import Visibility
+from taubench_gl.errors import PathTracedError
 
 Array = np.ndarray
 TOLERANCE_PX = 0.1
@@ -246,16 +247,19 @@ def score_cases(
 ) -> list[CaseScore]:
     """Score ``cases`` by the files of an engine.  ``begun`` gets each case that has files, and the size of its frames.
 
-    Raises PathTracedError for damaged files.
+    A case whose files are damaged or not those of the case is not judged, as one without files.
     """
     scores = []
     for case in cases:
         if not frames.has(case.name):
             scores.append(CaseScore(case.name, NOT_JUDGED, "its frames are missing"))
             continue
-        size = frames.size(case.name)
-        begun(case.name, size)
-        truth = Truth(case, size)
-        scores.append(score_case(truth, frames.read(truth)))
+        try:
+            size = frames.size(case.name)
+            begun(case.name, size)
+            truth = Truth(case, size)
+            scores.append(score_case(truth, frames.read(truth)))
+        except PathTracedError as error:
+            scores.append(CaseScore(case.name, NOT_JUDGED, str(error)))
     name_causes(scores)
     return scores
