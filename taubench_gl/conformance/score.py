@@ -255,10 +255,10 @@ def score_cases(
             scores.append(CaseScore(case.name, NOT_JUDGED, "its frames are missing"))
             continue
         try:
-            size = frames.size(case.name)
-            begun(case.name, size)
-            truth = Truth(case, size)
-            scores.append(score_case(truth, frames.read(truth)))
+            files = frames.open(case.name)
+            begun(case.name, files.size)
+            truth = Truth(case, files.size)
+            scores.append(score_case(truth, files.convert(truth)))
         except PathTracedError as error:
             scores.append(CaseScore(case.name, NOT_JUDGED, str(error)))
     name_causes(scores)
