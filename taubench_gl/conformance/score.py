@@ -110,7 +110,8 @@ def score_case(truth: Truth, engine: Sequence[EngineFrame]) -> CaseScore:
         if score.wrong and (worst is None or farthest[0] > worst[0]):
             worst = farthest
     status = WRONG if any(each.failed for each in classes) else RIGHT
-    if absent := [each for each in truth.case.about if each not in collected]:
+    absent = [each for each in truth.case.about if each not in collected]
+    if absent and status == RIGHT:
         return CaseScore(name, NOT_JUDGED, f"no pixel shows the class {', '.join(absent)}", tuple(classes))
     rejection = _rejection(truth, engine)
     return CaseScore(name, status, "", tuple(classes), worst[1] if worst else None, rejection)
