@@ -312,7 +312,7 @@ def late_swarm(truth, frames):
     [(wrong_camera, "translate", "camera"), (without_box, "translate", "'moving box' is missing"),
      (doubled, "dolly", "2 times"), (z_up, "dolly", "axes"), (upside_down, "yaw", "rows"), (poses_late, "yaw", "pose"),
      (no_visibility, "visibility", "hidden"), (opaque, "grid", "alpha"),
-     (late_swarm, "instances", "'swarm'")],
+     (late_swarm, "instances", "pose")],
 )  # fmt: skip
 def test_a_scene_not_loaded_as_written_is_not_judged(spoil, case, word):
     score = scored(spoil, case)[case]
