@@ -77,10 +77,11 @@ def run(
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.report.benchmark import benchmark_tables
 
-    how = {"engine": engine.engine, "workers": engine.workers, "limit": time_limit}
-    kept = f"finished units are in {out}: the same command continues"
+    selected, kept = read_suite(suite).part(cases), f"finished units are in {out}: the same command continues"
     with interruptible(lambda: kept), StudyScreen("images") as screen:
-        done = run_benchmark(read_suite(suite).part(cases), methods, out, **how, listener=screen)
+        done = run_benchmark(
+            selected, methods, out, engine=engine.engine, workers=engine.workers, limit=time_limit, listener=screen
+        )
     show_tables(benchmark_tables(done))
     click.echo(f"written to {out}: benchmark.json, report.html, tables and plots")
     failed = _failures(done)

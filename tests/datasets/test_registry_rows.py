@@ -18,6 +18,8 @@ from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, 
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
+
 ENTRIES = {name: entry for name, entry in load_registry().items() if entry.recording is None}
 ROWS = few(sorted(ENTRIES, key=lambda name: ENTRIES[name].format == "fbx"), 3)
 PAPER = {scene["name"]: scene for scene in paper_numbers()["scenes"]}
