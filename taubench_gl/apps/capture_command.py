@@ -78,8 +78,9 @@ def run(
     choice = Choice(first, seconds, fps, view_weapon, roll, lights == "game")
     file = build_scene(demo, paks, choice, out)
     show_notes(recording.notes)
-    listed = ", ".join(f"{number:,} {kind}" for kind, number in file.counts.items())
-    click.echo(f"{demo.map_name}, {first:g} to {first + seconds:g} s: {listed}")
+    made, lost = (", ".join(f"{n:,} {kind}" for kind, n in c.items() if n) for c in (file.counts, file.lost))
+    click.echo(f"{demo.map_name}, {first:g} to {first + seconds:g} s: {made}")
+    click.echo(f"not in the file: {lost}, fog and marks")
     click.echo(f"{out}: {out.stat().st_size:,} bytes; {file.writer.gltf.asset.copyright}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {out} --fps {fps:g}")
 

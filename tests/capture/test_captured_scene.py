@@ -124,7 +124,7 @@ def test_what_is_in_the_scene(scene):
     at = {light_.name: light_ for light_ in scene.lights}
     assert at["sun"].kind == "directional" and np.isclose(at["sun"].intensity, light.sun_lux(100))
     notes = " ".join(str(line) for line in scene.notes)
-    assert "view weapon" in notes and "normal maps" in notes and "fog and marks" in notes
+    assert "view weapon" in notes and "normal maps" in notes and "sprites of shots" in notes
 
 
 def test_a_missile_is_there_while_it_flies(scene):

@@ -22,12 +22,6 @@ MAX_SECONDS = 3600.0
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
 LICENSE = "derived from the game's maps, models and images; those of OpenArena: GPL-2.0, by the OpenArena team"
-_LEFT_OUT = (
-    "triangles of additive surfaces", "triangles of sprites", "surfaces of models that are additive surfaces",
-    "surfaces of models that are sprites", "animated textures, which stand still", "flares", "bullet marks",
-    "lightning bolts", "rail trails", "sprites of shots", "explosion sprites and marks",
-)  # fmt: skip
-"""Kinds of ``SceneFile.counts`` that the game draws and the file has not."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,7 @@ def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile
         things.add_view_weapon(timeline, surfaces, eye)
     add_players(timeline, surfaces)
     name = f"{demo.map_name} {choice.start:g} to {choice.start + choice.seconds:g} s"
-    file.save(path, name, _note(choice, eye), left_out(surfaces))
+    file.save(path, name, _note(choice, eye))
     return file
 
 
@@ -111,18 +105,11 @@ def read_map(demo: Demo, paks: Paks) -> Bsp:
     return Bsp(data, paks.where(name))
 
 
-def left_out(surfaces: Surfaces) -> list[str]:
-    """What the game draws and the file has not, with its number."""
-    counts = surfaces.file.counts
-    lines = [f"{counts[kind]:,} {kind}" for kind in _LEFT_OUT if counts.get(kind)]
-    return [*lines, *(f"{what} ({number})" for what, number in surfaces.missing.items()), "fog and marks on walls"]
-
-
 def _note(choice: Choice, eye) -> str:
     """What every evaluation of the scene says."""
     weapon = "with the view weapon, which camera reprojection rejects" if choice.view_weapon else "no view weapon"
     jumps = f"{int(eye.jumps.sum())} jumps of the camera, " if eye.jumps.any() else ""
     return (
         f"recorded game: {weapon}, {jumps}{1 / UNIT:g} units are 1 m, keys at {choice.fps:g} and {EXACT_RATE:g} fps; "
-        "the game has no normal maps: the normal column is not comparable with the paper's"
+        "no fog, no marks on walls; the game has no normal maps: the normal column is not comparable with the paper's"
     )
