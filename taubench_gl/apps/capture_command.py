@@ -42,8 +42,8 @@ Examples:
   taubench-gl capture run game.dm_71 --start 12 --out scene.glb
   taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
 \b
-An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 1.5 to 3.5 points of
-frustum and over 4 of position and normal.  docs/capture.md says what is in a scene."""
+An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
+frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene."""
 )
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
 def run(
