@@ -14,7 +14,6 @@ from fixed import fixed_settings
 from pathtraced.faults import INJECTED
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.apps.cli import main
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
