@@ -68,8 +68,8 @@ def run(
     """
     from taubench_gl.capture.quake3.demo import read_demo
     from taubench_gl.capture.quake3.paks import Paks
-    from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
-    from taubench_gl.capture.recording import best_window
+    from taubench_gl.capture.quake3.scene import as_recording, build_scene
+    from taubench_gl.capture.recording import Choice, best_window
 
     demo = read_demo(game)
     paks = Paks(data)

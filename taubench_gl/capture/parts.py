@@ -168,14 +168,15 @@ class SceneFile:
 
     # ------------------------------------------------------------------------------------------------------------ file
     def save(self, path: Path, name: str, note: str) -> None:
-        """Write the scene as .glb.  Every evaluation of it says ``note`` and what is lost.  Raises OutputError."""
+        """Write the scene, whose first node is the world, as .glb.  Every evaluation of it says ``note`` and what is
+        lost.  Raises OutputError."""
         if path.suffix.lower() != ".glb":
             raise SettingsError(f"{path.name} does not end in .glb", hint="captured scenes are written as one file")
-        w = self.writer
+        w, last = self.writer, float(self.times[-1])
+        if last > 0 and not any(float(track[2][-1]) == last for track in self._tracks):
+            # The file lasts as long as the window, also where nothing moves: the world stays.
+            self._tracks.append((0, "translation", self.times[[0, -1]], np.zeros((2, 3)), "STEP"))
         if self._tracks:
-            last = float(self.times[-1])
-            if not any(float(track[2][-1]) == last for track in self._tracks):  # the file lasts as long as the window
-                self._tracks.append((0, "translation", self.times[[0, -1]], [w.gltf.nodes[0].translation] * 2, "STEP"))
             w.animation("game", *self._tracks)
         root = {"asset": {}}
         lost = [f"{number:,} {kind}" for kind, number in self.lost.items() if number]

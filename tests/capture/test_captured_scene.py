@@ -157,6 +157,15 @@ def test_the_choices(made, tmp_path, capsys):
     assert max(abs(view.world_from_view[1, 0]) for view in views) < 1e-6  # level
 
 
+def test_a_scene_in_which_nothing_moves_lasts_as_long(made, tmp_path):
+    (tmp_path / "still.dm_71").write_bytes(game([(1000 + 50 * i, player_state(), {}) for i in range(61)]))
+    out = tmp_path / "still.glb"
+    assert (
+        run("capture", tmp_path / "still.dm_71", "--data", made, "--seconds", 2, "--no-view-weapon", "--out", out) == 0
+    )
+    assert load_scene(out).duration == 2.0
+
+
 def test_info(made, capsys):
     assert run("capture", "info", made / "game.dm_71", "--data", made, "--json") == 0
     facts = json.loads(capsys.readouterr().out)

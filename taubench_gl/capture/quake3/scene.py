@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +14,13 @@ from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.capture.quake3.timeline import FIRE, IMPACTS, MISSILE_KIND, UNIT, Timeline
-from taubench_gl.capture.recording import EXACT_RATE, RATE, Recording, key_times
+from taubench_gl.capture.recording import EXACT_RATE, RATE, Choice, Eye, Recording, key_times
 from taubench_gl.errors import SceneError, SettingsError
 
 MAX_SECONDS = 3600.0
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
 LICENSE = "derived from the game's maps, models and images; those of OpenArena: GPL-2.0, by the OpenArena team"
-
-
-@dataclass(frozen=True)
-class Choice:
-    """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first snapshot."""
-
-    start: float
-    seconds: float = 6.0
-    fps: float = 60.0
-    view_weapon: bool = True
-    roll: bool = True
-    lights: bool = True
 
 
 def as_recording(demo: Demo) -> Recording:
@@ -105,7 +92,7 @@ def read_map(demo: Demo, paks: Paks) -> Bsp:
     return Bsp(data, paks.where(name))
 
 
-def _note(choice: Choice, eye) -> str:
+def _note(choice: Choice, eye: Eye) -> str:
     """What every evaluation of the scene says."""
     weapon = "with the view weapon, which camera reprojection rejects" if choice.view_weapon else "no view weapon"
     jumps = f"{int(eye.jumps.sum())} jumps of the camera, " if eye.jumps.any() else ""

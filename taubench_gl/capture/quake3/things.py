@@ -140,7 +140,7 @@ def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: boo
         file.counts["dynamic lights"] += int(on.any())
 
 
-def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event, lights: bool) -> None:
+def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event: tl.Event, lights: bool) -> None:
     weapon = int(event.state[ENTITY["weapon"]])
     surfaces.file.lost["explosion sprites and marks"] += int(event.time >= timeline.ms[0])
     if not lights or weapon not in _EXPLOSIONS:
@@ -166,8 +166,8 @@ def add_view_weapon(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye) -> None
     rows = tl.axes(lean) @ eye.axes  # small angles: those of the view and these add up to a hundredth of a degree
     for weapon in np.unique(held[(held > 0) & (held < len(WEAPONS))]).tolist():
         mesh = surfaces.still_mesh(weapon_model(weapon))
-        hand = surfaces.model(weapon_model(weapon).replace(".md3", "_hand.md3"))
-        hand = hand or surfaces.model("models/weapons2/shotgun/shotgun_hand.md3")
+        names = weapon_model(weapon).replace(".md3", "_hand.md3"), "models/weapons2/shotgun/shotgun_hand.md3"
+        hand = next((surfaces.model(name) for name in names if surfaces.paks.read(name)), None)
         if mesh is None or hand is None or "tag_weapon" not in hand.tags:
             continue
         place, turn = (values[0] for values in hand.tags["tag_weapon"])
