@@ -170,7 +170,7 @@ def test_info(made, capsys):
     assert run("capture", "info", made / "game.dm_71", "--data", made, "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert (facts["map"], facts["map in"], facts["players"]) == ("tiny", "tiny.pk3", "Other")
-    assert (facts["shots"], facts["missiles"], facts["explosions"]) == (1, 1, 1)
+    assert (facts["shots"], facts["missiles"], facts["explosions"], facts["lights"]) == (1, 1, 1, 3)
     assert [window["start"] for window in facts["windows"]] and facts["windows"][0]["alive"]
     assert run("capture", "info", made / "game.dm_71") == 0
 

@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.capture.parts import Motion, SceneFile
 from taubench_gl.capture.quake3 import things
 from taubench_gl.capture.quake3.bsp import Bsp
-from taubench_gl.capture.quake3.demo import Demo
+from taubench_gl.capture.quake3.demo import ENTITY, Demo
 from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
@@ -32,11 +32,15 @@ def as_recording(demo: Demo) -> Recording:
     missiles: dict[tuple[float, ...], int] = {}
     for (number, weapon, time), track in timeline.tracks(MISSILE_KIND, ("weapon", "time")).items():
         missiles[number, weapon, time] = int(timeline.ms[np.argmax(track.present)])
+    impacts = [event for event in timeline.events if event.kind in IMPACTS and event.number >= 0]
+    lit = [event.time for event in impacts if int(event.state[ENTITY["weapon"]]) in things.EXPLOSIONS]
+    lit += [time for (_, weapon, _), time in missiles.items() if weapon in things.GLOWING]
     times = {
         "shots": [event.time for event in timeline.events if event.kind == FIRE],
         "missiles": list(missiles.values()),
-        "explosions": [event.time for event in timeline.events if event.kind in IMPACTS and event.number >= 0],
+        "explosions": [event.time for event in impacts],
     }
+    times["lights"] = times["shots"] + lit  # each shot has a flash
     counts = {kind: (np.array(sorted(found), dtype=float) - first) / 1000 for kind, found in times.items()}
     clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < 64}
     names = (demo.player_info(client).get("n", "") for client in sorted(clients))

@@ -43,11 +43,11 @@ _FLASHES: dict[int, Color] = {
 _YELLOW: Color = (1, 1, 0)
 FLASH_MS, FLASH_RADIUS = 20, 315
 """A muzzle flash: milliseconds, and the mean of the radius that the game draws at random (300 to 331)."""
-_GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, (1, 0.75, 0))}
+GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, (1, 0.75, 0))}
 """Missiles with a light: radius and color."""
 _BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: ((0.6, 0.6, 1), 8), _BFG: ((0.6, 1, 0.6), 12)}
 _MISSILES = {_ROCKET: "models/ammo/rocket/rocket.md3", _GRENADE: "models/ammo/grenade1.md3"}
-_EXPLOSIONS: dict[int, tuple[float, Color, float]] = {
+EXPLOSIONS: dict[int, tuple[float, Color, float]] = {
     _GRENADE: (300, _YELLOW, 600), _ROCKET: (300, (1, 0.75, 0), 1000)
 }  # fmt: skip
 """Radius, color and milliseconds."""
@@ -103,8 +103,8 @@ def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> Non
             motion = Motion(track.places, rows, track.present, jumps=track.jumps)
             surfaces.file.place(f"missile {number}", motion, mesh=mesh)
         surfaces.file.counts["missiles"] += 1
-        if lights and weapon in _GLOWING:
-            radius, color = _GLOWING[weapon]
+        if lights and weapon in GLOWING:
+            radius, color = GLOWING[weapon]
             candela = track.present * light.dynamic_candela(radius, surfaces.file.unit)
             surfaces.file.point_light(f"missile light {number}", track.places, color, candela, track.jumps)
             surfaces.file.counts["dynamic lights"] += int(candela.max() > 0)
@@ -143,9 +143,9 @@ def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: boo
 def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event: tl.Event, lights: bool) -> None:
     weapon = int(event.state[ENTITY["weapon"]])
     surfaces.file.lost["explosion sprites and marks"] += int(event.time >= timeline.ms[0])
-    if not lights or weapon not in _EXPLOSIONS:
+    if not lights or weapon not in EXPLOSIONS:
         return
-    radius, color, length = _EXPLOSIONS[weapon]
+    radius, color, length = EXPLOSIONS[weapon]
     late = (timeline.ms - event.time) / length
     level = np.where((late >= 0) & (late < 1), np.minimum(1, 2 - 2 * late), 0)
     states = np.array([event.state], dtype=float)
