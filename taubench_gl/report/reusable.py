@@ -31,23 +31,10 @@ def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
 def short_tables(summaries: Sequence[Summary]) -> list[Table]:
     """One screen: reusable pixels, the reasons of the others, Table 4 without the paper's rows, exact reasons if any.
 
-    Every fact stands once; the camera's motion is a note.
+    Every fact stands once.
     """
     rates, reasons = (replace(table, notes=()) for table in reusable_tables(summaries))
-    discard = paper_tables(summaries, paper=False)[3]
-    motions = [motion_text(summary) for summary in summaries]
-    labels = run_labels(summaries) if len(summaries) > 1 else [""] * len(summaries)
-    lines = [f"{label}: {text}" if label else text for label, text in zip(labels, motions, strict=True) if text]
-    return [rates, reasons, replace(discard, notes=(*discard.notes, *lines)), *exact_tables(summaries)]
-
-
-def motion_text(summary: Summary) -> str | None:
-    """``the camera moves 0.113 m and turns 1.17° per frame.``, means of Tables 2 and 3; None without them."""
-    camera = summary.get("camera") or {}
-    meters, degrees = ((camera.get(name) or {}).get("mean") for name in ("position", "angle"))
-    if meters is None or degrees is None:
-        return None
-    return f"the camera moves {meters:.3g} m and turns {degrees:.3g}° per frame."
+    return [rates, reasons, paper_tables(summaries, paper=False)[3], *exact_tables(summaries)]
 
 
 def reusable_sentence(summary: Summary) -> str:
@@ -201,7 +188,7 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
             if half_width(entry) is not None:
                 why[2:4] = ["too few sampled pixels in a pair"] * 2
             elif sampled and entry.get("mean_percent") is not None:
-                why[4] = "of every pixel"
+                why[4] = "no interval: every pixel is measured"
             row = table_row(f"{label}, {rate}", values, summary, *why)
             rows.append(replace(row, percent_of=OF_SURFACE))
     of_all = STATISTICS["of_picture_percent"].label

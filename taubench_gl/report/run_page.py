@@ -90,7 +90,8 @@ def report_html(runs: Sequence[ReportRun], images: int | None = MAX_IMAGES) -> s
         data=data,
     )  # fmt: skip
     missing = tag("p", "The images and plots below need scripts. Figures, tables and details do not.", class_="missing")
-    frames = partial(page.add, "frames", "Discarded pixels by reason", tag("div", id="viewer"), link="Frames")
+    page.add("answer", "", macro("answers", "run.html")(views, several), label="Answer")
+    frames = partial(page.add, "frames", "", tag("div", id="viewer"), label="Discarded pixels by reason", link="Frames")
     first = any(run["images"] for run in data["runs"])
     if first:
         frames()
