@@ -56,8 +56,8 @@ def evaluate(
     A file that only Blender reads (.blend, .fbx, .usd, .abc ...) is converted once and kept in the cache.
 
     ``options``: fields of ``Settings`` as ``Settings(...)`` takes them, and for path-traced files the fields of
-    ``PathTracedOptions`` (``camera_file``, ``scene_file``, ``mapping``, ``layer``, ``lobes``, ``second_seed``).
-    ``lobes`` (of ``taubench_gl.lobes.LOBES``) measures direct and indirect of these lobes apart.
+    ``PathTracedOptions`` (``camera_file``, ``scene_file``, ``mapping``, ``layer``, ``view``, ``second_seed``,
+    ``lobes``).  ``lobes`` (of ``taubench_gl.lobes.LOBES``) measures direct and indirect of these lobes apart.
     ``out``: the folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save``
     adds, per pair, ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``report`` adds
     report.html, one self-contained page, and the folder ``images`` with the images on it; ``report="full"`` stores the

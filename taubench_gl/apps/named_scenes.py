@@ -14,12 +14,16 @@ from taubench_gl.apps.options import given_options
 def resolve(text: str, animation: Sequence[str | int] | None = None) -> tuple[str, dict[str, Any]]:
     """(what ``load_scene`` takes, settings of the scene's registry row); a path is returned unchanged with none.
 
-    A file that Blender reads is converted on first use, with the take that ``animation`` names.  Raises DatasetError,
-    and what ``convert`` raises.
+    A file that Blender reads is converted on first use, with the take that ``animation`` names, and a recorded game is
+    captured.  Raises DatasetError, SceneError, and what ``convert`` raises.
     """
     from taubench_gl.datasets.scene_cache import find_named, scene_text
 
     store = find_named(text)
+    if store is not None and store.entry.recording is not None:
+        from taubench_gl.capture.arena import arena_file
+
+        return str(arena_file(store.name)), store.settings()
     source = text if store is None else scene_text(store)
     return _readable(source, animation), {} if store is None else store.settings()
 

@@ -24,7 +24,7 @@ from taubench_gl.pathtraced.passes import (
     load_mapping,
     missing_columns,
     read_frame,
-    read_pass,
+    read_light,
 )
 
 Array = np.ndarray
@@ -79,11 +79,17 @@ class PathTracedSequence:
 
     @classmethod
     def open(
-        cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None
+        cls,
+        spec: str | Path,
+        *,
+        mapping: str | Path | None = None,
+        layer: str | None = None,
+        view: str | None = None,
     ) -> PathTracedSequence:
         """Find the files and read the first frame's headers.  Raises PathTracedError.
 
-        ``mapping`` as for ``load_mapping``; None: taubench for the files of ``export``, else blender.
+        ``mapping`` as for ``load_mapping``; None: taubench for the files of ``export``, else blender.  ``layer``,
+        ``view``: as in ``ChannelIndex``.
         """
         files = find_frames(spec)
         named = None if mapping is None else load_mapping(mapping)  # its faults come before those of the files
@@ -94,7 +100,8 @@ class PathTracedSequence:
         size = headers[0].size
         names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
         try:
-            index = ChannelIndex(names, passes, layer)
+            views = tuple(dict.fromkeys(name for header in headers for name in header.views))
+            index = ChannelIndex(names, passes, layer, view, views)
         except PathTracedError as error:
             raise PathTracedError(error.what, where=str(first[0]), hint=error.hint) from None
         return cls(Path(str(spec).removeprefix(PREFIX)), files, size, passes, index, exported)
@@ -156,13 +163,13 @@ class PathTracedSequence:
 
         Raises PathTracedError, also for a pass that is not linear.
         """
-        combined = read_pass(self._decode(frame), self.index, "combined")
+        combined = read_light(self._decode(frame), self.index, "combined")
         where = f"{self.path}, frame {frame}"
         return linear_radiance(combined, self.mapping.color == "encoded", exposure, where)
 
     def emission(self, frame: int) -> Array | None:
         """The pass of emission of one frame, (h, w, 3) float32; None where the first frame has none."""
-        return read_pass(self._decode(frame), self.index, "emission") if "emission" in self.index else None
+        return read_light(self._decode(frame), self.index, "emission") if "emission" in self.index else None
 
     def _decode(self, frame: int) -> ExrImage:
         """The channels of one frame.  Raises PathTracedError as ``read`` does."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
+from fixed import fixed_settings
 
 import taubench_gl as tb
 from taubench_gl.animation.pairs import reprojection
@@ -23,7 +24,7 @@ from taubench_gl.settings import Settings
 
 
 def test_masks_equal_the_float64_reference(renders):
-    settings = Settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
+    settings = fixed_settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
     masks = {}
 
     def keep(pair):
@@ -159,8 +160,10 @@ def test_contradicting_and_unknown_options_are_refused(renders):
     for wrong in ({"camera_file": "a", "scene_file": "b"}, {"lobes": ("shiny",)}):
         with pytest.raises(SettingsError):
             PathTracedOptions(**wrong)
-    with pytest.raises(SettingsError):  # these files have no previous positions
-        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
+    mapping = renders / "still.toml"
+    mapping.write_text('[passes]\nposition = "Position"\n')  # neither vectors nor previous positions
+    with pytest.raises(SettingsError):
+        evaluate_path_traced(f"exr:{renders}", fixed_settings(reprojection="motion"), options(renders, mapping=mapping))
 
 
 def test_the_noise_floor_of_two_seeds_is_noise_and_that_of_one_is_zero(renders, tmp_path):
