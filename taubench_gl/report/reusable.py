@@ -40,7 +40,7 @@ def short_tables(summaries: Sequence[Summary]) -> list[Table]:
 def reusable_sentence(summary: Summary) -> str:
     """``81.3 % of surface pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``.
 
-    Where surfaces move, with both reprojections: ``camera reprojection 58.3 %, with motion vectors 68.1 % of ...``.
+    Where surfaces move, with both: ``58.3 % of surface ... by camera reprojection, 68.1 % with motion vectors ...``.
     """
     block = summary.get("reusable") or {}
     rate = block.get("reasons_of")
@@ -73,8 +73,8 @@ def both_sentence(
 ) -> str:
     """``sentence`` with the rate of each reprojection, ``texts``; ``percent`` and ``shares`` are of ``chosen``."""
     named = rate if rate == "shading" else f"{rate}; light was not measured"
-    text = f"camera reprojection {texts['camera']}, with motion vectors {texts['motion']}"
-    text += f" of surface pixels can be reused ({named})"
+    text = f"{texts['camera']} of surface pixels can be reused by camera reprojection"
+    text += f", {texts['motion']} with motion vectors ({named})"
     return text + _reasons_text(percent, shares, f"by {chosen} reprojection ") + _sky_text(sky_percent)
 
 
