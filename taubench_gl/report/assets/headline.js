@@ -85,9 +85,10 @@ function percentText(value) {
 function reasonBars({ shares }, { terms }) {
   const rows = terms.filter(({ name }) => shares[name] > 0).sort((a, b) => shares[b.name] - shares[a.name]);
   const most = rows.length ? shares[rows[0].name] : 1;
-  const table = el("table", { class: "bars", "aria-label": "Why pixels are not reusable" }, el("tbody", {}, ...rows.map(({ name, label }) => {
+  const table = el("table", { class: "bars", "aria-label": "Why pixels are not reusable" }, el("tbody", {}, ...rows.map(({ name, label, color }) => {
     const bar = el("i");
     bar.style.width = `${(100 * shares[name]) / most}%`;
+    bar.style.background = color;
     return el("tr", {}, el("th", { scope: "row" }, label), el("td", {}, `${exact(shares[name])} %`), el("td", { class: "bar" }, bar));
   })));
   const words = rows.length ? "Why surface pixels are not reusable, % of surface pixels. A pixel counts once, under its first reason." : "Every surface pixel is reusable.";
