@@ -250,10 +250,12 @@ class SampledLight:
 
     @property
     def state(self) -> str:
-        """The estimates of the columns after the last round, in words."""
+        """The estimates of the columns after the last round, and what is still to decide, in words."""
         named = {at[1]: i for at, i in self._intervals.items() if at[0] == "discard" and at[2] == "mean_percent"}
         text = ", ".join(f"{name} {i.mean:.1f} ±{i.half_width:.1f} %" for name, i in named.items())
-        return f"round {self.rounds} of path-traced light: {text}"
+        taken = 100.0 * self.estimate.samples / ROUND_SIZES.samples
+        ends = f"goes on to ±{self._settings.lighting.light_within:g} points, {taken:.0f} % of the most samples taken"
+        return f"round {self.rounds} of path-traced light: {text}; {'enough' if self.done else ends}"
 
     def finish(self, summary: dict[str, Any], rows: Sequence[dict[str, Any]], frames: range) -> None:
         """Write the estimates into ``summary``, and the counts of the visited pairs into ``rows``."""
