@@ -111,13 +111,13 @@ def plan(
     Path-traced references are traced in part for the estimate; what is traced is kept.
     """
     from taubench_gl.benchmark.estimate import estimate_units
-    from taubench_gl.benchmark.run import BenchmarkStudy, entries_of
+    from taubench_gl.benchmark.run import BenchmarkStudy, entries_of, runnable
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.study.engines import available_cores
     from taubench_gl.study.progress import announce
 
-    selected = read_suite(suite).part(cases)
+    selected = runnable(read_suite(suite).part(cases), note)
     entries = entries_of(methods)
     units = list(BenchmarkStudy(selected, entries, ".").units.values())
     click.echo(f"{selected.name}: {len(selected.cases)} cases, {len(units)} different; {len(entries)} methods")

@@ -63,7 +63,9 @@ def test_counts_add_up():
         kinds = [score[k] for k in ("true_positive", "false_positive", "false_negative", "true_negative")]
         assert sum(kinds) == s["pixels"]["surface"]
         assert kinds[0] + kinds[2] == s["positive"]["visibility"]
-        assert set(entry["strata"]) == {*STRATA, "object"} and list(entry["strata"]["object"]) == list(OBJECTS)
+        assert set(entry["strata"]) == {*STRATA, "object", "reason"} and list(entry["strata"]["object"]) == list(
+            OBJECTS
+        )
         for name, rows in entry["strata"].items():
             assert list(rows) == list(stratum_names(name))
             assert sum(row["pixels"] for row in rows.values()) == s["pixels"]["surface"]

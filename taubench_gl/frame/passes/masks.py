@@ -109,14 +109,17 @@ def _each_value(features: Sequence[Feature]) -> str:
     )
 
 
-def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False) -> ComputePass:
-    """``images``: read geometry channels, of 32-bit floats, as images."""
+def mask_pass(
+    options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False, vectors: bool = False
+) -> ComputePass:
+    """``images``: read geometry channels, of 32-bit floats, as images; ``vectors``: motion reprojection samples history
+    where the texture ``vectors`` points, that of stored motion."""
     group, each = tuning.mask_group
     features = [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
     geometry = options.geometry()
     p = (
         ComputePass("masks", ("masks/masks.comp.glsl",))
-        .define(MOTION=options.reprojection == "motion", BOTH=options.both)
+        .define(MOTION=options.reprojection == "motion", BOTH=options.both, VECTORS=vectors)
         .define(BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
         .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion)
         .define(WRITE_DISTANCES=options.write_distances, **tuning.defines)
@@ -140,6 +143,8 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         p.buffer("other_histogram", "uint", access=UPDATE, filled=True)
     if options.cuts:
         p.texture("ids", "usampler2D")
+    if vectors:
+        p.texture("vectors")
     if options.write_mask:
         p.image("mask_out", "r32ui", access=WRITE, resource="mask")
     if options.write_motion:
@@ -171,7 +176,7 @@ class MaskPass(Owner):
         super().__init__()
         self._context, self._size, self.options = context, size, options
         self._tuning = Tuning(context.gpu.software)
-        self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
+        self._compiled: dict[tuple[bool, bool], CompiledCompute] = {}  # by ``images`` and ``vectors`` of ``mask_pass``
         ctx = context.gpu.ctx
         sizes = [4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS] + [4 * MASK_WORDS] * options.both
         self._counters, self._zeros = (tuple(self.own(ctx.buffer(bytes(n))) for n in sizes) for _ in range(2))
@@ -243,10 +248,11 @@ class MaskPass(Owner):
         # A pass has eight images at most.
         dtypes = {resources[use.key].dtype for use in self.options.geometry()}
         images = not self.options.write_distances and self._tuning.mask_images(dtypes)
-        if images not in self._compiled:  # textures of a source are known only now
-            declaration = mask_pass(self.options, self._size, self._tuning, images=images)
-            self._compiled[images] = self.own(self._context.compute(declaration))
-        self._compiled[images].run(record, resources)
+        key = images, "vectors" in current and (self.options.both or self.options.reprojection == "motion")
+        if key not in self._compiled:  # textures of a source are known only now
+            declaration = mask_pass(self.options, self._size, self._tuning, images=images, vectors=key[1])
+            self._compiled[key] = self.own(self._context.compute(declaration))
+        self._compiled[key].run(record, resources)
         self._context.gpu.hazards.publish()
         for target, counter in zip(self._copies[self._runs % 2], self._counters, strict=True):
             copy(target, counter)

@@ -315,6 +315,7 @@ def hit_options(spec: FrameSpec) -> HitOptions:
         alpha_test="alpha_mask" in spec.enabled,
         dielectrics=spec.glass["DIELECTRICS"],
         transmission=spec.glass["TRANSMISSION"],
+        surfaces=bool(vertices(spec)) or spec.bidirectional or spec.glass["DIELECTRICS"],
     )
 
 
