@@ -336,7 +336,7 @@ def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered,
 def rendered(exported):
     """The truth of the exported frames, from their scene."""
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]))
+    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]))
     camera = SceneCamera(scene, choose_camera(scene, settings.sequence.camera, tuple(SIZE)), settings.sequence.fps)
     return render_truth(camera, settings, range(FIRST, LAST + 1))
 
