@@ -27,6 +27,7 @@ MAX_INCLUDES = 100
 """Most includes within each other."""
 
 VERSION = "#version 450\n"
+_SHADERS = SHADERS.resolve()
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 # Mesa: "0:12(5): error"; NVIDIA: "0(12) : error"; AMD and Intel on Windows: "ERROR: 0:12:"
 _DRIVER_LINE = re.compile(r"\b0[:(](\d+)(?:\(\d+\))?\)?\s*:")
@@ -77,13 +78,25 @@ def _expand(
     if len(chain) > MAX_INCLUDES:
         raise GraphicsError(f"shader {chain[0]} includes files more than {MAX_INCLUDES} deep")
     seen.add(entry)
-    for number, line in enumerate(read_source(entry, roots, chain[-1] if chain else "").splitlines(), 1):
-        include = _INCLUDE.match(line)
+    for own, places, include in _parts(entry, read_source(entry, roots, chain[-1] if chain else "")):
+        lines += own
+        origin += places
         if include:
-            _expand(include.group(1), roots, lines, origin, seen, (*chain, entry))
+            _expand(include, roots, lines, origin, seen, (*chain, entry))
+
+
+@lru_cache(maxsize=256)
+def _parts(entry: str, text: str) -> list[tuple[list[str], list[str], str]]:
+    """Lines between the includes of a file, where they came from, and the file that follows them; "" after the last."""
+    parts: list[tuple[list[str], list[str], str]] = [([], [], "")]
+    for number, line in enumerate(text.splitlines(), 1):
+        if include := _INCLUDE.match(line):
+            parts[-1] = (*parts[-1][:2], include.group(1))
+            parts.append(([], [], ""))
         else:
-            lines.append(line)
-            origin.append(f"{entry}:{number}")
+            parts[-1][0].append(line)
+            parts[-1][1].append(f"{entry}:{number}")
+    return parts
 
 
 def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
@@ -94,8 +107,9 @@ def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
     candidates = []
     for root in roots:
         try:
-            path = (root / entry).resolve()
-            inside, there = path.is_relative_to(root.resolve()), path.exists()
+            real = _SHADERS if root == SHADERS else root.resolve()
+            path = (real / entry).resolve()
+            inside, there = path.is_relative_to(real), path.exists()
         except (OSError, ValueError, RuntimeError):  # too long, a NUL, a loop of links
             raise GraphicsError(f"shader {entry[:80]!r} is not the name of a file") from None
         if not inside:
