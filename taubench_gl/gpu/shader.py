@@ -27,7 +27,6 @@ MAX_INCLUDES = 100
 """Most includes within each other."""
 
 VERSION = "#version 450\n"
-_SHADERS = SHADERS.resolve()
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 # Mesa: "0:12(5): error"; NVIDIA: "0(12) : error"; AMD and Intel on Windows: "ERROR: 0:12:"
 _DRIVER_LINE = re.compile(r"\b0[:(](\d+)(?:\(\d+\))?\)?\s*:")
@@ -104,20 +103,31 @@ def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
 
     Raises GraphicsError for a path that leads out of its folder, by its name or by a symbolic link.
     """
-    candidates = []
+    places = []
     for root in roots:
-        try:
-            real = _SHADERS if root == SHADERS else root.resolve()
-            path = (real / entry).resolve()
-            inside, there = path.is_relative_to(real), path.exists()
-        except (OSError, ValueError, RuntimeError):  # too long, a NUL, a loop of links
-            raise GraphicsError(f"shader {entry[:80]!r} is not the name of a file") from None
-        if not inside:
-            raise GraphicsError(f"shader {entry} is not inside the folder {root.name}")
+        path, there = _packaged(entry) if root == SHADERS else _place(entry, root)
         if there:
             return path
-        candidates.append(path)
-    return candidates[0]
+        places.append(path)
+    return places[0]
+
+
+def _place(entry: str, root: Path) -> tuple[Path, bool]:
+    """Where ``entry`` is in the folder ``root``, without links, and whether it is there.  Raises GraphicsError."""
+    try:
+        path = (root / entry).resolve()
+        inside, there = path.is_relative_to(root.resolve()), path.exists()
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL, a loop of links
+        raise GraphicsError(f"shader {entry[:80]!r} is not the name of a file") from None
+    if not inside:
+        raise GraphicsError(f"shader {entry} is not inside the folder {root.name}")
+    return path, there
+
+
+@lru_cache(maxsize=512)
+def _packaged(entry: str) -> tuple[Path, bool]:
+    """``_place`` in the folder of the package, whose files stay where they are while the program runs."""
+    return _place(entry, SHADERS)
 
 
 def read_source(entry: str, roots: tuple[Path, ...], by: str = "") -> str:
