@@ -187,9 +187,7 @@ class ShaderCache:
         key = ((vertex, fragment), tuple(sorted((defines or {}).items())), preamble + outputs)
         if key not in self._programs:
             v, f = resolve(vertex, defines, preamble), resolve(fragment, defines, f"{preamble}\n{outputs}")
-            self._programs[key] = _compile(
-                lambda: self._ctx.program(vertex_shader=v.text, fragment_shader=f.text), [v, f]
-            )
+            self._programs[key] = compile_render(self._ctx, v, f)
         return self._programs[key]
 
     def release(self) -> None:
@@ -201,6 +199,11 @@ class ShaderCache:
 def compile_compute(ctx: moderngl.Context, source: Source) -> moderngl.ComputeShader:
     """A compute program of ``source``; GraphicsError names the files and lines of its first faults."""
     return _compile(lambda: ctx.compute_shader(source.text), [source])
+
+
+def compile_render(ctx: moderngl.Context, vertex: Source, fragment: Source) -> moderngl.Program:
+    """A program of two stages; errors as ``compile_compute``."""
+    return _compile(lambda: ctx.program(vertex_shader=vertex.text, fragment_shader=fragment.text), [vertex, fragment])
 
 
 def _compile(make, sources: list[Source]):
