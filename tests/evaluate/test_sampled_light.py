@@ -116,8 +116,8 @@ def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
 
 
 def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
-    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64))
-    settings = fixed_settings(**DEMO_SETTINGS, light_within=4.0)
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64, samples=12_000))
+    settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 24)}, light_within=4.0)
     plain = evaluate_scene(DEMO, settings)
     evaluate_scene(DEMO, settings, out=tmp_path / "run", sampled=True)
     run = load_run(tmp_path / "run")  # which checks it
