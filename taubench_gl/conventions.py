@@ -19,7 +19,7 @@ from typing import Any
 
 SUMMARY_SCHEMA = "taubench-gl/summary/2"
 
-DEFINITIONS = 3
+DEFINITIONS = 4
 """Raised whenever a number can change for the same input and settings (docs/changes-of-numbers.md).
 
 Stored results without it are of definition 1.  Results of two values are never compared, merged, resumed or read from a
@@ -35,6 +35,9 @@ def mixed_definitions(summaries: Iterable[Mapping[str, Any]]) -> str | None:
     values = sorted({str((s.get("provenance") or {}).get("definitions", 1)) for s in summaries})
     return f"numbers of definitions {' and '.join(values)} are not comparable" if len(values) > 1 else None
 
+
+FILE_NUMBER = r"(?:(?<![A-Za-z0-9])-)?\d+"
+"""Regular expression of a frame number in a file name: below zero where its minus follows no letter or digit."""
 
 DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""

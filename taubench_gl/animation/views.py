@@ -52,6 +52,7 @@ STILL_SECONDS = 2.0
 """Duration of a still scene under the framing orbit or a caller's camera; a camera of the file gives one frame."""
 
 NO_CAMERA = "the scene has no camera"
+UNUSED_CAMERAS = "no node refers to the cameras of the file"
 ALL_STILL = "the scene and its camera are still"
 REQUESTED = "requested"
 """Reasons for a framing orbit."""
@@ -248,11 +249,12 @@ def choose_camera(
     ``size``: of the image that an orbit frames, pixels.  Raises SettingsError, which lists the cameras.
     """
     tracks = [FileCamera(scene, node) for node in scene.camera_nodes]
+    without = UNUSED_CAMERAS if scene.cameras else NO_CAMERA
     if requested is None:
         named = [track for track in tracks if track.node_name == scene.default_camera]
-        return (named or tracks)[0] if tracks else OrbitCamera(scene, size=size)
+        return (named or tracks)[0] if tracks else OrbitCamera(scene, size=size, reason=without)
     if requested == ORBIT:
-        return OrbitCamera(scene, size=size, reason=REQUESTED if tracks else NO_CAMERA)
+        return OrbitCamera(scene, size=size, reason=REQUESTED if tracks else without)
     if isinstance(requested, str) and requested:
         for track in tracks:
             if track.node_name == requested:

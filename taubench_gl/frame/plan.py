@@ -70,7 +70,7 @@ class FrameOptions(TypedDict, total=False):
     force: Iterable[str]
     without: Iterable[str]
     shading: Shading
-    extra: tuple[str, ...]
+    extra: Iterable[str]
     pixel_list: bool
     given_directions: bool
 
@@ -83,7 +83,7 @@ def frame_spec(
     force: Iterable[str] = (),
     without: Iterable[str] = (),
     shading: Shading = EXACT,
-    extra: tuple[str, ...] = (),
+    extra: Iterable[str] = (),
     tuning: Tuning = ON_GPU,
     pixel_list: bool = False,
     given_directions: bool = False,
@@ -106,7 +106,7 @@ def frame_spec(
     if not len(animated.scene.light_nodes) and "sun" not in enabled:
         enabled -= LIGHT_BOUND - {"indirect"} if traced_effects(enabled) else LIGHT_BOUND
     enabled = without_dependents(enabled, DEPENDS)
-    return FrameSpec(animated, settings, enabled, effects, shading, extra, tuning, pixel_list, given_directions)
+    return FrameSpec(animated, settings, enabled, effects, shading, tuple(extra), tuning, pixel_list, given_directions)
 
 
 def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:

@@ -130,13 +130,13 @@ class HitAttributes:
         for name in ("hit_static", "hit_draws"):
             # llvmpipe reads an image for half the price of a texture; GPUs have few units for images.
             if software:
-                p.image(name, "rgba32ui", given=True)
+                p.image(name, "rgba32ui", filled=True)
             else:
-                p.texture(name, "usampler2D", given=True)
+                p.texture(name, "usampler2D", filled=True)
         if self.atlas.places:
-            p.texture("hit_atlas", given=True)
+            p.texture("hit_atlas", filled=True)
         for name in self._posed_buffers:
-            p.buffer(name, "float", given=True)
+            p.buffer(name, "float", filled=True)
         return p
 
     @property

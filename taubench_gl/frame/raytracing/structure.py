@@ -50,8 +50,8 @@ def trace_uses(*, software: bool) -> list[Use]:
     """What ``raytracing/trace.glsl`` reads and counts.  llvmpipe reads images faster, GPUs have few of them."""
     names = ("trace_nodes", "trace_triangles", "trace_instances")
     form, kind = (IMAGE, "rgba32ui") if software else (TEXTURE, "usampler2D")
-    images = [Use(form, name, kind, given=True) for name in names]
-    return [*images, Use(BUFFER, "trace_overflow", "uint", access=UPDATE, given=True)]
+    images = [Use(form, name, kind, filled=True) for name in names]
+    return [*images, Use(BUFFER, "trace_overflow", "uint", access=UPDATE, filled=True)]
 
 
 @dataclass(frozen=True, slots=True)
