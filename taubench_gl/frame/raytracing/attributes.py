@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.frame.context import FrameContext
-from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.geometry import DEFAULTS, Draw
 from taubench_gl.frame.materials import texture_of
 from taubench_gl.frame.raytracing import hit_tables
 from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_atlas
@@ -198,8 +198,8 @@ def _pools(renderer: Renderer, hit_draws: tuple[Draw, ...]) -> dict[bool, dict[s
         indices = max((d.first_index + d.index_count for d in draws), default=0)
         out[posed] = {
             name: np.frombuffer(buffers[name].read(4 * width * vertices), np.float32).reshape(vertices, width)
-            if vertices
-            else np.zeros((0, width), np.float32)
+            if vertices and buffers[name].size >= 4 * width * vertices
+            else np.broadcast_to(DEFAULTS.get(name, np.float32(0)), (vertices, width))
             for name, width in _POOL.items()
         }
         out[posed]["indices"] = (
