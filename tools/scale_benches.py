@@ -1,4 +1,4 @@
-"""Benchmarks of large scenes and of the corner correction: CPU time and memory of commands on a generated city, and how they grow."""
+"""Benchmarks of large scenes, their growth, and of the corner correction: CPU time of whole commands, and frames."""
 
 from __future__ import annotations
 
