@@ -6,6 +6,7 @@ not by a clock.  So results do not depend on speed, on workers or on kills.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,12 +24,14 @@ from taubench_gl.evaluation.decided_pixels import (
 )
 from taubench_gl.evaluation.histories import chosen_words, merge_histories, of_all, other_decisions
 from taubench_gl.evaluation.owner import GpuOwner
+from taubench_gl.evaluation.pairs import PairEvaluator
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import PairSample
 from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.metrics.pixel_sample import PixelStrata
+from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.reuse_rate import unmeasured_rates
 from taubench_gl.metrics.sampled_light import (
     STRATA,
@@ -58,13 +61,51 @@ class RoundSizes:
 
 ROUND_SIZES = RoundSizes()
 
+KEPT_BYTES = 256 << 20
+"""Memory for previews that are read while a session draws its pairs: visits of these pairs do not draw them again."""
+
+
+def visit_order(pairs: int, seed: int) -> list[int]:
+    """Rows among ``pairs`` pairs in the order in which rounds visit them."""
+    return np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
+
 
 def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
     """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair)."""
-    order = np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
+    order = visit_order(pairs, seed)
     size = min(ROUND_SIZES.pairs, pairs)
     every = range(number * size, (number + 1) * size)
     return [(order[k % pairs], k // pairs) for k in every]
+
+
+class KeptPreviews:
+    """Previews of the pairs that rounds visit first, read from the source that draws all pairs of a session."""
+
+    def __init__(
+        self, owner: GpuOwner, source: RasterSource, settings: Settings, columns: Sequence[str], frames: Sequence[int]
+    ):
+        """``frames``: current frames of all pairs; ``columns``: of light."""
+        self._source, self._columns = source, columns
+        self._evaluator = owner.open_evaluator(source, settings, timed=False, images=True, distances=True)
+        self._other = other_evaluator(owner, source, settings)
+        order = visit_order(len(frames), settings.lighting.seed)
+        size = math.prod(source.size) * 4 * (7 + len(columns) + 12) * (1 + (self._other is not None))
+        self._wanted = {frames[row] for row in order[: KEPT_BYTES // size]}
+        self.pairs: dict[int, tuple[PreviewPair, PreviewPair | None]] = {}  # and by the other reprojection
+
+    def read(self, frame: int, views: Reprojection) -> None:
+        """Keep the pair of ``frame``, which the source has drawn last, if rounds visit it early."""
+        if frame not in self._wanted:
+            return
+        pair, other = (
+            None if evaluator is None else self._read(evaluator, frame, views)
+            for evaluator in (self._evaluator, self._other)
+        )
+        self.pairs[frame] = pair, other
+
+    def _read(self, evaluator: PairEvaluator, frame: int, views: Reprojection) -> PreviewPair:
+        evaluator.submit(views)
+        return read_preview(self._source, evaluator, frame, self._columns)
 
 
 class _Histories:
@@ -72,16 +113,27 @@ class _Histories:
 
     def __init__(
         self, owner: GpuOwner, variant: Callable[..., RasterSource], settings: Settings, columns: Sequence[str],
-        lobes: Sequence[str],
+        lobes: Sequence[str], kept: Mapping[int, tuple[PreviewPair, PreviewPair | None]],
     ):  # fmt: skip
-        self._columns = columns
-        self._source = variant(settings, extra=("emission",) if "color" in columns else ())
-        self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
-        self._other = other_evaluator(owner, self._source, settings)
+        self._columns, self._kept = columns, kept
+        self._owner, self._variant, self._settings = owner, variant, settings
+        self._evaluator: PairEvaluator | None = None
         self._decided = DecidedPixels(variant, settings, columns, lobes)
+
+    def _open(self) -> None:
+        """Open what draws pairs."""
+        settings = self._settings
+        self._source = self._variant(settings, extra=("emission",) if "color" in self._columns else ())
+        self._evaluator = self._owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
+        self._other = other_evaluator(self._owner, self._source, settings)
 
     def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
         """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
+        if frame in self._kept:
+            self._decided.draw(self._kept[frame][0])
+            return self._kept[frame]
+        if self._evaluator is None:
+            self._open()
         self._evaluator.restart()
         if self._source.eye is None:
             self._evaluator.step(frame - 1, False)
@@ -111,13 +163,15 @@ class LightVisits:
         settings: Settings,
         frames: range,
         estimate: LightEstimate,
+        kept: KeptPreviews | None = None,
     ):
         """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run;
-        ``estimate``: whose statistics the visits add up to."""
+        ``estimate``: whose statistics the visits add up to; ``kept``: previews of this run."""
         self._gpu, self._settings, self._frames, self._estimate = owner.gpu, settings, frames, estimate
         kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
+        kept_pairs = {} if kept is None else kept.pairs
         self._histories = [
-            _Histories(owner, variant, settings.replace(history=kind), estimate.columns, estimate.lobes)
+            _Histories(owner, variant, settings.replace(history=kind), estimate.columns, estimate.lobes, kept_pairs)
             for kind in kinds
         ]
 

@@ -66,9 +66,10 @@ class ScenePlan:
         if lobes and settings.metrics.history == "both":
             raise SettingsError("lobes have one history", hint="give --history frame or eye", setting="history")
         channels = (*readback.channels, *scene_channels(lobes), *exact_channels() * settings.metrics.exact)
+        if self.light in (LightPlan.DECIDED, LightPlan.SAMPLED):
+            channels += ("emission",) * ("color" in settings.metrics.columns)
         if self.light is LightPlan.DECIDED:  # its images are the preview
             settings = with_samples(settings.replace(light="preview"))
-            channels += ("emission",) * ("color" in settings.metrics.columns)
         return owner.open_source(self.animated, settings, extra=tuple(dict.fromkeys(channels)), timer=timer)
 
     def missing_lobes(self, source: RasterSource, lobes: Collection[str]) -> dict[str, dict[str, str]]:

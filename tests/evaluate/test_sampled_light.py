@@ -17,6 +17,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
 from taubench_gl.evaluation.brightness import Brightness
 from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
+from taubench_gl.evaluation.pairs import PairEvaluator
 from taubench_gl.evaluation.sampled_light import RoundSizes, round_of
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
@@ -149,6 +150,27 @@ def test_lobes_are_sampled_too(monkeypatch):
     assert lobe["method"] == "sampled" and lobe["mean_percent"] == pytest.approx(whole["mean_percent"], abs=1.0)
     assert lobe["interval95_percent"][0] <= lobe["mean_percent"] <= lobe["interval95_percent"][1]
     assert summary["lobes"]["volume"]["direct"]["mean_percent"] is None
+
+
+def test_kept_previews_change_nothing(monkeypatch, tmp_path):
+    settings = fixed_settings(**DEMO_SETTINGS, spp=None)
+    drawn = []
+
+    def step(evaluator, frame, evaluate=True, original=PairEvaluator.step):
+        drawn.append(frame)
+        return original(evaluator, frame, evaluate)
+
+    monkeypatch.setattr(PairEvaluator, "step", step)
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=4, pixels=16, limit=64, samples=1 << 12))
+    files, counts = [], []
+    for name, kept in (("kept", 1 << 28), ("drawn", 0)):
+        monkeypatch.setattr(sampled_light, "KEPT_BYTES", kept)
+        drawn.clear()
+        run = evaluate_scene(DEMO, settings, out=tmp_path / name, sampled=True)
+        files.append(((tmp_path / name / "frames.csv").read_bytes(), run.summary["sampled_light"]))
+        counts.append(len(drawn))
+    assert files[0] == files[1]
+    assert counts[0] == 6 < counts[1]  # each frame once, and both frames of each visit
 
 
 def test_a_run_within_its_budget_ends(monkeypatch):
