@@ -42,11 +42,11 @@ less than twice the distance that CONFIDENCE asks for, where errors are."""
 LIGHT_BITS = np.uint32(sum(FEATURE_BIT[name] for name in LIGHT_FEATURES) | int(Reason.LIT | Reason.SHADOWED))
 
 
-def decided_light(settings: Settings) -> Settings:
-    """``settings`` with all light path-traced, by numbers that differ from pixel to pixel."""
+def decided_light(settings: Settings, columns: Collection[str] = RADIANCE_FEATURES) -> Settings:
+    """``settings`` with the light of ``columns`` path-traced, by numbers that differ from pixel to pixel."""
     light = {
-        "light": "path-traced", "indirect": "auto", "pattern": "independent", "bounces": MAX_BOUNCES,
-        "bidirectional": True,
+        "light": "path-traced", "indirect": "auto", "pattern": "independent", "bidirectional": True,
+        "bounces": MAX_BOUNCES if set(columns) - {"direct"} else 1,
     }  # fmt: skip
     picture = {"columns": RADIANCE_FEATURES, "pairs": "all", "samples_per_pixel": 1, "storage": "float", "exact": False}
     return settings.replace(**light, **picture, spp=1)
@@ -142,7 +142,7 @@ class DecidedPixels:
         (of ``measured_lobes``): whose distances are wanted too."""
         self._settings, self.columns = settings, tuple(columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
-        traced = decided_light(settings)
+        traced = decided_light(settings, self.columns)
         # Neither needs the place of a point in another frame: ``PreviewPair.at_px`` tells where its history is.
         without = ("previous_pose",)
         self._sources = tuple(variant(traced, pixel_list=True, without=without) for _ in range(2))  # previous, current

@@ -50,7 +50,9 @@ PATH = Struct(
     Field("footprint", "vec4", "width of a pixel: x, meters of a parallel camera; y, meters for each meter of depth"),
     Field("size", "ivec4", "xy: pixels"),
     Field("numbers", "uvec4", "x: frame, y: seed"),
-    Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
+    Field(
+        "lights", "ivec4", "x: punctual lights; y: candidates of a light sample; z: of lit_lights; w: 1 with light without noise"
+    ),
 )
 LAYERS, LOBE_LAYERS, SUBPATH_LAYERS = 4, 4, 4
 """Layers of the path state of every path, of each lobe and of light subpaths (shaders/pathtracing/state.glsl)."""
@@ -62,8 +64,12 @@ EXACT_PER_SAMPLE = 4
 """Lights for each sample of a pixel that have a shadow ray each at the camera's vertex: a sample takes as long, because
 its path has two rays a bounce and evaluates CANDIDATES lights at every vertex."""
 
+MOST_EXACT = 1024
+"""Lights that are on in a frame, up to which a listed pixel has light without noise.  Only those that would shine on it
+without shadow have a ray there; as many samples of single lights as rays would still be noisy."""
+
 LIGHT_CHUNK = 8
-"""Lights with a shadow ray each in one dispatch."""
+"""Shadow rays of a pixel in one dispatch."""
 
 LIGHT_GAP = 1e-5
 """Shadow rays end before a point light by this share of the largest coordinate: what float32 positions are off."""
@@ -114,9 +120,23 @@ def state_layers(spec: FrameSpec) -> int:
 
 
 def exact_punctual(spec: FrameSpec) -> bool:
-    """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise."""
+    """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise.
+
+    With ``pixel_list``, in frames with at most MOST_EXACT lights that are on.
+    """
     few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
-    return "punctual" in spec.path_traced_sources and few and not spec.shading.one_light
+    traced = "punctual" in spec.path_traced_sources and not spec.shading.one_light
+    return traced and (spec.pixel_list or few)
+
+
+def lights_on(spec: FrameSpec, frame: FrameContext) -> Array:
+    """Rows of the light table of the lights that are on, (n,) int64."""
+    return np.flatnonzero(frame.light_rows["color"][: len(spec.light_kinds), :3].any(axis=-1))
+
+
+def is_exact(spec: FrameSpec, frame: FrameContext) -> bool:
+    """Whether direct light of punctual lights has no noise in ``frame``."""
+    return exact_punctual(spec) and not (spec.pixel_list and len(lights_on(spec, frame)) > MOST_EXACT)
 
 
 def subpath_choice(power: Array, kinds: Array, spots: Array) -> Array:
@@ -171,7 +191,7 @@ def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
             "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, seed, 0, 0),
-            "lights": (len(spec.light_kinds), candidates, 0, 0),
+            "lights": (len(spec.light_kinds), candidates, len(lights_on(spec, frame)), is_exact(spec, frame)),
         }
 
     return values
@@ -226,6 +246,7 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
     p.use(lookup(spec, "sample_table", "rgba32ui"))
     if "punctual" in sources:
         p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
+        p.buffer("lit_lights", "int", given=True)
     if image:
         declare_environment(p, spec.environment, lobes=False, owned=False)
         p.use(lookup(spec, "environment_choice", "rg32f"))
@@ -335,6 +356,7 @@ class PathTracing(Owner):
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
             self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
+            self.tables["lit_lights"] = context.gpu.ctx.buffer(reserve=4 * count, dynamic=True)
         alpha_test, keep_previous = "alpha_mask" in spec.enabled, spec.shading.both_frames
         self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
         self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
@@ -370,6 +392,7 @@ class PathTracing(Owner):
             if self._spec.bidirectional:
                 words += subpath_choice(power, lights["direction"][:, 3], lights["spot"]).tobytes()
             self.tables["light_choice"].write(words or bytes(8))
+            self.tables["lit_lights"].write(lights_on(self._spec, frame).astype(np.int32).tobytes() or bytes(4))
         self.trace(frame, frame.resources)
 
     def trace(self, frame: FrameContext, resources: dict) -> None:
@@ -391,6 +414,9 @@ class PathTracing(Owner):
         ``part_table``.  A pixel may be listed more than once.  (n, samples, k, 3) float32, radiance of the k
         ``listed_lobes``; light without noise is part of every sample.
         """
+        if self._noiseless(frame) and len(samples) > 1:
+            light = self.listed_light(frame, pixels, keys, samples[:1], parts=parts)
+            return np.broadcast_to(light, (len(light), len(samples), *light.shape[2:]))
         count, size, lobes = len(pixels), self._tile[0] * self._tile[1], len(self.lobes)
         packed = [at[:, 0].astype(np.uint32) | at[:, 1].astype(np.uint32) << np.uint32(16) for at in (pixels, keys)]
         out = np.zeros((len(samples) * count, lobes + lobes // 2, 3), np.float32)
@@ -413,13 +439,16 @@ class PathTracing(Owner):
         out[..., : lobes // 2, :] += out[:, :1, lobes:]
         return out[..., :lobes, :]
 
+    def _noiseless(self, frame: FrameContext) -> bool:
+        """Whether all samples of a pixel are equal: direct light of punctual lights alone, without noise."""
+        return self._spec.path_traced_sources == {"punctual"} and self._spec.bounces == 1 and is_exact(self._spec, frame)
+
     def _trace_entries(self, frame: FrameContext, exact: bool) -> None:
         """One sample of every entry of the list; ``exact``: some have light without noise."""
         passes, resources = self._passes, frame.resources
         passes["anchor"].run(frame, resources)
-        if exact and "exact" in passes:
-            for first in self._chunks(frame):
-                passes["exact"].run(frame, resources, first_light=first)
+        for before in self._rays(frame) if exact else ():
+            passes["exact"].run(frame, resources, rays_before=before)
         if "subpath" in passes:
             passes["subpath"].run(frame, resources)
         self._trace_paths(frame, resources, samples_before=0)
@@ -428,9 +457,8 @@ class PathTracing(Owner):
     def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
         passes = self._passes
         passes["anchor"].run(frame, resources, **where)
-        if "exact" in passes:
-            for first in self._chunks(frame):
-                passes["exact"].run(frame, resources, **where, first_light=first)
+        for before in self._rays(frame):
+            passes["exact"].run(frame, resources, **where, rays_before=before)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
             if "subpath" in passes:
@@ -449,11 +477,9 @@ class PathTracing(Owner):
             self._passes["extend"].run(frame, resources, ("going_on_counts", byte), vertex=vertex, **where)
         self._odd_sample = 1 - self._odd_sample
 
-    def _chunks(self, frame: FrameContext) -> list[int]:
-        """First lights of the chunks with a light that is on; the first chunk begins the sum and is always there."""
-        on = frame.light_rows["color"][: len(self._spec.light_kinds), :3].any(axis=-1)
-        chunks = range(0, len(on), LIGHT_CHUNK)
-        return [first for first in chunks if first == 0 or on[first : first + LIGHT_CHUNK].any()]
+    def _rays(self, frame: FrameContext) -> range:
+        """Shadow rays before each dispatch of the pass ``exact``; none where light has noise."""
+        return range(0, max(len(lights_on(self._spec, frame)), 1) * is_exact(self._spec, frame), LIGHT_CHUNK)
 
     def _table_row(self, sample: int, parts: bool = False) -> int:
         """Row of the table with the numbers of ``sample``, uploaded if need be.  ``parts``: of ``part_table``."""
