@@ -18,19 +18,20 @@ void main() {
 #endif
     CameraVertex x = camera_vertex(local);
     Lobes sum = no_light();
-    int next = 0; // of the lights that are on
+    int next = 0; // of the lights around
     if (rays_before > 0) {
         next = int(load_state(local, EXACT(diffuse)).w);
 #define LOAD_EXACT(lobe) sum.lobe = load_state(local, EXACT(lobe)).rgb;
         EACH_LOBE(LOAD_EXACT)
     }
     // Lanes trace together: each looks for its next light first.
-    for (int ray = 0; x.lit && ray < LIGHT_CHUNK && next < P.lights.z; ++ray) {
+    ivec2 around = lights_around(x.p);
+    for (int ray = 0; x.lit && ray < LIGHT_CHUNK && next < around.y; ++ray) {
         LightRecord light;
         Incident arriving;
         bool shines = false;
-        while (!shines && next < P.lights.z) {
-            light = light_record(lit_lights[next++]);
+        while (!shines && next < around.y) {
+            light = light_record(entry_light(around.x + next++));
             arriving = incident(light, x.p);
             shines = faces(x.surface, x.g, arriving.l) && luminance(arriving.radiance) > 0.0;
         }
@@ -43,7 +44,6 @@ void main() {
 #endif
         sum = plus(sum, times(evaluate_brdf(x.surface, arriving.l), arriving.radiance));
     }
-    if (!x.lit) next = P.lights.z;
 #define STORE_EXACT(lobe) store_state(local, EXACT(lobe), vec4(sum.lobe, float(next)));
     EACH_LOBE(STORE_EXACT)
 }

@@ -76,14 +76,29 @@ class PreviewPair:
         return (moved & (self.traced | other.traced)) | (self.words != other.words)
 
     @property
+    def bytes(self) -> int:
+        """Memory of the images."""
+        pairs = (self.surface, self.emission or (), self.color or ())
+        return sum(image.nbytes for image in (self.words, self.at_px, *self.distances.values(), *sum(pairs, ())))
+
+    @property
     def traced(self) -> Array:
         """Pixels whose masks depend on path-traced light: a comparison with a surface in either frame.  (h, w) bool."""
         sky = np.uint32(Reason.SKY | Reason.HISTORY_SKY)
         return ((self.words & NOT_COMPARABLE) == 0) & ((self.words & sky) != sky)
 
 
-def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, columns: Collection[str]) -> PreviewPair:
-    """Read the pair that ``evaluator`` has submitted last; it writes images and distances.  ``columns``: of light."""
+def read_preview(
+    source: RasterSource,
+    evaluator: PairEvaluator,
+    frame: int,
+    columns: Collection[str],
+    same: PreviewPair | None = None,
+) -> PreviewPair:
+    """Read the pair that ``evaluator`` has submitted last; it writes images and distances.  ``columns``: of light.
+
+    ``same``: the pair reprojected otherwise, whose images of surfaces and colors it shares.
+    """
     motion, (width, height) = evaluator.motion(), source.size
     across, down = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     up = (height - 1 - down) - motion[..., 1]  # in float32, as the masks add it
@@ -91,20 +106,18 @@ def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, col
     def both(name: str) -> tuple[Array, Array]:
         return source.read(name, previous=True), source.read(name)
 
-    color = None
+    found = evaluator.distances().features
+    distances = {name: found[name] for name in columns}
+    at_px = np.stack([across + motion[..., 0], (height - 1) - up.astype(np.float64)], axis=-1)
+    if same is not None:
+        return replace(same, words=evaluator.mask(), distances=distances, at_px=at_px)
+    color = emission = None
     if "color" in columns:
-        color = tuple(image[..., :3] for image in both("color"))
-    emission = tuple(image[..., :3] for image in both("emission")) if "emission" in source.channels else None
-    distances = evaluator.distances().features
-    return PreviewPair(
-        frame,
-        evaluator.mask(),
-        {name: distances[name] for name in columns},
-        np.stack([across + motion[..., 0], (height - 1) - up.astype(np.float64)], axis=-1),
-        tuple(image[..., 3] > 0 for image in both("position")),
-        emission,
-        color,
-    )
+        color = tuple(np.ascontiguousarray(image[..., :3]) for image in both("color"))
+    if "emission" in source.channels:
+        emission = tuple(np.ascontiguousarray(image[..., :3]) for image in both("emission"))
+    surface = tuple(image[..., 3] > 0 for image in both("position"))
+    return PreviewPair(frame, evaluator.mask(), distances, at_px, surface, emission, color)
 
 
 def other_evaluator(owner: GpuOwner, source: RasterSource, settings: Settings) -> PairEvaluator | None:

@@ -39,7 +39,7 @@ from taubench_gl.metrics.path_samples import (
     part_table,
     sample_table,
 )
-from taubench_gl.metrics.stochastic import light_choice
+from taubench_gl.metrics.stochastic import LightCells, cell_choice, light_choice
 
 Array = np.ndarray
 
@@ -50,9 +50,9 @@ PATH = Struct(
     Field("footprint", "vec4", "width of a pixel: x, meters of a parallel camera; y, meters for each meter of depth"),
     Field("size", "ivec4", "xy: pixels"),
     Field("numbers", "uvec4", "x: frame, y: seed"),
-    Field(
-        "lights", "ivec4", "x: punctual lights; y: candidates of a light sample; z: of lit_lights; w: 1 with light without noise"
-    ),
+    Field("lights", "ivec4", "x: punctual lights; y: 1 where their light at the camera's vertex has no noise"),
+    Field("cells", "vec4", "xyz: low corner of the grid of lights, relative to the camera; w: cells a meter"),
+    Field("cell_counts", "ivec4", "xyz: cells along each axis"),
 )
 LAYERS, LOBE_LAYERS, SUBPATH_LAYERS = 4, 4, 4
 """Layers of the path state of every path, of each lobe and of light subpaths (shaders/pathtracing/state.glsl)."""
@@ -65,8 +65,11 @@ EXACT_PER_SAMPLE = 4
 its path has two rays a bounce and evaluates CANDIDATES lights at every vertex."""
 
 MOST_EXACT = 1024
-"""Lights that are on in a frame, up to which a listed pixel has light without noise.  Only those that would shine on it
-without shadow have a ray there; as many samples of single lights as rays would still be noisy."""
+"""Lights of a cell, up to which listed pixels have light without noise.  Only those that would shine on a point without
+shadow have a ray there; as many samples of single lights as rays would still be noisy."""
+
+MOST_CELLS, CELL_ENTRIES = 1 << 11, 1 << 20
+"""Most cells of the grid of lights, and most lights in all cells together."""
 
 LIGHT_CHUNK = 8
 """Shadow rays of a pixel in one dispatch."""
@@ -122,21 +125,19 @@ def state_layers(spec: FrameSpec) -> int:
 def exact_punctual(spec: FrameSpec) -> bool:
     """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise.
 
-    With ``pixel_list``, in frames with at most MOST_EXACT lights that are on.
+    With ``pixel_list``, in frames without a cell of more than MOST_EXACT lights.
     """
     few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
     traced = "punctual" in spec.path_traced_sources and not spec.shading.one_light
     return traced and (spec.pixel_list or few)
 
 
-def lights_on(spec: FrameSpec, frame: FrameContext) -> Array:
-    """Rows of the light table of the lights that are on, (n,) int64."""
-    return np.flatnonzero(frame.light_rows["color"][: len(spec.light_kinds), :3].any(axis=-1))
-
-
-def is_exact(spec: FrameSpec, frame: FrameContext) -> bool:
-    """Whether direct light of punctual lights has no noise in ``frame``."""
-    return exact_punctual(spec) and not (spec.pixel_list and len(lights_on(spec, frame)) > MOST_EXACT)
+def light_grid(spec: FrameSpec) -> LightCells:
+    """The grid of the lights of ``spec``; without cells where they are all candidates."""
+    count = len(spec.light_kinds)
+    if count <= CANDIDATES:
+        return LightCells(np.zeros(3), 1.0, (0, 0, 0))
+    return LightCells.of_box(*spec.animated.box, min(max(CELL_ENTRIES // count, 1), MOST_CELLS))
 
 
 def subpath_choice(power: Array, kinds: Array, spots: Array) -> Array:
@@ -181,9 +182,9 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
 
 def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
     """Values of ``PATH`` for a frame."""
+    grid = light_grid(spec)
 
     def values(frame: FrameContext) -> dict[str, Any]:
-        candidates = min(len(spec.light_kinds), CANDIDATES)
         seed = spec.seed if frame.seed is None else frame.seed
         return {
             "sky": (*spec.environment.radiance, 0.0),
@@ -191,7 +192,9 @@ def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
             "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, seed, 0, 0),
-            "lights": (len(spec.light_kinds), candidates, len(lights_on(spec, frame)), is_exact(spec, frame)),
+            "lights": (len(spec.light_kinds), frame.exact_light, 0, 0),
+            "cells": (*(grid.low - frame.view.position), 1.0 / grid.side),
+            "cell_counts": (*grid.counts, 0),
         }
 
     return values
@@ -229,7 +232,6 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
         EMITTERS="emitters" in sources,
         ENVIRONMENT="environment" in sources,
         SOURCES=len(kinds),
-        ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
         **{name.upper(): name in spec.enabled for name in KINDS},
     )
     if spec.sun is not None:
@@ -238,6 +240,7 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
         f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
         f"const float LIGHT_GAP = {LIGHT_GAP};",
         f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
+        f"const int CANDIDATES = {CANDIDATES};",
     )
     if spec.bidirectional:
         p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
@@ -246,7 +249,7 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
     p.use(lookup(spec, "sample_table", "rgba32ui"))
     if "punctual" in sources:
         p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
-        p.buffer("lit_lights", "int", given=True)
+        p.buffer("light_cells", "int", given=True).buffer("light_entries", "vec2", given=True)
     if image:
         declare_environment(p, spec.environment, lobes=False, owned=False)
         p.use(lookup(spec, "environment_choice", "rg32f"))
@@ -351,12 +354,14 @@ class PathTracing(Owner):
         """What the passes declare, by name; the light stage releases it."""
         self.tables["path_counts"].clear()
         self.tables["going_on_counts"].write(np.tile(np.uint32([0, 1, 1, 0]), 2 * path_lists(spec)).tobytes())
-        self._odd_sample = 0
+        self._odd_sample, self._rays = 0, range(0)  # shadow rays of a pixel before each dispatch of ``exact``
         if "punctual" in spec.path_traced_sources:
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
             self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
-            self.tables["lit_lights"] = context.gpu.ctx.buffer(reserve=4 * count, dynamic=True)
+            self._grid = light_grid(spec)
+            for name in ("light_cells", "light_entries"):
+                self.tables[name] = context.gpu.ctx.buffer(reserve=8, dynamic=True)
         alpha_test, keep_previous = "alpha_mask" in spec.enabled, spec.shading.both_frames
         self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
         self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
@@ -392,8 +397,23 @@ class PathTracing(Owner):
             if self._spec.bidirectional:
                 words += subpath_choice(power, lights["direction"][:, 3], lights["spot"]).tobytes()
             self.tables["light_choice"].write(words or bytes(8))
-            self.tables["lit_lights"].write(lights_on(self._spec, frame).astype(np.int32).tobytes() or bytes(4))
+            self._place_lights(frame, lights, power)
         self.trace(frame, frame.resources)
+
+    def _place_lights(self, frame: FrameContext, lights: Array, power: Array) -> None:
+        """Upload what each of the ``lights``, rows of the table, of ``power`` brings to each cell of the grid."""
+        at = lights["position"][:, :3] + frame.view.position
+        place = lights["direction"][:, 3] != LIGHT_KINDS.index("directional")
+        ranges, faded = np.where(place, lights["position"][:, 3], 0.0), place & (lights["spot"][:, 3] == 0.0)
+        on = np.flatnonzero(power)
+        first, entries = cell_choice(self._grid.importance(at[on], power[on], ranges[on], faded[on]))
+        entries[:, 1] = on[entries[:, 1].astype(np.int64)]
+        for name, payload in (("light_cells", first.tobytes()), ("light_entries", entries.tobytes() or bytes(8))):
+            self.tables[name].orphan(len(payload))
+            self.tables[name].write(payload)
+        most = int(np.diff(first).max())
+        frame.exact_light = exact_punctual(self._spec) and not (self._spec.pixel_list and most > MOST_EXACT)
+        self._rays = range(0, max(most, 1) * frame.exact_light, LIGHT_CHUNK)
 
     def trace(self, frame: FrameContext, resources: dict) -> None:
         """``run`` with other surfaces and other textures for their light in ``resources``."""
@@ -441,13 +461,13 @@ class PathTracing(Owner):
 
     def _noiseless(self, frame: FrameContext) -> bool:
         """Whether all samples of a pixel are equal: direct light of punctual lights alone, without noise."""
-        return self._spec.path_traced_sources == {"punctual"} and self._spec.bounces == 1 and is_exact(self._spec, frame)
+        return self._spec.path_traced_sources == {"punctual"} and self._spec.bounces == 1 and frame.exact_light
 
     def _trace_entries(self, frame: FrameContext, exact: bool) -> None:
         """One sample of every entry of the list; ``exact``: some have light without noise."""
         passes, resources = self._passes, frame.resources
         passes["anchor"].run(frame, resources)
-        for before in self._rays(frame) if exact else ():
+        for before in self._rays if exact else ():
             passes["exact"].run(frame, resources, rays_before=before)
         if "subpath" in passes:
             passes["subpath"].run(frame, resources)
@@ -457,7 +477,7 @@ class PathTracing(Owner):
     def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
         passes = self._passes
         passes["anchor"].run(frame, resources, **where)
-        for before in self._rays(frame):
+        for before in self._rays:
             passes["exact"].run(frame, resources, **where, rays_before=before)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
@@ -476,10 +496,6 @@ class PathTracing(Owner):
             byte = 16 * (self._odd_sample * path_lists(self._spec) + vertex)
             self._passes["extend"].run(frame, resources, ("going_on_counts", byte), vertex=vertex, **where)
         self._odd_sample = 1 - self._odd_sample
-
-    def _rays(self, frame: FrameContext) -> range:
-        """Shadow rays before each dispatch of the pass ``exact``; none where light has noise."""
-        return range(0, max(len(lights_on(self._spec, frame)), 1) * is_exact(self._spec, frame), LIGHT_CHUNK)
 
     def _table_row(self, sample: int, parts: bool = False) -> int:
         """Row of the table with the numbers of ``sample``, uploaded if need be.  ``parts``: of ``part_table``."""
