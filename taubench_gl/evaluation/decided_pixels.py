@@ -76,12 +76,6 @@ class PreviewPair:
         return (moved & (self.traced | other.traced)) | (self.words != other.words)
 
     @property
-    def bytes(self) -> int:
-        """Memory of the images."""
-        pairs = (self.surface, self.emission or (), self.color or ())
-        return sum(image.nbytes for image in (self.words, self.at_px, *self.distances.values(), *sum(pairs, ())))
-
-    @property
     def traced(self) -> Array:
         """Pixels whose masks depend on path-traced light: a comparison with a surface in either frame.  (h, w) bool."""
         sky = np.uint32(Reason.SKY | Reason.HISTORY_SKY)
@@ -116,6 +110,7 @@ def read_preview(
         color = tuple(np.ascontiguousarray(image[..., :3]) for image in both("color"))
     if "emission" in source.channels:
         emission = tuple(np.ascontiguousarray(image[..., :3]) for image in both("emission"))
+        emission = emission if any(np.any(image) for image in emission) else None
     surface = tuple(image[..., 3] > 0 for image in both("position"))
     return PreviewPair(frame, evaluator.mask(), distances, at_px, surface, emission, color)
 

@@ -49,18 +49,19 @@ SEED = 20
 
 @dataclass(frozen=True, slots=True)
 class RoundSizes:
-    """How much light a round and a run trace.  Drawing a pair costs as much as deciding some dozen of its pixels."""
+    """How much light a round and a run trace.  Drawing a pair costs as much as deciding a hundred of its pixels."""
 
     pairs: int = 8  # that a round visits
     pixels: int = 128  # of a visit
+    kept_pairs: int = 32  # that a round visits where previews of all pairs are kept; it has as many pixels
     limit: int = LIMIT  # most samples of a pixel, in each frame
     samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
 
 
 ROUND_SIZES = RoundSizes()
 
-KEPT_BYTES = 384 << 20
-"""Memory for previews of pairs that the run has drawn, which visits then need not draw again."""
+KEPT_BYTES, PIXEL_BYTES = 576 << 20, 100
+"""Memory for previews of pairs that the run has drawn, which visits then need not draw again, and of one pixel."""
 
 
 def preview_channels(columns: Collection[str]) -> tuple[str, ...]:
@@ -68,10 +69,22 @@ def preview_channels(columns: Collection[str]) -> tuple[str, ...]:
     return ("emission",) if "color" in columns else ()
 
 
-def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
-    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair)."""
+def visit_sizes(settings: Settings, pairs: int) -> tuple[int, int]:
+    """Pairs that a round visits of ``pairs`` whose preview is known, and pixels of a visit."""
+    most = ROUND_SIZES.pairs
+    if pairs * settings.sequence.width * settings.sequence.height * PIXEL_BYTES <= KEPT_BYTES:
+        most = max(most, ROUND_SIZES.kept_pairs)
+    visited = min(most, pairs)
+    return visited, max(ROUND_SIZES.pairs * ROUND_SIZES.pixels // max(visited, ROUND_SIZES.pairs), 1)
+
+
+def round_of(number: int, pairs: int, seed: int, size: int | None = None) -> list[tuple[int, int]]:
+    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair).
+
+    ``size``: how many; None: as of previews that are not kept.
+    """
     order = np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
-    size = min(ROUND_SIZES.pairs, pairs)
+    size = min(ROUND_SIZES.pairs, pairs) if size is None else size
     every = range(number * size, (number + 1) * size)
     return [(order[k % pairs], k // pairs) for k in every]
 
@@ -103,7 +116,7 @@ class Previews:
             return
         self._evaluator.submit(cameras)
         self._kept[frame] = pairs = self._read(frame)
-        self._room -= sum(pair.bytes for pair in pairs if pair is not None)
+        self._room -= PIXEL_BYTES * pairs[0].words.size
 
     def _read(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
         pair = read_preview(self._source, self._evaluator, frame, self._columns)
@@ -151,6 +164,7 @@ class LightVisits:
         """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run;
         ``estimate``: whose statistics the visits add up to; ``previews``: of pairs that are drawn already."""
         self._gpu, self._settings, self._frames, self._estimate = owner.gpu, settings, frames, estimate
+        self._pixels = visit_sizes(settings, len(sampled_pairs(frames, settings).positions))[1]
         kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
         self._histories = []
         for given in (settings.replace(history=kind) for kind in kinds):
@@ -174,7 +188,7 @@ class LightVisits:
         seed = (SEED, self._settings.lighting.seed, frame)
         image = strata_of(words, distances, self._estimate.thresholds, traced, differs)
         strata = PixelStrata.of(image, STRATA, seed)
-        flat, stratum = draw_pixels(strata, number, ROUND_SIZES.pixels)
+        flat, stratum = draw_pixels(strata, number, self._pixels)
         audit = np.random.default_rng([*seed, number]).random(len(flat))
         decisions = self._decide(pairs, flat, audit)
         pixels, samples, of_other = _sampled(words, distances, flat, stratum, decisions), decisions.samples, None
@@ -262,7 +276,8 @@ class SampledLight:
         """The visits of the next round, as (position of the pair, number of its visit)."""
         positions = self.estimate.positions
         seed = self._settings.lighting.seed
-        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed)]
+        size = visit_sizes(self._settings, len(positions))[0]
+        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed, size)]
 
     def add_round(self, visits: Sequence[Visit]) -> None:
         """Add the ``visits`` that ``next_round`` asked for."""
