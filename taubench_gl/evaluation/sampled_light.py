@@ -53,7 +53,7 @@ class RoundSizes:
 
     pairs: int = 8  # that a round visits
     pixels: int = 128  # of a visit
-    kept_pairs: int = 32  # that a round visits where previews of all pairs are kept; it has as many pixels
+    kept_pairs: int = 32  # that a round visits where previews of all pairs are kept; it has half as many pixels
     limit: int = LIMIT  # most samples of a pixel, in each frame
     samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
 
@@ -71,11 +71,11 @@ def preview_channels(columns: Collection[str]) -> tuple[str, ...]:
 
 def visit_sizes(settings: Settings, pairs: int) -> tuple[int, int]:
     """Pairs that a round visits of ``pairs`` whose preview is known, and pixels of a visit."""
-    most = ROUND_SIZES.pairs
-    if pairs * settings.sequence.width * settings.sequence.height * PIXEL_BYTES <= KEPT_BYTES:
-        most = max(most, ROUND_SIZES.kept_pairs)
-    visited = min(most, pairs)
-    return visited, max(ROUND_SIZES.pairs * ROUND_SIZES.pixels // max(visited, ROUND_SIZES.pairs), 1)
+    sizes, area = ROUND_SIZES, settings.sequence.width * settings.sequence.height
+    if pairs <= sizes.pairs or pairs * area * PIXEL_BYTES > KEPT_BYTES:
+        return min(sizes.pairs, pairs), sizes.pixels
+    visited = min(max(sizes.pairs, sizes.kept_pairs), pairs)
+    return visited, max(sizes.pairs * sizes.pixels // (2 * visited), 1)
 
 
 def round_of(number: int, pairs: int, seed: int, size: int | None = None) -> list[tuple[int, int]]:

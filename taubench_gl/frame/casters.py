@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.frame.draw_bounds import ChunkBounds
 from taubench_gl.frame.shadow_faces import FaceTable
 
 Array = np.ndarray
@@ -23,9 +21,6 @@ class Casters:
         self.versions = np.zeros(count, dtype=np.int64)
         self.visible = np.zeros(count, dtype=bool)
         self._poses: list[bytes] = [b""] * count
-        self.chunks: ChunkBounds | None = None
-        self.chunk_spheres = np.zeros((0, 3)), np.zeros(0)
-        """Centers (C, 3) and radii (C,) of ``chunks``, world."""
 
     def update(self, bounds: tuple[Array, Array], poses: list[bytes], visible: Array) -> None:
         """``bounds``: centers (D, 3) and radii (D,), world; ``poses``: equal bytes for equal pose, per draw."""
@@ -35,21 +30,6 @@ class Casters:
                 self._poses[i] = pose
                 self.versions[i] += 1
         self.visible = visible
-
-    def place_chunks(self, chunks: ChunkBounds, world: Array) -> None:
-        """Follow the runs of triangles of large draws; ``world`` (D, 4, 4): world_from_object."""
-        self.chunks, self.chunk_spheres = chunks, chunks.at(world)
-
-    def chunks_in(self, faces: FaceTable, parts: Sequence[Rect] | None) -> Array:
-        """Which chunks can be seen in each face, or in the rectangle ``parts`` of it.  (F, C) bool."""
-        centers, radii = self.chunk_spheres
-        seen = faces.sees(centers, radii)
-        if parts is not None:
-            face, chunk = np.nonzero(seen)
-            low, high = faces.cover(face, centers[chunk], radii[chunk])
-            corner, side = np.array(parts)[face, :2], np.array(parts)[face, 2:]
-            seen[face, chunk] = np.all((low < corner + side) & (high > corner), axis=1)
-        return seen
 
     def key(self) -> bytes:
         """Bytes that stay equal exactly while no draw moves, bends, appears or vanishes."""

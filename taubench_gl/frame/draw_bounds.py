@@ -12,9 +12,6 @@ from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
 
-CHUNK = 256
-"""Triangles of a run that has a sphere of its own: neighbors in a file are mostly neighbors in space."""
-
 
 @dataclass(frozen=True, slots=True)
 class _Skinned:
@@ -94,40 +91,6 @@ class DrawBounds:
             rigid = matrix.tobytes() if skin < 0 else skins[skin]
             out.append(rigid + (b"" if weights is None else np.asarray(weights).tobytes()))
         return out
-
-
-class ChunkBounds:
-    """Spheres around runs of CHUNK triangles of large draws whose vertices keep their shape.
-
-    ``owner`` (C,): row of the draw of each run, ascending; ``first``, ``count`` (C,): its indices, of those of the draw.
-    """
-
-    def __init__(self, scene: Scene, draws: tuple[Draw, ...]):
-        made: dict[tuple[int, int], tuple[Array, ...]] = {}
-        large = [i for i, d in enumerate(draws) if not d.posed and d.index_count > 6 * CHUNK]
-        for d in (draws[i] for i in large):
-            if (key := (d.mesh, d.primitive)) not in made:
-                made[key] = _chunks(scene.meshes[d.mesh].primitives[d.primitive])
-        parts = [made[draws[i].mesh, draws[i].primitive] for i in large]
-        self.owner = np.repeat(large, [len(part[0]) for part in parts]).astype(np.int64)
-        empty = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
-        self.first, self.count, self._centers, self._radii = (
-            np.concatenate(x) for x in zip(empty, *parts, strict=True)
-        )
-
-    def at(self, world: Array) -> tuple[Array, Array]:
-        """Centers (C, 3) and radii (C,), world; ``world`` (D, 4, 4) float64 world_from_object of all draws."""
-        return _moved(world[self.owner], self._centers, self._radii)
-
-
-def _chunks(primitive: Primitive) -> tuple[Array, Array, Array, Array]:
-    """First index, indices, center and radius of each run of triangles: (n,), (n,), (n, 3), (n,)."""
-    corners = primitive.positions[primitive.triangles].astype(np.float64)
-    starts = np.arange(0, len(corners), CHUNK)
-    low = np.minimum.reduceat(corners.min(axis=1), starts)
-    high = np.maximum.reduceat(corners.max(axis=1), starts)
-    count = np.diff(np.append(starts, len(corners)))
-    return 3 * starts, 3 * count, 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
 
 
 def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Array) -> Array:

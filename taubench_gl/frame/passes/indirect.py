@@ -598,7 +598,7 @@ class ProbeGrid(Owner):
             start = middle - forward * half
             face = Face(0, True, start, np.cross(forward, up), up, forward, half, 2.0 * half, 2 * GRID)
             stale.append((face, (0, 0), seen))
-        self._drawer.draw(frame, stale, lambda group: _voxel_variant(group.posed), anchor=self._anchor, whole=True)
+        self._drawer.draw(frame, stale, lambda group: _voxel_variant(group.posed), anchor=self._anchor)
 
     def light(self, frame: FrameContext) -> None:
         """Find which VPLs every probe sees, then let light bounce.  ``fill`` must be up to date."""

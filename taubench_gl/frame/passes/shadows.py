@@ -11,7 +11,6 @@ import numpy as np
 
 from taubench_gl.frame.casters import Rect, ShadowMapCache
 from taubench_gl.frame.context import FrameContext
-from taubench_gl.frame.draw_bounds import ChunkBounds
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant, reads_material
@@ -110,26 +109,6 @@ def merged(
     return out
 
 
-def _in_chunks(
-    commands: Array, runs: list[tuple[Group, int, int]], order: Array, chunks: ChunkBounds, seen: Array
-) -> tuple[Array, list[tuple[Group, int, int]]]:
-    """``commands`` and ``runs`` of ``SceneBuffers.subset`` with the chunks ``seen`` (K,) in place of large draws."""
-    draws = order[commands["base_instance"]]
-    place = np.full(len(order) and int(max(order.max(), chunks.owner.max())) + 1, -1)
-    place[draws] = np.arange(len(draws))
-    seen = seen[place[chunks.owner[seen]] >= 0]
-    small = np.flatnonzero(~np.isin(draws, chunks.owner))
-    of_chunk = place[chunks.owner[seen]]
-    parts = commands[of_chunk].copy()
-    parts["first"] += chunks.first[seen].astype(np.uint32)
-    parts["count"] = chunks.count[seen]
-    command = np.concatenate([small, of_chunk])
-    sort = np.argsort(command, kind="stable")
-    ends = np.concatenate([[0], np.cumsum(np.bincount(command, minlength=len(commands)))])
-    placed = [(group, int(ends[first]), int(ends[first + count] - ends[first])) for group, first, count in runs]
-    return np.concatenate([commands[small], parts])[sort], [run for run in placed if run[2]]
-
-
 class FaceDrawer:
     """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
 
@@ -154,11 +133,8 @@ class FaceDrawer:
         *,
         anchor: AnchoredRecords | None = None,
         parts: Sequence[Rect] | None = None,
-        whole: bool = False,
     ) -> None:
         """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light.
-
-        Of large draws only the chunks that a face can see are drawn, in the same order; ``whole``: all of them.
 
         ``parts``: x, y, width, height of what to redraw of each, texels of the face; the rest stays as it is.
         ``anchor``: up to date, for maps that must not depend on where the camera was when they were drawn.
@@ -167,8 +143,7 @@ class FaceDrawer:
             return
         ctx, view, scene = self._gpu.ctx, frame.view, frame.buffers
         framebuffer, raster = self._framebuffer, self._raster
-        chunks = None if whole else frame.casters.chunks_in(FaceTable([face for face, _, _ in stale]), parts)
-        runs = self._upload([seen for _, _, seen in stale], scene, frame.casters.chunks, chunks)
+        runs = self._upload([seen for _, _, seen in stale], scene)
         origins = [view.position if anchor is None else anchor.origin, view.position]  # of fixed and of posed draws
         self._upload_frames([face.clip_from_relative(o) for face, _, _ in stale for o in origins], stale)
         framebuffer.use()
@@ -207,18 +182,11 @@ class FaceDrawer:
             payload[i, : FRAME.dtype.itemsize] = np.frombuffer(record.tobytes(), dtype=np.uint8)
         self._frames = fitted(self._gpu, self._frames, payload)
 
-    def _upload(
-        self, seen: list[Array], scene: SceneBuffers, chunks: ChunkBounds, chunks_seen: Array | None
-    ) -> list[list[tuple[Group, int, int]]]:
-        """Commands of all faces in one buffer; per face its (group, first, count) runs.
-
-        ``chunks_seen`` (F, C) bool: of ``chunks``; None: all.
-        """
+    def _upload(self, seen: list[Array], scene: SceneBuffers) -> list[list[tuple[Group, int, int]]]:
+        """Commands of all faces in one buffer; per face its (group, first, count) runs."""
         payload, runs, size = [], [], 0
-        for k, draws in enumerate(seen):
+        for draws in seen:
             commands, groups = scene.subset(draws)
-            if chunks_seen is not None and len(chunks.owner):
-                commands, groups = _in_chunks(commands, groups, scene.order, chunks, np.flatnonzero(chunks_seen[k]))
             runs.append([(group, first + size, count) for group, first, count in groups])
             payload.append(commands)
             size += len(commands)
