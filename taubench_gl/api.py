@@ -56,8 +56,8 @@ def evaluate(
     A file that only Blender reads (.blend, .fbx, .usd, .abc ...) is converted once and kept in the cache.
 
     ``options``: fields of ``Settings`` as ``Settings(...)`` takes them, and for path-traced files the fields of
-    ``PathTracedOptions`` (``camera_file``, ``scene_file``, ``mapping``, ``layer``, ``lobes``, ``second_seed``).
-    ``lobes`` (of ``taubench_gl.lobes.LOBES``) measures direct and indirect of these lobes apart.
+    ``PathTracedOptions`` (``camera_file``, ``scene_file``, ``mapping``, ``layer``, ``view``, ``second_seed``,
+    ``lobes``).  ``lobes`` (of ``taubench_gl.lobes.LOBES``) measures direct and indirect of these lobes apart.
     ``out``: the folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save``
     adds, per pair, ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``report`` adds
     report.html, one self-contained page, and the folder ``images`` with the images on it; ``report="full"`` stores the
@@ -88,7 +88,9 @@ def evaluate(
     )
     if is_sequence(scene):
         return evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
-    return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes, sampled=True)
+    return evaluate_scene(
+        _readable(scene, settings), settings, observers, out=folder, lobes=path_traced.lobes, sampled=True
+    )
 
 
 def _recorder(folder: Path, report: bool | str, settings: Settings) -> FrameRecorder:
@@ -143,14 +145,21 @@ def pairs(
         input_kind(light, settings.lighting.seed)  # refuses what there is not before anything is drawn
         drawn = tuple(dict.fromkeys((*drawn, "emission")))
     if not is_sequence(scene):
-        scene, settings = _readable(scene), settings.replace(pairs="all") if settings.metrics.all_pairs else settings
+        scene, settings = (
+            _readable(scene, settings),
+            settings.replace(pairs="all") if settings.metrics.all_pairs else settings,
+        )
     plan = choose_plan(scene, settings, path_traced)
     return _pairs(partial(Session, plan, Readback(images=True, channels=drawn)), light)
 
 
-def _readable(scene: Scene | str | Path) -> Scene | str | Path:
+def _readable(scene: Scene | str | Path, settings: Settings) -> Scene | str | Path:
     """A scene that can be read: ``scene`` itself, or the cached conversion of a file that only Blender reads."""
-    return scene if isinstance(scene, Scene) or not is_convertible(scene) else converted(scene)
+    return (
+        scene
+        if isinstance(scene, Scene) or not is_convertible(scene)
+        else converted(scene, settings.sequence.animation)
+    )
 
 
 def _pairs(open_session: Callable[[], Session], light: TrainingOptions) -> Iterator[Pair]:

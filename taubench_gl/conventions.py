@@ -36,6 +36,9 @@ def mixed_definitions(summaries: Iterable[Mapping[str, Any]]) -> str | None:
     return f"numbers of definitions {' and '.join(values)} are not comparable" if len(values) > 1 else None
 
 
+FILE_NUMBER = r"(?:(?<![A-Za-z0-9])-)?\d+"
+"""Regular expression of a frame number in a file name: below zero where its minus follows no letter or digit."""
+
 DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""
 

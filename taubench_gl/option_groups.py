@@ -56,11 +56,13 @@ class PathTracedOptions(Checked):
     scene_file: str | Path | None = setting(None, "glTF file with the camera of the frames", metavar="SCENE")
     mapping: str | Path | None = setting(
         None,
-        "Names of the passes: blender, falcor, godot, mitsuba, taubench, unity, unreal or a TOML file",
+        "Names and conventions of the passes: babylon, blender, eevee, falcor, godot, luxcore, mitsuba, taubench, "
+        "three-webgl, three-webgpu, unity, unreal or a TOML file",
         metavar="NAME|FILE",
         shown="taubench for an export, else blender",
     )
     layer: str | None = setting(None, "View layer", metavar="NAME", shown="the one with most passes")
+    view: str | None = setting(None, "View of stereo files, as left", metavar="NAME", shown="the first")
     second_seed: str | Path | None = setting(
         None, "The same frames with another seed, for the noise floor", metavar="exr:DIR"
     )

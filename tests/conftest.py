@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from fixed import FIXED
 
 if TYPE_CHECKING:
     from taubench_gl.gpu.context import Gpu
@@ -220,34 +221,46 @@ def _lighting_defaults(**values: Any) -> Iterator[None]:
         init.__defaults__ = before
 
 
-@pytest.fixture
-def lighting_defaults() -> Callable[..., contextlib.AbstractContextManager[None]]:
-    return _lighting_defaults
+@pytest.fixture(scope="module")
+def fixed_light() -> Iterator[None]:
+    """FIXED light for modules that give no settings themselves, because they run commands or studies."""
+    with _lighting_defaults(**FIXED):
+        yield
 
 
 @pytest.fixture(scope="module")
 def coarse_light() -> Iterator[None]:
-    """Raster light of few texels and probes, for modules whose subject is not its accuracy."""
-    with _lighting_defaults(shadow_size=64, probes=32):
+    """Fixed light of few texels and probes, for modules whose subject is not its accuracy."""
+    with _lighting_defaults(**FIXED, shadow_size=64, probes=32):
         yield
 
 
-def _fix_lighting_defaults() -> None:
-    """Settings made in tests have the lighting of ``FIXED_LIGHTING`` and the raster method unless they name another.
+@pytest.fixture
+def taubench(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[Any, str, str]]:
+    """Runs the command line in this process: arguments -> (exit code, stdout, stderr)."""
+    from taubench_gl.apps import cli
 
-    Numbers of most tests are for intensities as written, exposure 1, no environment and no path-traced light.
-    Tests of ``auto`` name it; those that start a process get the defaults of users.
-    """
-    from taubench_gl.settings import FIXED_LIGHTING, LightingSettings
+    monkeypatch.delenv("TAUBENCH_DEBUG", raising=False)
+    monkeypatch.delenv("TAUBENCH_BACKEND", raising=False)
 
-    init = LightingSettings.__init__
-    names = init.__code__.co_varnames[1 : init.__code__.co_argcount]
-    fixed = FIXED_LIGHTING | {"light": "raster"}
-    given = zip(names, init.__defaults__, strict=True)
-    init.__defaults__ = tuple(fixed.get(name, default) for name, default in given)
+    def run(*arguments: str | Path) -> tuple[Any, str, str]:
+        with pytest.raises(SystemExit) as exit_:
+            cli.main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return exit_.value.code, out, err
+
+    return run
 
 
-_fix_lighting_defaults()
+@pytest.fixture(scope="module")
+def coarse_metering(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Exposures from few pixels, within 15 %, for modules whose subject is another; their cache is their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("taubench_gl.evaluation.exposure.METERED_PIXELS", 512)
+        patch.setenv("TAUBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 def _no_picture() -> dict[str, bytes]:

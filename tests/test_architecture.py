@@ -34,7 +34,8 @@ LAYERS: tuple[set[str], ...] = (
     {"pathtraced"},
     {"study"},
     {"reuse", "reject", "datasets"},
-    {"export"},
+    {"capture"},
+    {"export", "conformance"},
     {"api"},
     {"selftest"},
     {"cost"},
@@ -51,7 +52,11 @@ import each other."""
 NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", *LEAF}
 """Packages that must import without OpenGL."""
 
-NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("check", "compare", "blender.convert", "blender.render"))
+NO_GL_MODULES = (
+    *(f"pathtraced.{name}" for name in ("check", "compare", "blender.convert", "blender.render")),
+    "conformance.output",
+    "conformance.suite",
+)
 """Modules that must import without OpenGL although their package needs it elsewhere."""
 
 MAY_IMPORT_MODERNGL = {"gpu", "frame", "pathtraced", "reuse", "viewer"}
@@ -221,6 +226,7 @@ HANDED = ("by_descriptor(", "io.BytesIO(", "fileobj=", "file", "data", "header",
 MAY_OPEN = {
     "apps/cli.py": "the null device, in place of a closed output",
     "memory_budget.py": "limits of the system, read by the gates themselves",
+    "pathtraced/blender/convert_read.py": "runs in Blender's Python, without this package",
     "pathtraced/blender/script_shared.py": "runs in Blender's Python, without this package",
     "pathtraced/blender/render_script.py": "runs in Blender's Python, without this package",
 }

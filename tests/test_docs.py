@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -70,8 +69,6 @@ def test_the_tests_that_the_security_page_names_exist():
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_scripts(shell: str):
-    command = [sys.executable, "-m", "taubench_gl", "completion", shell]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    assert "_TAUBENCH_GL_COMPLETE" in done.stdout
+def test_completion_scripts(shell: str, taubench):
+    code, out, err = taubench("completion", shell)
+    assert code == 0 and "_TAUBENCH_GL_COMPLETE" in out, err

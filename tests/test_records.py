@@ -1,4 +1,4 @@
-"""tools/record: what is declared exists, cheap records are current, stale ones are found by what they depend on."""
+"""Records of tools/record: what is declared exists, cheap ones are current, stale ones are named."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
-import record_files
-import recorders
-from records import EVERY, Record, Records
+from records import EVERY, Records
 
 ROOT = Path(__file__).resolve().parents[1]
 HERE = Records(EVERY)
@@ -42,67 +40,3 @@ def test_stale_records_are_named():
     stale = [r.name for r in EVERY if r.depends and HERE.changed(r)]
     if stale:
         warnings.warn(f"stale records, see tools/record: {', '.join(stale)}", stacklevel=1)
-
-
-@pytest.fixture
-def checkout(tmp_path: Path) -> Path:
-    (tmp_path / "shaders" / "topic").mkdir(parents=True)
-    (tmp_path / "shaders" / "topic" / "a.glsl").write_text("1")
-    (tmp_path / "scene.glb").write_text("2")
-    (tmp_path / "hashes.json").write_text("{}")
-    return tmp_path
-
-
-def records(root: Path, *every: Record) -> Records:
-    return Records(every, root, root / "hashes.json")
-
-
-def test_a_record_is_stale_by_the_dependency_that_changed(checkout):
-    table = Record("table", ("table.md",), ("shaders", "scene.glb"), lambda work: None)
-    other = Record("other", ("other.md",), ("scene.glb",), lambda work: None)
-    every = records(checkout, table, other)
-    assert every.changed(table) == ["shaders", "scene.glb"], "never made"
-    every.make(table, checkout / "work")
-    every.keep(other, every.digests(other))
-    assert every.changed(table) == every.changed(other) == []
-    (checkout / "shaders" / "__pycache__").mkdir()
-    (checkout / "shaders" / "__pycache__" / "a.pyc").write_text("compiled")
-    assert every.changed(table) == []
-    (checkout / "shaders" / "topic" / "a.glsl").write_text("3")
-    assert every.changed(table) == ["shaders"] and every.changed(other) == []
-    (checkout / "shaders" / "topic" / "a.glsl").write_text("1")
-    assert every.changed(table) == []
-    (checkout / "shaders" / "topic" / "a.glsl").rename(checkout / "shaders" / "a.glsl")
-    assert every.changed(table) == ["shaders"]
-
-
-def test_a_failed_command_keeps_the_hashes(checkout):
-    def fails(work: Path) -> None:
-        raise SystemExit("the command failed")
-
-    table = Record("table", ("table.md",), ("scene.glb",), fails)
-    every = records(checkout, table)
-    with pytest.raises(SystemExit):
-        every.make(table, checkout / "work")
-    assert every.changed(table) == ["scene.glb"] and every.kept() == {}
-
-
-def test_a_marked_part_is_replaced(tmp_path):
-    page = tmp_path / "page.md"
-    text = "before\n\n<!-- record: a -->\n\n| old |\n\n<!-- end -->\n\nafter\n<!-- record: b -->\n<!-- end -->\n"
-    page.write_text(text)
-    record_files.write_marked(page, "a", "| new |\n")
-    assert page.read_text() == text.replace("old", "new")
-    with pytest.raises(SystemExit):
-        record_files.write_marked(page, "c", "text")
-
-
-def test_the_readme_shows_parts_of_the_output():
-    """The sample leaves out other tables of the output whose rows have the same titles."""
-    head = "camera reprojection: 1 %\n  more\n\nTable 1: Details\n\n  a\n    Eternal Valley VR   9\n\n"
-    table = "Table 4: Discarded\n\n  demo  1\n\n  the paper:\n    Eternal Valley FPS  2\n    Eternal Valley VR   3\n"
-    rest = "    Toasters  4\n\nat half and twice the exposure: direct 1 and\n2.5 %.\nThe paper.\n"
-    expected = f"camera reprojection: 1 %\n  more\n\n{table}\nat half and twice the exposure: direct 1 and\n2.5 %.\n"
-    assert recorders.readme_sample(head + table + rest) == expected
-    with pytest.raises(SystemExit):
-        recorders.readme_sample(head + rest)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from benches import FPS, Options, Result, Row, bench, real_scene, row
+from lamp_field import lamp_field
 
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.effects.decide import FORCEABLE, decide
@@ -18,7 +19,6 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import lamp_field
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 LIGHT_FRAMES = 2

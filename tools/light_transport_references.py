@@ -6,6 +6,7 @@ import json
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -28,12 +29,14 @@ from light_transport import (
 from light_transport_scenes import SAMPLES, SCENES, make
 from references.significance import Estimate, block_means
 
-from taubench_gl.animation import choose_camera
-from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality
-from taubench_gl.pathtraced.blender.render import render_seeds
-from taubench_gl.pathtraced.cameras import CAMERA_FILE
+from taubench_gl.animation import CameraTrack, choose_camera
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality, make_job, write_resampled
+from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
+from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
 
 
 def quality_of(name: str, path: Path, samples: int | None = None) -> Quality:
@@ -55,6 +58,35 @@ def quality_of(name: str, path: Path, samples: int | None = None) -> Quality:
     )
 
 
+def render_seeds(
+    scene: Scene, camera: CameraTrack, out: Path, seeds: range, quality: Quality, python: str | None = None
+) -> dict[tuple[int, int], float]:
+    """Render FRAMES once with each of ``seeds``, in one process: ``out``/seed_NNNN/frame_NNNN.exr, camera.json.
+
+    -> (seed, frame) -> CPU seconds of all threads, with the synchronization of the scene.  The seed of ``quality`` is
+    not used.  Raises PathTracedError if bpy is missing or Blender fails.
+    """
+    job, views, _ = make_job(scene, camera, FRAMES, FPS, SIZE, quality)
+    python = python or blender_python()
+    require_blender(python)
+    folders = [out.resolve() / f"seed_{seed:04d}" for seed in seeds]
+    seconds: dict[tuple[int, int], float] = {}
+
+    def on_event(event: dict[str, Any]) -> None:
+        if event["event"] == "frame":
+            seconds[seeds[len(seconds) // len(FRAMES)], event["frame"]] = event["cpu_seconds"]
+
+    for folder in folders:
+        folder.mkdir()
+        (folder / CAMERA_FILE).write_text(camera_file_text(views, FPS, SIZE))
+    path = write_resampled(scene, range(FRAMES[0] - 1, FRAMES[-1] + 2), FPS, out)
+    job |= {"scene": str(path), "folders": [str(folder) for folder in folders], "seeds": list(seeds)}
+    failure = run_script(python, "render_script.py", job, out.resolve(), on_event)
+    if failure is not None:
+        raise PathTracedError(failure)
+    return seconds
+
+
 def render(name: str, python: str | None = None) -> str:
     """Write the references of one scene.  -> a line about it."""
     FOLDER.mkdir(exist_ok=True)
@@ -65,7 +97,7 @@ def render(name: str, python: str | None = None) -> str:
     with tempfile.TemporaryDirectory(prefix="taubench-") as temporary:
         out = Path(temporary)
         seeds = GLASS_SEEDS if name in GLASS else SEEDS
-        seconds = render_seeds(scene, camera, FRAMES, out, seeds, fps=FPS, size=SIZE, quality=quality, python=python)
+        seconds = render_seeds(scene, camera, out, seeds, quality, python)
         folders = sorted(out.glob("seed_*"))
         target = FOLDER / name
         shutil.rmtree(target, ignore_errors=True)

@@ -60,7 +60,8 @@ class MaskBench(GpuOwner):
 
     def run_masks(self, pair: Reprojection) -> Counts:
         history = self.renderer.history
-        return self.evaluator.compare(pair, current=history.current.textures, previous=history.previous.textures)
+        run = self.evaluator.submit(pair, current=history.current.textures, previous=history.previous.textures)
+        return self.evaluator.read(run)
 
     def run_numpy(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
         return pair_masks(current, history, pair, self.thresholds, reprojection=self.mode).mask_histogram()

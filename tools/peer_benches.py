@@ -72,7 +72,8 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         renderer.draw(frame / FPS, (frame - 1) / FPS)
         pair = reprojection(renderer.view(frame / FPS)[1], renderer.view((frame - 1) / FPS)[1], *options.size)
         history = renderer.history
-        evaluator.compare(pair, current=history.current.textures, previous=history.previous.textures)
+        evaluator.submit(pair, current=history.current.textures, previous=history.previous.textures)
+        evaluator.read()
 
     def read(frame: int) -> None:
         masked(frame)

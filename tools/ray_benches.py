@@ -82,7 +82,7 @@ class Subject:
         for pattern in ("fixed", "independent"):
             p = ComputePass("measured rays", ("raytracing/measure.comp.glsl",))
             p.define(INDEPENDENT=pattern == "independent")
-            p.texture("position", given=True).texture("geometric_normal", given=True)
+            p.texture("position", filled=True).texture("geometric_normal", filled=True)
             p.image("measured_out", access=WRITE, resource="measured")
             for part in parts:
                 part.declare(p)

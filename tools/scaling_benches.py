@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from benches import FPS, Options, Result, Row, Stopwatch, bench, real_scene, row
+from lamp_field import lamp_field
 from mask_benches import Walk
 
 from taubench_gl.animation import choose_camera
@@ -21,7 +22,6 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, quad, skinned, sphere, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import lamp_field
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 SMALL = (320, 180)

@@ -2,7 +2,8 @@
 //
 // Paper      Eq. (3); section 3.2, f_B.
 // Reads      current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
-//            and, where enabled, prev_position, ids and the channels of the other features.
+//            and, where enabled, prev_position, ids and the channels of the other features; with VECTORS the motion that
+//            files store (pixels, +y up; not finite: none).
 // Writes     mask (reason bits), motion (previous - current, pixels, +y up), distances (position, normal, direct,
 //            indirect) and changes (color, depth, luminance), 0 where nothing is compared.
 // Counts     mask_histogram[mask]: pixels per mask of COUNTED_BITS reason bits, of which every count is a sum; a histogram of each
@@ -208,6 +209,10 @@ uint reproject(ivec2 pixel, vec4 position, bool follow, out vec3 previous, out v
     float limit = surface ? P.prev_near - max(P.near - position.w, 0.0) : 0.0;
     if (prev_depth <= limit) return BEHIND;
     motion = motion_in_pixels(P.prev_clip_from_prev, q, P.clip_from_current, p, P.size.xy);
+#if VECTORS // decide where history is sampled; q remains what positions are compared with
+    vec2 stored = vectors_at(pixel).xy;
+    if (follow && (surface || !non_finite(stored))) motion = stored;
+#endif
     vec2 at = vec2(pixel) + motion;
     if (non_finite(motion)) { motion = vec2(0.0); return INVALID; }
     vec2 last = vec2(P.size.xy - 1);

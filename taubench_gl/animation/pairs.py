@@ -32,7 +32,7 @@ def reprojection(view: View, previous: View, width: int, height: int, *, jitter:
     half_x, half_y = 1.0 / clip_from_view[0, 0], 1.0 / clip_from_view[1, 1]
     step_x, step_y = 2.0 * half_x / width, 2.0 * half_y / height
     depth = 1.0 if perspective else view.camera.zfar
-    first_x, first_y = view.jitter_px
+    first_x, first_y = view.offset_px
     corner = np.array([view.shift - half_x + (0.5 + first_x) * step_x, -half_y + (0.5 + first_y) * step_y, -depth])
     now, then = (view, previous) if jitter else (view.centered(), previous.centered())
     w = 0.0 if perspective else 1.0

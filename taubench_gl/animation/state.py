@@ -34,6 +34,8 @@ class View:
     camera: Camera
     jitter_px: Array = field(default_factory=lambda: np.zeros(2))
     """(2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px`` instead of at its center i."""
+    principal_px: tuple[float, float] = (0.0, 0.0)
+    """Pixels, +x right, +y up, of the camera's axis from the image center: an image that is shifted as a whole."""
     shift: float = 0.0
     """Off-axis projection: the center of the image shows the direction with this tangent to the right of the axis."""
 
@@ -50,10 +52,15 @@ class View:
             out = math3d.orthographic_reversed(c.ymag * aspect, c.ymag, c.znear, c.zfar)
         if self.shift:
             out[0] -= self.shift * out[0, 0] * out[3]
-        if np.any(self.jitter_px):  # without jitter the matrix is unchanged bit for bit
-            shift = 2.0 * np.asarray(self.jitter_px, dtype=np.float64) / (width, height)
+        if np.any(self.offset_px):  # without it the matrix is unchanged bit for bit
+            shift = 2.0 * self.offset_px / (width, height)
             out[:2] -= shift[:, None] * out[3]
         return out
+
+    @property
+    def offset_px(self) -> Array:
+        """(2,) float64, pixels, +x right, +y up: pixel i shows what the unshifted camera sees at i + ``offset_px``."""
+        return np.asarray(self.jitter_px, dtype=np.float64) - self.principal_px
 
     @property
     def towards_parallel_camera(self) -> tuple[float, float, float, float]:

@@ -27,7 +27,7 @@ def previous_point(scene: Scene, state: FrameState, before: FrameState, point: A
                 if _box_distance(scene, state, node, primitive, instance, point) > best:
                     continue
                 posed = pose_vertices(scene, state, node, primitive, instance)
-                distances, weights = _nearest(posed[primitive.triangles] - point)
+                distances, weights = nearest_points(posed[primitive.triangles] - point)
                 nearest = int(np.argmin(distances))
                 if distances[nearest] < best:
                     corners = primitive.triangles[nearest]
@@ -51,7 +51,7 @@ def _box_distance(
     return float(np.linalg.norm(outside))
 
 
-def _nearest(corners: Array) -> tuple[Array, Array]:
+def nearest_points(corners: Array) -> tuple[Array, Array]:
     """The point of each triangle nearest to the origin: distances (T,) and barycentric weights (T, 3).
 
     ``corners``: (T, 3, 3).  Source: Ericson, Real-Time Collision Detection, section 5.1.5: inside the triangle, the

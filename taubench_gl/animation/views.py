@@ -52,6 +52,7 @@ STILL_SECONDS = 2.0
 """Duration of a still scene under the framing orbit or a caller's camera; a camera of the file gives one frame."""
 
 NO_CAMERA = "the scene has no camera"
+UNUSED_CAMERAS = "no node refers to the cameras of the file"
 ALL_STILL = "the scene and its camera are still"
 REQUESTED = "requested"
 """Reasons for a framing orbit."""
@@ -248,11 +249,12 @@ def choose_camera(
     ``size``: of the image that an orbit frames, pixels.  Raises SettingsError, which lists the cameras.
     """
     tracks = [FileCamera(scene, node) for node in scene.camera_nodes]
+    without = UNUSED_CAMERAS if scene.cameras else NO_CAMERA
     if requested is None:
         named = [track for track in tracks if track.node_name == scene.default_camera]
-        return (named or tracks)[0] if tracks else OrbitCamera(scene, size=size)
+        return (named or tracks)[0] if tracks else OrbitCamera(scene, size=size, reason=without)
     if requested == ORBIT:
-        return OrbitCamera(scene, size=size, reason=REQUESTED if tracks else NO_CAMERA)
+        return OrbitCamera(scene, size=size, reason=REQUESTED if tracks else without)
     if isinstance(requested, str) and requested:
         for track in tracks:
             if track.node_name == requested:
@@ -284,10 +286,10 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
     sphere can be larger than necessary; skinned and morphed meshes contribute their posed vertices.  Points that are
     not finite are ignored.  Nothing visible: a unit sphere at the origin; a single point: radius 1 around it.
     """
-    scene, clouds = poser.scene, []
+    scene, clouds, boxes = poser.scene, [], {}
     for t in times:
         state = poser.sample(t)
-        clouds += [_drawn_points(scene, state, node) for node in scene.mesh_nodes if state.visible[node]]
+        clouds += [_drawn_points(scene, state, node, boxes) for node in scene.mesh_nodes if state.visible[node]]
     points = np.concatenate(clouds) if clouds else np.zeros((0, 3))
     points = points[np.all(np.isfinite(points), axis=-1)]
     if not len(points):
@@ -299,18 +301,21 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
 
 def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, Array]:
     """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is drawn."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    low, high, boxes = np.full(3, np.inf), np.full(3, -np.inf), {}
     for t in times:
         state = poser.sample(float(t))
         for node in poser.scene.mesh_nodes[state.visible[poser.scene.mesh_nodes]].tolist():
-            points = _drawn_points(poser.scene, state, node)
+            points = _drawn_points(poser.scene, state, node, boxes)
             if len(points):
                 low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return (low, high) if np.all(np.isfinite(low)) else (np.full(3, -0.5), np.full(3, 0.5))
 
 
-def _drawn_points(scene: Scene, state: FrameState, node: int) -> Array:
-    """Points, world, whose convex hull contains the node's mesh.  -> (P, 3) float64."""
+def _drawn_points(scene: Scene, state: FrameState, node: int, boxes: dict[int, Array]) -> Array:
+    """Points, world, whose convex hull contains the node's mesh.  -> (P, 3) float64.
+
+    ``boxes``: corners of the boxes of rigid primitives that were needed before, by their id.
+    """
     clouds, posed = [np.zeros((0, 3))], {}
     instances = scene.nodes.instances.get(int(node))
     for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
@@ -319,8 +324,10 @@ def _drawn_points(scene: Scene, state: FrameState, node: int) -> Array:
         if primitive.targets or is_skinned(scene, node, primitive):
             clouds.append(pose_once(posed, scene, state, node, primitive))
             continue
-        low, high = primitive.positions.min(axis=0), primitive.positions.max(axis=0)
-        corners = np.array(np.meshgrid(*zip(low, high)), dtype=np.float64).reshape(3, 8).T
+        if id(primitive) not in boxes:
+            low, high = primitive.positions.min(axis=0), primitive.positions.max(axis=0)
+            boxes[id(primitive)] = np.array(np.meshgrid(*zip(low, high)), dtype=np.float64).reshape(3, 8).T
+        corners = boxes[id(primitive)]
         if instances is None:
             clouds.append(math3d.transform_points(state.world[node], corners))
         else:

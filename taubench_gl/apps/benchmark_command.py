@@ -77,10 +77,11 @@ def run(
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.report.benchmark import benchmark_tables
 
-    how = {"engine": engine.engine, "workers": engine.workers, "limit": time_limit}
-    kept = f"finished units are in {out}: the same command continues"
+    selected, kept = read_suite(suite).part(cases), f"finished units are in {out}: the same command continues"
     with interruptible(lambda: kept), StudyScreen("images") as screen:
-        done = run_benchmark(read_suite(suite).part(cases), methods, out, **how, listener=screen)
+        done = run_benchmark(
+            selected, methods, out, engine=engine.engine, workers=engine.workers, limit=time_limit, listener=screen
+        )
     show_tables(benchmark_tables(done))
     click.echo(f"written to {out}: benchmark.json, report.html, tables and plots")
     failed = _failures(done)
@@ -110,13 +111,13 @@ def plan(
     Path-traced references are traced in part for the estimate; what is traced is kept.
     """
     from taubench_gl.benchmark.estimate import estimate_units
-    from taubench_gl.benchmark.run import BenchmarkStudy, entries_of
+    from taubench_gl.benchmark.run import BenchmarkStudy, entries_of, runnable
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.suite import read_suite
     from taubench_gl.study.engines import available_cores
     from taubench_gl.study.progress import announce
 
-    selected = read_suite(suite).part(cases)
+    selected = runnable(read_suite(suite).part(cases), note)
     entries = entries_of(methods)
     units = list(BenchmarkStudy(selected, entries, ".").units.values())
     click.echo(f"{selected.name}: {len(selected.cases)} cases, {len(units)} different; {len(entries)} methods")

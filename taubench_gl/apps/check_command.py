@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,7 +16,11 @@ from taubench_gl.fields import at_least, setting
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import OUTPUT, Settings
 
-EXIT_WRONG = 1
+if TYPE_CHECKING:
+    from taubench_gl.pathtraced.check import Check
+    from taubench_gl.pathtraced.evaluation import PathTracedPlan
+
+EXIT_CODES = {"right": 0, "wrong": 1, "not judged": 3}
 
 
 @command(
@@ -23,6 +30,7 @@ EXIT_WRONG = 1
 Examples:
   taubench-gl check exr:renders --camera-file renders/camera.json
   taubench-gl check exr:engine --mapping unreal --scene-file scene.glb --out checked
+  taubench-gl check exr:engine --camera-file camera.json --write-mapping engine.toml
   taubench-gl check exr:frames --mapping godot --pairs 8 --json""",
 )
 @click.argument("spec", metavar="exr:DIR")
@@ -32,20 +40,35 @@ def check(
     files: PathTracedOptions,
     *,
     pairs: int = setting(4, "Most pairs of consecutive frames to check", at_least(1)),
+    allow_unjudged: bool = setting(False, "Exit with 0 where vectors cannot be judged but nothing is wrong"),
+    write_mapping: Path | None = setting(
+        None,
+        "Write a mapping: passes by the names of their channels unless --mapping is given, conventions as found; the "
+        "check is then made with it",
+        group=OUTPUT,
+        metavar="FILE",
+    ),
     as_json: bool = AS_JSON,
     out: Path | None = setting(None, "Also write JSON, HTML and an image", group=OUTPUT, metavar="DIR"),
 ) -> int:
-    """Find out which conventions of frames made elsewhere are wrong: camera, positions, depth and motion vectors.
+    """Find out whether frames of another program are right: camera, positions, depth and motion vectors.
 
-    Names what to set in the mapping, and the share of pixels that each convention explains.  The exit code is 1 if one
-    is wrong; missing passes are no fault.  See docs/path-traced.md.
+    Names what to set in the mapping.  The vectors of still surfaces, moving surfaces and the sky are each right,
+    wrong or not judged; moving surfaces are judged with --scene-file or previous positions.  The exit code is 1 if
+    something is wrong, else 3 if vectors are not judged; missing passes are no fault.  See docs/check-your-engine.md.
     """
-    from taubench_gl.pathtraced.check import check_sequence
     from taubench_gl.pathtraced.check_report import check_summary, check_tables, save_check
-    from taubench_gl.pathtraced.evaluation import plan_sequence
+    from taubench_gl.pathtraced.sequence import PathTracedSequence
+    from taubench_gl.pathtraced.write_mapping import write_found, write_guess
 
-    images = plan_sequence(spec, settings, files)
-    result = check_sequence(images.sequence, images.camera, images.frames, pairs)
+    if write_mapping is not None:
+        if files.mapping is None:
+            write_guess(write_mapping, PathTracedSequence.open(spec).index.names)
+            files = replace(files, mapping=write_mapping)
+        images, result = _checked(spec, settings, files, pairs)
+        write_found(write_mapping, images.sequence.index, result)
+        files = replace(files, mapping=write_mapping)
+    images, result = _checked(spec, settings, files, pairs)
     summary = check_summary(result, images.sequence)
     if as_json:
         show_json(summary)
@@ -54,4 +77,20 @@ def check(
     if out is not None:
         save_check(result, images.sequence, out)
         click.echo(f"written to {out}{os.sep}", err=as_json)
-    return EXIT_WRONG if result.wrong else 0
+    if write_mapping is not None:
+        click.echo(f"written to {write_mapping}", err=as_json)
+    code = EXIT_CODES[result.answer]
+    return 0 if allow_unjudged and result.answer == "not judged" else code
+
+
+def _checked(spec: str, settings: Settings, files: PathTracedOptions, pairs: int) -> tuple[PathTracedPlan, Check]:
+    """The opened files and their check, with the truth of a scene file.  Raises TaubenchError."""
+    from taubench_gl.pathtraced.cameras import SceneCamera
+    from taubench_gl.pathtraced.check import check_sequence
+    from taubench_gl.pathtraced.evaluation import plan_sequence
+    from taubench_gl.pathtraced.scene_truth import render_truth
+
+    images = plan_sequence(spec, settings, files)
+    scene = isinstance(images.camera, SceneCamera)
+    truth = partial(render_truth, images.camera, images.settings) if scene else None
+    return images, check_sequence(images.sequence, images.camera, images.frames, pairs, truth)

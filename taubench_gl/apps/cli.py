@@ -20,8 +20,10 @@ from click.shell_completion import get_completion_class
 from taubench_gl import __version__
 from taubench_gl.apps.batch_command import batch
 from taubench_gl.apps.benchmark_command import benchmark
+from taubench_gl.apps.capture_command import capture
 from taubench_gl.apps.check_command import check
 from taubench_gl.apps.compare_command import compare
+from taubench_gl.apps.conformance_command import conformance
 from taubench_gl.apps.convert_command import convert
 from taubench_gl.apps.cost_command import cost
 from taubench_gl.apps.demo_command import demo
@@ -53,7 +55,7 @@ SECTIONS = {
     "Reuse and rejection": (reuse, reject, benchmark),
     "Studies": (batch, paper, cost, stress),
     "Look": (view, demo),
-    "Files and scenes": (export, convert, check, reference, scenes),
+    "Files and scenes": (export, convert, capture, check, conformance, reference, scenes),
     "Machine": (doctor, selftest),
 }
 """Commands by purpose, for the help."""

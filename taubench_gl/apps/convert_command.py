@@ -8,7 +8,7 @@ import click
 
 from taubench_gl.apps.options import command
 from taubench_gl.apps.screen import show_notes
-from taubench_gl.fields import setting
+from taubench_gl.fields import one_of, setting
 
 
 @command(
@@ -34,6 +34,9 @@ def convert(
         metavar="NAME",
         shown="the first take; the scene as it is",
     ),
+    up_axis: str | None = setting(
+        None, "Axis that points up in a PLY or STL file, which names none", one_of(("Y", "Z")), shown="Z"
+    ),
 ) -> None:
     """Write a file that Blender reads as glTF: meshes as they are evaluated, motion, cameras and lights.
 
@@ -43,7 +46,7 @@ def convert(
     from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene
 
-    made = convert_file(source, target, take=take)
+    made = convert_file(source, target, take=take, up_axis=up_axis)
     listed = ", ".join(f"{number} {name}" for name, number in made.counts.items())
     click.echo(f"Blender {made.blender} read {listed}")
     for line in made.lost:

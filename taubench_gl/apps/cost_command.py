@@ -54,7 +54,7 @@ def _run(scene: str, settings: Settings, folder: Path | None, options: CostOptio
     from taubench_gl.cost.study import cost as run_study
     from taubench_gl.report.cost import cost_text
 
-    path, row = resolve(scene)
+    path, row = resolve(scene, settings.sequence.animation)
     with interruptible(lambda: "the same command goes on"), StudyScreen("evaluations") as screen:
         study = run_study(path, settings.replace(**row_settings(row)), out=folder, listener=screen, **asdict(options))
     click.echo(cost_text(study), nl=False)

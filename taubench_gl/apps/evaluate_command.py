@@ -127,7 +127,7 @@ def _require_used(scenes: Sequence[str], path_traced: PathTracedOptions) -> None
     from taubench_gl.pathtraced.sequence import is_sequence
 
     if not any(is_sequence(scene) for scene in scenes):
-        for name in ("camera_file", "scene_file", "mapping", "layer", "second_seed"):
+        for name in ("camera_file", "scene_file", "mapping", "layer", "view", "second_seed"):
             if getattr(path_traced, name):
                 message = f"--{name.replace('_', '-')} is for path-traced files"
                 raise SettingsError(message, where=scenes[0], hint="give them as exr:DIR")
@@ -155,7 +155,7 @@ def _evaluate_one(
     from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.pathtraced.sequence import is_sequence
 
-    scene, row = resolve(scene)
+    scene, row = resolve(scene, settings.sequence.animation)
     settings = settings.replace(**row_settings(row))
     options: dict[str, Any] = {"path_traced": path_traced}
     if not is_sequence(scene):

@@ -49,7 +49,7 @@ def export(
     from taubench_gl.export.run import export_scene
 
     options = dataclasses.replace(options, training=training)
-    source, row = resolve(scene_path)
+    source, row = resolve(scene_path, settings.sequence.animation)
     settings = settings.replace(**row_settings(row))
     with ProgressBar(source, "frames") as progress:
         result = export_scene(source, out, settings, options, overwrite=overwrite, announce=note, progress=progress)

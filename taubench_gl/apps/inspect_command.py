@@ -35,7 +35,7 @@ def inspect(path: str, settings: Settings, *, as_json: bool = AS_JSON) -> None:
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
 
-    path, row = resolve(path)
+    path, row = resolve(path, settings.sequence.animation)
     settings = settings.replace(**row_settings(row))
     scene = load_scene(path, **settings.sequence.reading)
     contents = describe(scene, settings)

@@ -11,6 +11,7 @@ import click
 from taubench_gl.apps.options import AS_JSON, FRAMES, GPU, Commands, command, option_group
 from taubench_gl.apps.screen import show_json, show_list, show_tables
 from taubench_gl.fields import REQUIRED, one_of, setting
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.settings import OUTPUT, Settings
 
 if TYPE_CHECKING:
@@ -59,14 +60,18 @@ Examples:
   taubench-gl reject evaluate scene.glb --size 640x360 --frames 20:30
   taubench-gl reject evaluate scene.glb --tests position,plane_distance,footprint_plane+object_id --out results
   taubench-gl reject evaluate scene.glb --tests position=0.05,position=0.5 --tests ./my_test
+  taubench-gl reject evaluate exr:frames --scene-file scene.glb --mapping engine.toml --tests relative_depth
 \b
 Positive means that history must be rejected.  Geometric tests are scored against visibility, tests of color
-against visibility or changed light; both are printed.  Pixels of the frustum and the sky stand apart.""",
+against visibility or changed light; both are printed.  Pixels of the frustum and the sky stand apart.
+exr:DIR: also the rejection that the frames have, in a pass rejected or history_weight of their mapping.""",
+    files=option_group(PathTracedOptions, without=("lobes", "second_seed", "camera_file")),
 )
 @click.argument("path", metavar="SCENE")
 def evaluate(
     path: str,
     settings: Settings,
+    files: PathTracedOptions,
     *,
     tests: tuple[str, ...] | None = TESTS,
     out: Path | None = setting(
@@ -77,7 +82,7 @@ def evaluate(
     from taubench_gl.reject.output import write_rejection
     from taubench_gl.report.reject import reject_tables
 
-    rejection = _evaluated(path, tests, settings)
+    rejection = _evaluated(path, tests, settings, files)
     show_tables(reject_tables(rejection.summary))
     for note in rejection.summary["notes"]:
         click.echo(f"note: {note}")
@@ -146,16 +151,18 @@ def method(
         click.echo(f"written to {folder}{os.sep}")
 
 
-def _evaluated(path: str, tests: tuple[str, ...] | None, settings: Settings) -> Rejection:
+def _evaluated(
+    path: str, tests: tuple[str, ...] | None, settings: Settings, files: PathTracedOptions | None = None
+) -> Rejection:
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.progress import ProgressBar
     from taubench_gl.reject.contract import builtin_tests
     from taubench_gl.reject.evaluate import evaluate_tests
 
-    path, row = resolve(path)
+    path, row = resolve(path, settings.sequence.animation)
     settings = settings.replace(reprojection="motion", **row_settings(row))
     with ProgressBar(path) as progress:
-        return evaluate_tests(path, tests or builtin_tests(), settings, progress=progress)
+        return evaluate_tests(path, tests or builtin_tests(), settings, files=files, progress=progress)
 
 
 for member in (list_tests, evaluate, fit, method):

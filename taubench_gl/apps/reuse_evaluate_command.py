@@ -49,7 +49,7 @@ def evaluate(
         REQUIRED,
         "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1, several "
         "values as @alpha=0.1/0.2 or @alpha=lo:hi:n; 'A>B' filters the image of A by B.  exr:DIR: frames made "
-        "elsewhere, with settings mapping, layer, offset, scale, label",
+        "elsewhere, with settings mapping, layer, view, offset, scale, label",
     ),
     out: Path | None = setting(None, "Also write the results to this folder", group=OUTPUT, metavar="DIR"),
     video: str = setting("mp4", "Video of the frames, with --out", one_of(("mp4", "webm", "none")), group=OUTPUT),

@@ -14,6 +14,7 @@ from taubench_gl.apps.screen import StatusLine, note, show_json, show_list
 from taubench_gl.fields import setting
 
 STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
+ARENA_NAMES = ("arena-oa-dm6", "arena-oa-shouse", "arena-aggressor", "arena-human")
 
 
 @click.group(cls=Commands)
@@ -159,23 +160,30 @@ def _bytes_line() -> Callable[[int, int | None], None]:
     epilog="""\b
 Examples:
   taubench-gl scenes make eternal-valley-fps valley.glb
+  taubench-gl scenes make arena-oa-shouse arena.glb
   taubench-gl evaluate valley.glb"""
 )
-@click.argument("name", type=click.Choice(STAND_IN_NAMES))
+@click.argument("name", type=click.Choice((*STAND_IN_NAMES, *ARENA_NAMES)))
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
 def make(name: str, out: Path) -> None:
-    """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0).
+    """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0), or a recorded game.
 
-    It is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2 and 3) at
-    60 fps, the rate of the paper's captures: the paper does not state the rate of these tables.  Its geometry and its
-    Table 4 row differ from the paper's; with path-traced light and the exposure that the file records, the columns of
-    direct and indirect light are near it.
+    A stand-in is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2
+    and 3) at 60 fps, the rate of the paper's captures: the paper does not state the rate of these tables.  Its geometry
+    and its Table 4 row differ from the paper's; with path-traced light and the exposure that the file records, the
+    columns of direct and indirect light are near it.  A recorded game (arena-...) needs OpenArena's data files.
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.datasets.stand_ins import make_stand_in
     from taubench_gl.report import paper_tables
     from taubench_gl.scene import load_scene
 
+    if name in ARENA_NAMES:
+        from taubench_gl.capture.arena import make_arena
+
+        click.echo(f"{make_arena(name, out)}: {out} ({out.stat().st_size:,} bytes, GPL 2)")
+        click.echo(f"Tables 1 to 4: taubench-gl evaluate {out}")
+        return
     recipe = make_stand_in(name, out)
     summary = describe(load_scene(out), recipe.camera.fps)
     show_tables(paper_tables([summary])[:3])

@@ -112,7 +112,7 @@ def stress(
     }  # fmt: skip
     moving = bool(move_lights or move_objects)
     _require_effect(sweep is not None, moving=moving)
-    scene = resolve(scene)[0]
+    scene = resolve(scene, settings.sequence.animation)[0]
     if sweep is not None:
         if moving:
             raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")

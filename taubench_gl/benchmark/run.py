@@ -6,7 +6,7 @@ into one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 
 from taubench_gl.benchmark.merge import merge
 from taubench_gl.benchmark.output import write_results
-from taubench_gl.benchmark.scenes import SceneRecipe, scene_file
+from taubench_gl.benchmark.scenes import SceneRecipe, not_run, scene_file
 from taubench_gl.benchmark.scores import BASELINE
 from taubench_gl.benchmark.suite import Suite
 from taubench_gl.benchmark.unit import FAILED, OTHER_SCENE, BenchmarkUnit, Entry, record_key
@@ -136,6 +136,15 @@ class BenchmarkStudy(Study):
                 "times": {"seconds": seconds, "methods": {label: times.get(label) for label in results}}}  # fmt: skip
 
 
+def runnable(suite: Suite, say: Callable[[str], None]) -> Suite:
+    """The cases whose scenes this machine can make; ``say`` gets a line for each other scene."""
+    reasons = {recipe: not_run(recipe) for recipe in dict.fromkeys(case.scene for case in suite.cases)}
+    for recipe, reason in reasons.items():
+        if reason is not None:
+            say(f"{recipe.source}: not run: {reason}")
+    return suite.part([case.id for case in suite.cases if reasons[case.scene] is None])
+
+
 def run_benchmark(
     suite: Suite,
     methods: Sequence[str],
@@ -153,6 +162,7 @@ def run_benchmark(
     TaubenchError.
     """
     entries, listener = entries_of(methods), listener or Listener()
+    suite = runnable(suite, listener.message)
     workers = available_cores() if workers is None and engine is None else workers
     about = {"suite": suite.describe(), "methods": [entry.label for entry in entries]}
     for entry in entries:

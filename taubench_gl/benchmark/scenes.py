@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
+from taubench_gl.capture.arena import arena_file, arena_scenes
 from taubench_gl.data_files import code_hash
 from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.gltf_edit import GltfEditor
@@ -19,7 +20,7 @@ from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.scene_cache import sha256_of
 from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
 from taubench_gl.datasets.stress import ANIMATIONS, Moves, stress
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.outputs import output_folder, replacing
 from taubench_gl.paths import ASSETS, cache_folder
 from taubench_gl.study.store import content_hash
@@ -49,12 +50,15 @@ class SceneRecipe:
 
 
 def known_source(text: str, folder: Path) -> str:
-    """The source that ``text`` names: ``demo``, one of MADE, or a file beside the suite.  Raises SettingsError."""
-    if text == DEMO or text in MADE:
+    """The source that ``text`` names: ``demo``, one of MADE, a recorded game, or a file beside the suite.
+
+    Raises SettingsError.
+    """
+    if text == DEMO or text in MADE or text in arena_scenes():
         return text
     path = folder / text
     if not path.is_file():
-        hint = f"give {DEMO}, {', '.join(MADE)}, or a file beside the suite"
+        hint = f"give {', '.join((DEMO, *MADE, *arena_scenes()))}, or a file beside the suite"
         raise SettingsError(f"there is no scene {text!r}", hint=hint)
     return str(path.resolve())
 
@@ -67,6 +71,8 @@ def scene_file(recipe: SceneRecipe) -> Path:
             with replacing(path, suffix=".glb") as file:
                 _make(recipe.source, file)
         return path
+    if recipe.axis is None and recipe.source in arena_scenes():
+        return arena_file(recipe.source)
     if recipe.axis is None:
         return ASSETS / "demo.glb" if recipe.source == DEMO else Path(recipe.source)
     source = scene_file(SceneRecipe(recipe.source))
@@ -80,6 +86,17 @@ def scene_file(recipe: SceneRecipe) -> Path:
             if recipe.still:
                 _drop_own_animations(file)
     return path
+
+
+def not_run(recipe: SceneRecipe) -> str | None:
+    """Why a scene cannot be made on this machine: a recorded game needs the game's data files; None if it can."""
+    if recipe.source not in arena_scenes():
+        return None
+    try:
+        arena_file(recipe.source)
+    except SceneError as error:
+        return str(error)
+    return None
 
 
 def _make(name: str, path: Path) -> None:

@@ -58,18 +58,20 @@ class Writer:
             self._shared[key] = index
         return index
 
-    def texture(self, pixels: np.ndarray) -> int:
-        """(h, w, 3 or 4) uint8 as an embedded PNG, sampled with repeat and mipmaps."""
-        image = self.image(pixels)
+    def texture(self, pixels: np.ndarray, lossy: bool = False) -> int:
+        """An ``image``, sampled with repeat and mipmaps."""
+        image = self.image(pixels, lossy)
         if not self.gltf.samplers:
             self.gltf.samplers.append(gl.Sampler(magFilter=gl.LINEAR, minFilter=gl.LINEAR_MIPMAP_LINEAR))
         return self._append(self.gltf.textures, gl.Texture(source=image, sampler=0))
 
-    def image(self, pixels: np.ndarray) -> int:
-        """(h, w, 3 or 4) uint8 as an embedded PNG."""
-        file = io.BytesIO()
-        Image.fromarray(pixels).save(file, "PNG", optimize=True)
-        return self._append(self.gltf.images, gl.Image(mimeType="image/png", bufferView=self.view(file.getvalue())))
+    def image(self, pixels: np.ndarray, lossy: bool = False) -> int:
+        """(h, w, 3 or 4) uint8 as an embedded PNG; ``lossy``: as a JPEG, if it has no alpha."""
+        file, lossy = io.BytesIO(), lossy and pixels.shape[2] == 3
+        options = {"quality": 90} if lossy else {"optimize": True}
+        Image.fromarray(pixels).save(file, "JPEG" if lossy else "PNG", **options)
+        mime = "image/jpeg" if lossy else "image/png"
+        return self._append(self.gltf.images, gl.Image(mimeType=mime, bufferView=self.view(file.getvalue())))
 
     def material(
         self,
@@ -95,7 +97,7 @@ class Writer:
         """A primitive for ``mesh``.
 
         ``shape``: any of POSITION, NORMAL (n, 3), TEXCOORD_0 (n, 2), JOINTS_0, WEIGHTS_0 (n, 4), and
-        indices, three per triangle, below 65536.  ``targets``: offsets of POSITION and NORMAL, (n, 3) each.
+        indices, three per triangle.  ``targets``: offsets of POSITION and NORMAL, (n, 3) each.
         """
         attributes = gl.Attributes()
         for name, values in shape.items():
@@ -103,7 +105,8 @@ class Writer:
                 dtype = "u1" if name == "JOINTS_0" else "f4"
                 index = self.accessor(values, dtype, gl.ARRAY_BUFFER, bounds=name == "POSITION")
                 setattr(attributes, name, index)
-        indices = self.accessor(shape["indices"].reshape(-1), "u2", gl.ELEMENT_ARRAY_BUFFER)
+        kind = "u2" if shape["indices"].max() < 65535 else "u4"
+        indices = self.accessor(shape["indices"].reshape(-1), kind, gl.ELEMENT_ARRAY_BUFFER)
         primitive = gl.Primitive(attributes=attributes, indices=indices, material=material, mode=gl.TRIANGLES)
         primitive.targets = [
             {name: self.accessor(v, "f4", gl.ARRAY_BUFFER, bounds=name == "POSITION") for name, v in t.items()}
@@ -121,12 +124,16 @@ class Writer:
 
     def light(self, **properties: Any) -> dict:
         """A KHR_lights_punctual light; the ``extensions`` of the node that carries it."""
-        name = "KHR_lights_punctual"
+        name = self.uses("KHR_lights_punctual")
         lights = self.gltf.extensions.setdefault(name, {"lights": []})["lights"]
         lights.append(properties)
-        if name not in self.gltf.extensionsUsed:
-            self.gltf.extensionsUsed.append(name)
         return {name: {"light": len(lights) - 1}}
+
+    def uses(self, extension: str) -> str:
+        """Declare an extension, and return its name."""
+        if extension not in self.gltf.extensionsUsed:
+            self.gltf.extensionsUsed.append(extension)
+        return extension
 
     def skin(self, name: str, joints: list[int], inverse_bind: np.ndarray) -> int:
         columns = np.swapaxes(inverse_bind, -1, -2).reshape(-1, 16)
@@ -137,16 +144,24 @@ class Writer:
         lens = gl.Perspective(yfov=yfov, znear=znear, zfar=zfar, aspectRatio=16 / 9)
         return self._append(self.gltf.cameras, gl.Camera(name=name, type="perspective", perspective=lens))
 
-    def animation(self, name: str, *tracks: tuple[int, str, Any, Any, str]) -> int:
-        """Add an animation of tracks (node, path, times, values, interpolation)."""
+    def animation(self, name: str, *tracks: tuple[int | str, str, Any, Any, str]) -> int:
+        """Add an animation of tracks (node, path, times, values, interpolation).
+
+        With the path "pointer", a JSON pointer stands for the node; its values are numbers or flags.
+        """
         animation = gl.Animation(name=name)
         for node, path, times, values, interpolation in tracks:
-            flat = np.reshape(values, (-1, 1)) if path == "weights" else values
+            flat = np.reshape(values, (-1, 1)) if path in ("weights", "pointer") else np.asarray(values)
+            output = self.accessor(flat, "u1" if flat.dtype == bool else "f4")
             sampler = gl.AnimationSampler(
-                input=self.accessor(times, bounds=True), output=self.accessor(flat), interpolation=interpolation
+                input=self.accessor(times, bounds=True), output=output, interpolation=interpolation
             )
             animation.samplers.append(sampler)
-            target = gl.AnimationChannelTarget(node=node, path=path)
+            target = gl.AnimationChannelTarget(path=path)
+            if path == "pointer":
+                target.extensions = {self.uses("KHR_animation_pointer"): {"pointer": node}}
+            else:
+                target.node = node
             animation.channels.append(gl.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
         return self._append(self.gltf.animations, animation)
 

@@ -2,7 +2,8 @@
 
 A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (``FORMATS``), and if
 known ``authors``, ``license``, ``homepage``, ``url`` (http or https), ``sha256`` of the file at the URL, ``scene``
-(path or pattern of the scene inside the archive), ``paper`` (its row in the paper's tables), ``note``.  What a
+(path or pattern of the scene inside the archive), ``paper`` (its row in the paper's tables), ``recording``
+(the recorded game that it is made from), ``note``.  What a
 reproduction needs: ``unit_scale`` (units per meter), ``fps`` of the images (Table 4) and ``camera_fps`` of camera
 activity (Tables 2 and 3), ``frames`` ([first, last + 1], at ``fps``), ``camera``, ``light_unit``, ``exposure``,
 ``environment`` (as ``--environment``; an image inside the archive), ``thresholds`` (a table, by feature).  A name in
@@ -53,6 +54,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     environment: str | None = None
     thresholds: dict[str, float] | None = None
     paper: str | None = None
+    recording: str | None = None
     note: str = ""
 
     def settings(self) -> dict[str, Any]:

@@ -72,12 +72,21 @@ def blended_materials(scene: Scene) -> frozenset[int]:
     return frozenset(i for i in used if i >= 0 and scene.materials[i].alpha_mode == "BLEND")
 
 
+def is_invisible(scene: Scene, material: int) -> bool:
+    """Whether surfaces of a material have opacity 0 everywhere."""
+    return material in blended_materials(scene) and scene.materials[material].base_color[3] == 0.0
+
+
 def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, where: str = "") -> list[str]:
     """At most one note on what the setting ``blend`` does to blended surfaces below alpha 0.5.
 
     ``seen``: the image of the opaque scene; None: nothing was drawn, and only materials whose own alpha is below 0.5
     are known.
     """
+    used = {p.material for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives}
+    if used and blend != "opaque" and all(is_invisible(scene, i) for i in used):
+        how = "all surfaces have opacity 0, and nothing is drawn: --blend opaque draws them"
+        return [f"{how} ({len(used)} material{'s' * (len(used) > 1)})"]
     faint = {i for i in blended_materials(scene) if scene.materials[i].base_color[3] < BLEND_CUTOFF}
     pixels = None
     if seen is not None:

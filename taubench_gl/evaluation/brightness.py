@@ -68,7 +68,8 @@ class Brightness:
         noisy = np.zeros(0)
         if "path_info" in textures:
             noisy = noise_of_a_sample(textures, settings) > np.sqrt(settings.lighting.path_samples)
-        counts = {"pixels": top.size, "black": dark.sum(), "lit": lit.sum(), "clipped": clipped.sum()}
+        counts = {"pixels": top.size, "lit": lit.sum(), "clipped": clipped.sum()}
+        counts["black"] = dark.sum() if surface.any() else 0  # where nothing is drawn, no light can be wrong
         counts |= {"noisy": noisy.sum(), "behind": source.hidden_backs()}
         self.add({"frames": 1} | {name: int(count) for name, count in counts.items()})
 

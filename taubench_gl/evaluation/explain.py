@@ -68,6 +68,7 @@ class Explanation:
     reason: str
     object_motion_m: float | None = None  # distance by which the surface point itself moved; None: not determined
     motion_word: int | None = None  # ``word`` under motion reprojection, bits of the comparison; None: not determined
+    vector_px: tuple[float, float] | None = None  # as ``motion_px``, the motion that files store; None: they have none
     history: str = "frame"  # or ``eye``: the image compared with
 
     def __str__(self) -> str:
@@ -110,6 +111,9 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
     history = images.settings.metrics.history
     moved = (float(motion[0]), -float(motion[1]) + 0.0)
     explanation = Explanation((x, row), word, moved, at, features, in_words(word, history), history=history)
+    if "vectors" in source.current:
+        stored = read_texel(images.gpu, source.current["vectors"], x, up)
+        explanation = replace(explanation, vector_px=(float(stored[0]), -float(stored[1]) + 0.0))
     if comparable and source.reprojection == "camera" and word & (Reason.POSITION | Reason.NORMAL):
         return _with_object_motion(explanation, images, now)
     return explanation

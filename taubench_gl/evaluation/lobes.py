@@ -93,4 +93,4 @@ class LobeColumns:
             for textures in (self._source.current, self._source.previous)
         )
         step = reprojection(pair.view, self._source.previous_view, *self._source.size)
-        return evaluator.compare(step, current=current, previous=previous).mask_histogram
+        return evaluator.read(evaluator.submit(step, current=current, previous=previous)).mask_histogram

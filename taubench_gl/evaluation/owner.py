@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
+from typing import Unpack
 
 import numpy as np
 
 from taubench_gl.evaluation.pairs import PairEvaluator
-from taubench_gl.frame.passes.masks import ComparedSource
+from taubench_gl.frame.passes.masks import ComparedSource, Comparison
+from taubench_gl.frame.plan import FrameOptions
 from taubench_gl.frame.sources import RasterSource, Source
-from taubench_gl.frame.spec import EXACT, AnimatedScene, Shading
+from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.owner import Owner
 from taubench_gl.gpu.passes import GpuContext
@@ -47,26 +49,19 @@ class GpuOwner(Owner):
         animated: AnimatedScene,
         settings: Settings,
         *,
-        extra: Iterable[str] = (),
-        without: Iterable[str] = (),
-        shading: Shading = EXACT,
-        pixel_list: bool = False,
-        given_directions: bool = False,
         jitter: Callable[[int], np.ndarray] | None = None,
         timer: PassTimer | None = None,
         instead_of: RasterSource | None = None,
+        **options: Unpack[FrameOptions],
     ) -> RasterSource:
         """A source with the programs that this owner has compiled, which the owner frees.
 
-        ``extra``: channels besides those that the columns need; ``without``: effects not to simulate; ``shading``,
-        ``pixel_list``, ``given_directions``: as of ``FrameSpec``; ``jitter``, ``timer``: as of ``RasterSource``;
-        ``instead_of``: the source that it replaces, which is freed once the new one is open.  Raises TaubenchError.
+        ``jitter``, ``timer``, ``options``: as of ``RasterSource``; ``instead_of``: the source that it replaces, which
+        is freed once the new one is open.  Raises TaubenchError.
         """
         log.info("preparing frames of %dx%d pixels", settings.sequence.width, settings.sequence.height)
-        source = RasterSource(
-            self.gpu, animated, settings, jitter=jitter, timer=timer, shaders=self.context.shaders, extra=tuple(extra),
-            without=without, shading=shading, pixel_list=pixel_list, given_directions=given_directions,
-        )  # fmt: skip
+        shaders = self.context.shaders
+        source = RasterSource(self.gpu, animated, settings, jitter=jitter, timer=timer, shaders=shaders, **options)
         return self.own(source, instead_of=instead_of)
 
     def open_evaluator(
@@ -74,26 +69,17 @@ class GpuOwner(Owner):
         source: Source | ComparedSource,
         settings: Settings,
         *,
-        images: bool = False,
-        distances: bool = False,
-        reprojection: str | None = None,
-        radiance: tuple[str, ...] | None = None,
-        absent: bool = False,
-        both: bool = False,
         timed: bool = True,
         instead_of: PairEvaluator | None = None,
+        **options: Unpack[Comparison],
     ) -> PairEvaluator:
         """An evaluator of the pairs of ``source``, which the owner frees.
 
-        ``images``, ``distances``, ``reprojection``, ``radiance``, ``absent``, ``both``: as of ``PairEvaluator``;
-        ``timed``: its pass is measured; ``instead_of``: the evaluator that it replaces.
+        ``timed``: its pass is measured; ``instead_of``: the evaluator that it replaces; ``options``: as of
+        ``PairEvaluator``.
         """
         context = self.context if timed else self.untimed
-        evaluator = PairEvaluator(
-            context, source, settings, images=images, distances=distances, reprojection=reprojection,
-            radiance=radiance, absent=absent, both=both,
-        )  # fmt: skip
-        return self.own(evaluator, instead_of=instead_of)
+        return self.own(PairEvaluator(context, source, settings, **options), instead_of=instead_of)
 
     def release(self) -> None:
         """Free everything, and what else has lost its references.  The owner can be used again."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from taubench_gl.animation.pairs import reprojection as reprojection_of
 from taubench_gl.errors import SettingsError, TaubenchError, choice_hint
 from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
 from taubench_gl.features import FEATURES, GEOMETRY
-from taubench_gl.frame.passes.masks import PLACES, ComparedSource, MaskPass
+from taubench_gl.frame.passes.masks import PLACES, ComparedSource, Comparison, MaskPass
 from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.passes import GpuContext
@@ -67,8 +67,9 @@ class EvaluatedPair:
 class PairEvaluator:
     """Source -> mask pass -> counts: the one place where the channels of two frames are compared.
 
-    ``step`` draws the frames of a source one after another and evaluates their pairs.  ``submit`` and ``compare``
-    evaluate a pair of frames that the caller drew.  ``release`` frees the mask pass; ``context`` stays the caller's.
+    ``step`` draws the frames of a source one after another and evaluates their pairs.  ``submit`` evaluates a pair of
+    frames that the caller drew, and ``read`` gives its counts.  ``release`` frees the mask pass; ``context`` stays the
+    caller's.
     """
 
     def __init__(
@@ -76,36 +77,16 @@ class PairEvaluator:
         context: GpuContext,
         source: Source | ComparedSource,
         settings: Settings,
-        *,
-        images: bool = False,
-        distances: bool = False,
-        reprojection: str | None = None,
-        radiance: tuple[str, ...] | None = None,
-        absent: bool = False,
-        both: bool = False,
+        **options: Unpack[Comparison],
     ):
-        """``images``: also write images of masks and motion; ``distances``: and of the distances of every pixel.
-
-        ``reprojection``: camera or motion; ``radiance``: light features to compare; None: those of ``source``.
-        ``absent``: surfaces that ``ids`` mark as ABSENT are CUT.  ``both``: the other reprojection is counted too.
-        """
+        """``options``: what the mask pass compares and writes, as ``MaskPass.for_source`` takes it."""
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
         # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
-        self.deferred = self._samples == 1 and not images
+        self.deferred = self._samples == 1 and not options.get("images")
         self._timer = context.timer
         self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
-        self._masks = MaskPass.for_source(
-            context,
-            source,
-            settings,
-            reprojection=reprojection,
-            radiance=radiance,
-            images=images,
-            distances=distances,
-            absent=absent,
-            both=both,
-        )
+        self._masks = MaskPass.for_source(context, source, settings, **options)
         self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
         self._pending: deque[EvaluatedPair] = deque()
         self._submitted: tuple[Reprojection, Mapping[str, float]] | None = None  # the pair last, and its thresholds
@@ -189,19 +170,6 @@ class PairEvaluator:
     def read(self, run: int | None = None) -> Counts:
         """Wait for a run, the latest or the one before it, and read its counts."""
         return self._masks.read(run)
-
-    def compare(
-        self,
-        pair: Reprojection,
-        *,
-        declared: int = 0,
-        current: Textures | None = None,
-        previous: Textures | None = None,
-        thresholds: Mapping[str, float] | None = None,
-    ) -> Counts:
-        """Submit one pair and wait for its counts.  Arguments of ``submit``."""
-        run = self.submit(pair, declared=declared, current=current, previous=previous, thresholds=thresholds)
-        return self.read(run)
 
     @property
     def mask_texture(self) -> Any:

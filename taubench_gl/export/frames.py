@@ -7,7 +7,7 @@ pose.  The first frame has no previous frame and the last no next frame; there, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -83,16 +83,20 @@ class FrameSource(GpuOwner):
         settings: Settings,
         names: tuple[str, ...],
         *,
-        jitter: str = "none",
+        jitter: str | Callable[[int], Array] = "none",
         buffered: bool | None = None,
         training: TrainingOptions = NO_TRAINING,
     ):
-        """Open what draws ``names``.  ``jitter``: none or halton; ``buffered``: as of ``ChannelReader``."""
+        """Open what draws ``names``.
+
+        ``jitter``: none, halton, or the offset of a frame, (2,) pixels, +x right, +y up; ``buffered``: as of
+        ``ChannelReader``.
+        """
         super().__init__(gpu)
         self._animated = animated = animated.at_rate(settings.sequence.fps)
         self._count = frame_total(animated.scene, animated.camera, settings)
         self._reader = self.own(ChannelReader(gpu, buffered=buffered))
-        self._jitter = halton_jitter if jitter == "halton" else None
+        self._jitter = jitter if callable(jitter) else halton_jitter if jitter == "halton" else None
         columns = settings.metrics.columns if "mask" in names else ("frustum",)
         exact = EXACT_REASONS in names
         if exact:

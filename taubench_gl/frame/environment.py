@@ -60,9 +60,9 @@ def declare_environment(p: ComputePass, environment: Environment, *, lobes: bool
     if environment.kind != "image":
         return p
     p.define(ENVIRONMENT_IMAGE=True, ENVIRONMENT_LOBES=lobes)
-    p.texture(MAP, given=True)
+    p.texture(MAP, filled=True)
     if lobes:
-        p.texture(LOBES, given=True)
+        p.texture(LOBES, filled=True)
         p.glsl(f"const int LOBE_HEIGHT = {LOBE_HEIGHT}, LOBE_LEVELS = {LOBE_LEVELS};")
     if owned:
         height = min(image_of(environment).size[1], SEEN_HEIGHT)

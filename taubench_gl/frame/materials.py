@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,9 @@ MIRRORED_REPEAT = 33648
 """Wrap mode that samplers do not use: the shaders fold the coordinates instead."""
 
 _GL_SRGB8_ALPHA8 = 0x8C43
+DECODED_AHEAD = min(os.cpu_count() or 1, 8)
+"""Images that are decoded at the same time."""
+
 BLEND_CUTOFF = 0.5
 """Blended surfaces are present where alpha >= 0.5 and absent elsewhere: Cycles' default for its data passes."""
 
@@ -140,6 +145,20 @@ def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int
     return {(texture_of(material, slot).image, slot in SRGB_SLOTS) for material, slots in used for slot in slots}
 
 
+def decoded_images(scene: Scene, images: Iterable[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """(image, texels (h, w, 4) uint8) in order.  Threads decode a few images ahead, so few are held at a time."""
+    ahead: deque[tuple[int, Future[np.ndarray]]] = deque()
+    with ThreadPoolExecutor(DECODED_AHEAD) as pool:
+        for image in images:
+            if len(ahead) == DECODED_AHEAD:
+                first, decoding = ahead.popleft()
+                yield first, decoding.result()
+            ahead.append((image, pool.submit(scene.images[image].decode)))
+        while ahead:
+            first, decoding = ahead.popleft()
+            yield first, decoding.result()
+
+
 def image_bytes(size: tuple[int, int]) -> int:
     """GPU memory of an RGBA8 texture with its mipmaps."""
     return size[0] * size[1] * 4 * 4 // 3
@@ -174,11 +193,10 @@ class MaterialTable:
 
     def _upload(self, scene: Scene, used: set[int]) -> None:
         needed = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in used)
-        images = sorted({image for image, _ in needed})
-        with ThreadPoolExecutor() as pool:
-            decoded = dict(zip(images, pool.map(lambda i: scene.images[i].decode(), images), strict=True))
-        for image, srgb in sorted(needed):
-            self._textures[image, srgb] = self._texture(decoded[image], srgb, scene.images[image].name)
+        for image, pixels in decoded_images(scene, sorted({image for image, _ in needed})):
+            for srgb in (False, True):
+                if (image, srgb) in needed:
+                    self._textures[image, srgb] = self._texture(pixels, srgb, scene.images[image].name)
 
     def _texture(self, pixels: np.ndarray, srgb: bool, name: str) -> moderngl.Texture:
         height, width = pixels.shape[:2]
@@ -187,7 +205,7 @@ class MaterialTable:
             raise GraphicsError(f"image {name!r} is {width}x{height}, this device takes {limit}", hint="scale it down")
         extra = {"internal_format": _GL_SRGB8_ALPHA8} if srgb else {}
         # glTF's v runs downwards from the image's top row, so rows go up in file order: texture row 0 is v = 0.
-        texture = self._gpu.ctx.texture((width, height), 4, np.ascontiguousarray(pixels).tobytes(), dtype="f1", **extra)
+        texture = self._gpu.ctx.texture((width, height), 4, np.ascontiguousarray(pixels), dtype="f1", **extra)
         texture.build_mipmaps()
         return texture
 

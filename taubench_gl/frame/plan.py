@@ -33,8 +33,16 @@ from taubench_gl.settings import Settings
 @stage(options=("normal_maps", "alpha_mask", "previous_pose", "cuts", "skinning", "morphing"))
 def geometry(spec: FrameSpec) -> Sequence[Pass]:
     """The geometry pass writes what the passes after it read, and ``spec.extra``."""
-    read = {name for declare in AFTER_GEOMETRY for p in declare(spec) for name in (*p.reads, *p.history)}
-    channels = read | set(spec.extra)
+    return _geometry(spec, _after_geometry(spec))
+
+
+def _after_geometry(spec: FrameSpec) -> list[Pass]:
+    return [p for declare in AFTER_GEOMETRY for p in declare(spec)]
+
+
+def _geometry(spec: FrameSpec, after: Iterable[Pass]) -> Sequence[Pass]:
+    """``geometry`` before the passes ``after``."""
+    channels = {name for p in after for name in (*p.reads, *p.history)} | set(spec.extra)
     if "emission" in channels:
         channels.add("base_color")  # an unlit surface emits its base color
     snapped = spec.tuning.snapped_corners
@@ -62,7 +70,7 @@ class FrameOptions(TypedDict, total=False):
     force: Iterable[str]
     without: Iterable[str]
     shading: Shading
-    extra: tuple[str, ...]
+    extra: Iterable[str]
     pixel_list: bool
     given_directions: bool
 
@@ -75,7 +83,7 @@ def frame_spec(
     force: Iterable[str] = (),
     without: Iterable[str] = (),
     shading: Shading = EXACT,
-    extra: tuple[str, ...] = (),
+    extra: Iterable[str] = (),
     tuning: Tuning = ON_GPU,
     pixel_list: bool = False,
     given_directions: bool = False,
@@ -98,12 +106,13 @@ def frame_spec(
     if not len(animated.scene.light_nodes) and "sun" not in enabled:
         enabled -= LIGHT_BOUND - {"indirect"} if traced_effects(enabled) else LIGHT_BOUND
     enabled = without_dependents(enabled, DEPENDS)
-    return FrameSpec(animated, settings, enabled, effects, shading, extra, tuning, pixel_list, given_directions)
+    return FrameSpec(animated, settings, enabled, effects, shading, tuple(extra), tuning, pixel_list, given_directions)
 
 
 def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:
     """Every pass of a frame in order.  ValueError where one would read what no pass has written."""
-    passes = tuple(p for declare in FRAME for p in declare(spec))
+    after = _after_geometry(spec)
+    passes = (*deform(spec), *_geometry(spec, after), *after)
     faults = order_faults(passes)
     if faults:
         raise ValueError("; ".join(faults))
@@ -112,7 +121,11 @@ def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:
 
 def frame_channels(spec: FrameSpec) -> tuple[str, ...]:
     """Every channel of a frame, in the order of the channel table."""
-    named = {name for p in frame_passes(spec) for name in (*p.reads, *p.writes, *p.history)}
+    return _channels_of(frame_passes(spec), spec)
+
+
+def _channels_of(passes: Iterable[Pass], spec: FrameSpec) -> tuple[str, ...]:
+    named = {name for p in passes for name in (*p.reads, *p.writes, *p.history)}
     named |= {name for name in spec.extra if CHANNELS[name].attachment}
     return tuple(name for name in CHANNELS if name in named and name not in ("mask", "motion"))
 
@@ -143,7 +156,7 @@ def frame_resources(spec: FrameSpec) -> FrameResources:
     size = sequence.width, sequence.height
     # Every sample position within a pixel has a history.
     samples = spec.settings.metrics.samples_per_pixel
-    memory = {name: samples * n for name, n in history_bytes(size, frame_channels(spec), storage).items()}
+    memory = {name: samples * n for name, n in history_bytes(size, _channels_of(passes, spec), storage).items()}
     for p in passes:
         for resource in p.resources:
             memory[resource.label] = memory.get(resource.label, 0) + resource.bytes
@@ -162,11 +175,12 @@ def effect_costs(animated: AnimatedScene, settings: Settings) -> dict[str, dict[
 
     That is ``passes``, ``textures``, ``shaders`` and ``gpu_bytes``.  JSON values.
     """
-    out, effects = {}, frame_spec(animated, settings).effects
+    spec = frame_spec(animated, settings)
+    out, effects, decided = {}, spec.effects, frame_resources(spec)
     for name, effect in effects.items():
-        changed = (effects | {name: replace(effect, enabled=on)} for on in (True, False))
-        enabled, disabled = (frame_resources(frame_spec(animated, settings, e)) for e in changed)
-        adds = enabled.added_to(disabled)
+        changed = effects | {name: replace(effect, enabled=not effect.enabled)}
+        other = frame_resources(frame_spec(animated, settings, changed))
+        adds = decided.added_to(other) if effect.enabled else other.added_to(decided)
         out[name] = {
             "on": effect.enabled,
             "reason": effect.reason,

@@ -130,7 +130,7 @@ class FrameSpec:
     def declare_directions(self, p: ComputePass) -> ComputePass:
         """``p`` with the lookup of the direction to the camera (``shaders/common/to_camera.glsl``) declared."""
         p.define(GIVEN_DIRECTIONS=self.given_directions)
-        return p.texture(TO_CAMERA, given=True) if self.given_directions else p
+        return p.texture(TO_CAMERA, filled=True) if self.given_directions else p
 
     @property
     def indirect_method(self) -> str:

@@ -62,7 +62,7 @@ class Use:
     access: str = READ
     resource: str = ""  # name in the frame; "": as ``name``
     history: bool = False  # a channel of the frame before
-    given: bool = False  # a table that the CPU fills, so that no pass has to write it
+    filled: bool = False  # a table that the CPU fills, so that no pass has to write it
     count: int = 0  # > 0: constants are an array
 
     @property
@@ -136,7 +136,7 @@ class Pass:
         """A uniform block.  ``fill(frame)``: its values; ``count`` > 0: an array of so many records."""
         self.glsl(struct)
         self.fills[name] = struct, fill
-        return self.use(Use(CONSTANTS, name, struct.name, count=count, given=True))
+        return self.use(Use(CONSTANTS, name, struct.name, count=count, filled=True))
 
     def use(self, *uses: Use) -> Self:
         for use in uses:
@@ -146,25 +146,25 @@ class Pass:
         return self
 
     def texture(
-        self, name: str, kind: str = "sampler2D", *, resource: str = "", history: bool = False, given: bool = False
+        self, name: str, kind: str = "sampler2D", *, resource: str = "", history: bool = False, filled: bool = False
     ) -> Self:
         """A texture to read through a sampler; keywords as in ``Use``."""
-        return self.use(Use(TEXTURE, name, kind, READ, resource, history, given))
+        return self.use(Use(TEXTURE, name, kind, READ, resource, history, filled))
 
     def image(
-        self, name: str, form: str = "rgba32f", *, access: str = READ, resource: str = "", given: bool = False
+        self, name: str, form: str = "rgba32f", *, access: str = READ, resource: str = "", filled: bool = False
     ) -> Self:
         """An image, whose texels are read or written one by one; keywords as in ``Use``."""
-        return self.use(Use(IMAGE, name, form, access, resource, given=given))
+        return self.use(Use(IMAGE, name, form, access, resource, filled=filled))
 
     def buffer(
-        self, name: str, element: str | Struct, *, access: str = READ, resource: str = "", given: bool = False
+        self, name: str, element: str | Struct, *, access: str = READ, resource: str = "", filled: bool = False
     ) -> Self:
         """A shader storage buffer, an array of ``element``; keywords as in ``Use``."""
         if isinstance(element, Struct):
             self.glsl(element)
             element = element.name
-        return self.use(Use(BUFFER, name, element, access, resource, given=given))
+        return self.use(Use(BUFFER, name, element, access, resource, filled=filled))
 
     def allocate(self, *resources: Resource) -> Self:
         """Resources that exist because of this pass."""
@@ -174,7 +174,7 @@ class Pass:
     @property
     def reads(self) -> tuple[str, ...]:
         """Resources of this frame that some pass must have written before."""
-        return tuple(u.key for u in self.uses if u.access == READ and not u.given and not u.history)
+        return tuple(u.key for u in self.uses if u.access == READ and not u.filled and not u.history)
 
     @property
     def history(self) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ def pair_masks(
 
     ``current`` and ``history`` contain ``position`` (h, w, 4) and ``normal`` (h, w, >=3), optionally ``direct``,
     ``indirect`` and ``color`` (h, w, >=3).  ``current`` also contains ``prev_position`` (h, w, >=3) for ``motion``
-    reprojection, and ``ids`` (h, w, 2) uint32 where surfaces can be marked NO_HISTORY.
+    reprojection, maybe ``vectors`` (see ``reproject``), and ``ids`` (h, w, 2) uint32 where some are NO_HISTORY.
     """
     names = [n for n in (*GEOMETRY, *VALUES) if FEATURE[n].channel in current and FEATURE[n].channel in history]
     now = {n: value_of(n, current[FEATURE[n].channel]) for n in names}
@@ -72,7 +72,7 @@ def pair_masks(
     invalid = ~_finite(now)
     if prev_position is not None:
         invalid |= surface & ~np.isfinite(prev_position[..., :3]).all(axis=-1)
-    moved = reproject(pair, now["position"], prev_position)
+    moved = reproject(pair, now["position"], prev_position, current.get("vectors"))
     not_finite = ~invalid & ~moved.behind & ~np.isfinite(moved.motion_px).all(axis=-1)
     cut = np.zeros_like(surface)
     if "ids" in current:

@@ -47,11 +47,15 @@ class Reprojected:
     q: Array  # (h, w, 3) previous position relative to the previous camera (a direction for sky)
 
 
-def reproject(pair: Reprojection, position: Array, prev_position: Array | None = None) -> Reprojected:
+def reproject(
+    pair: Reprojection, position: Array, prev_position: Array | None = None, vectors: Array | None = None
+) -> Reprojected:
     """Eq. (3) for every pixel.
 
     ``position`` (h, w, 4): xyz relative to the current camera, w planar depth, 0 = sky.  With ``prev_position``
     (h, w, >=3), relative to the previous camera: ``motion`` reprojection; without it ``camera`` reprojection.
+    ``vectors`` (h, w, 2): stored motion in pixels, +y down, which ``motion`` then takes; NaN: none, the sky then
+    follows the camera.
     """
     h, w = pair.height, pair.width
     surface = position[..., 3] > 0
@@ -71,6 +75,9 @@ def reproject(pair: Reprojection, position: Array, prev_position: Array | None =
         ndc = _ndc(pair.clip_from_current, p, p_w)
         prev_ndc = _ndc(pair.prev_clip_from_prev, q, p_w)
         motion_up = (prev_ndc - ndc) * 0.5 * np.array([w, h], dtype=np.float64)
+    if vectors is not None and prev_position is not None:
+        stored = surface | np.isfinite(vectors).all(axis=-1)
+        motion_up = np.where(stored[..., None], vectors * np.array([1.0, -1.0]), motion_up)
     motion_up[behind] = np.nan
     at_x, at_y = x + motion_up[..., 0], y + motion_up[..., 1]
     with np.errstate(invalid="ignore"):

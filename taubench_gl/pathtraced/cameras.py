@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -38,6 +38,15 @@ CAMERA_FILE = "camera.json"
 
 MAX_MISMATCH_PX = 0.5
 """A camera whose projection of the position pass is farther off than this (median, pixels) did not render the files."""
+
+RATES = (24.0, 30.0, 60.0, 25.0, 50.0, 12.0, 15.0, 48.0, 72.0, 90.0, 120.0, *(n * 1000 / 1001 for n in (24, 30, 60)))
+"""Frame rates that are tried where the rate of a scene's camera does not fit, the first of equal ones preferred."""
+
+SAME_DEPTH = 0.01
+"""Relative difference up to which depth is that of positions."""
+
+PLACED_PX = 0.05
+"""Residuals below this, pixels, are equal: rounding of positions."""
 
 _INTRINSICS = ("yfov", "ymag", "znear", "zfar")
 _CHECK_POINTS = 4000
@@ -156,11 +165,23 @@ class PathTracedCamera(Protocol):
     def describe(self) -> str:
         """Text for the summary: where the camera comes from."""
 
+    def _view(self, number: int, frame: PathTracedFrame) -> View:
+        """The view of frame ``number`` with the principal point in the image center.  Raises PathTracedError."""
+
     def view(self, number: int, frame: PathTracedFrame) -> View:
-        """The view of frame ``number``.  Raises PathTracedError."""
+        """The view of frame ``number``, with the principal point of the mapping.  Raises PathTracedError."""
+        view, (right, down) = self._view(number, frame), frame.principal_point
+        return replace(view, principal_px=(right, -down)) if right or down else view
+
+    def place(self, number: int, frame: PathTracedFrame) -> None:
+        """Find out by a frame with surfaces where the camera's time begins, if that is not known yet."""
+
+    def advice(self, number: int, frame: PathTracedFrame) -> str:
+        """What would make the camera match the positions of frame ``number``, as a sentence; "" where nothing does."""
+        return ""
 
 
-class SidecarCamera:
+class SidecarCamera(PathTracedCamera):
     """Views of a JSON sidecar."""
 
     def __init__(self, path: str | Path):
@@ -170,7 +191,7 @@ class SidecarCamera:
     def describe(self) -> str:
         return f"camera file {self.path.name}"
 
-    def view(self, number: int, frame: PathTracedFrame) -> View:
+    def _view(self, number: int, frame: PathTracedFrame) -> View:
         if number not in self.file.views:
             low, high = min(self.file.views), max(self.file.views)
             raise PathTracedError(f"has no frame {number}", where=str(self.path), hint=f"it has {low} to {high}")
@@ -179,33 +200,46 @@ class SidecarCamera:
             raise PathTracedError(f"is for {camera_size} pixels, the files have {file_size}", where=str(self.path))
         return self.file.views[number]
 
+    def advice(self, number: int, frame: PathTracedFrame) -> str:
+        fitting = [n for n, view in self.file.views.items() if n != number and residual(view, frame).fits]
+        return f"it fits the pose of frame {min(fitting, key=lambda n: abs(n - number))}" if fitting else ""
 
-class SceneCamera:
+
+class SceneCamera(PathTracedCamera):
     """The camera of a scene file.  Frame i is at (i + ``offset``) / fps seconds."""
 
     def __init__(self, scene: Scene, track: CameraTrack, fps: float):
-        self._poser, self._track, self._fps = Poser(scene, fps), track, fps
-        self.offset = 0
+        self.scene, self.track, self._fps = scene, track, fps
+        self._poser, self.offset, self._placed = Poser(scene, fps), 0, False
 
     def describe(self) -> str:
         shift = f", frame {-self.offset} at 0 s" if self.offset else ""
-        return f"{self._track.describe()} of the scene file{shift}"
+        return f"{self.track.describe()} of the scene file{shift}"
 
-    def view(self, number: int, frame: PathTracedFrame) -> View:
-        return self._track.view_at(self._poser.sample((number + self.offset) / self._fps))
+    def _view(self, number: int, frame: PathTracedFrame) -> View:
+        return self.track.view_at(self._poser.sample((number + self.offset) / self._fps))
 
-    def find_offset(self, number: int, frame: PathTracedFrame) -> None:
+    def place(self, number: int, frame: PathTracedFrame) -> None:
         """Set the offset that explains the position pass: programs count frames from 0 or from 1.  Default: 0."""
-        if frame.position is None or mismatch_px(self.view(number, frame), frame) <= MAX_MISMATCH_PX:
+        if self._placed or residual(self.view(number, frame), frame) is None:
             return
-        errors = {}
-        for self.offset in (-1, 1):
-            errors[self.offset] = mismatch_px(self.view(number, frame), frame)
-        best = min(errors, key=errors.get)
-        self.offset = best if errors[best] <= MAX_MISMATCH_PX else 0
+        found = {offset: self._at(number, frame, self._fps, offset) for offset in (0, -1, 1)}
+        best = min(found, key=lambda offset: max(found[offset].median_px, PLACED_PX))
+        self.offset, self._placed = best if found[best].fits else 0, True
+
+    def _at(self, number: int, frame: PathTracedFrame, fps: float, offset: int) -> Residual:
+        """The residual of frame ``number`` if the files had another rate and offset."""
+        other = SceneCamera(self.scene, self.track, fps)
+        other.offset = offset
+        return residual(other.view(number, frame), frame)
+
+    def advice(self, number: int, frame: PathTracedFrame) -> str:
+        found = {(fps, offset): self._at(number, frame, fps, offset) for offset in (0, -1, 1) for fps in RATES}
+        best = min(found, key=lambda tried: max(found[tried].median_px, PLACED_PX))
+        return f"it fits --fps {best[0]:.6g}" if found[best].fits else ""
 
 
-class FittedCamera:
+class FittedCamera(PathTracedCamera):
     """Estimated from the position pass, each frame on its own."""
 
     def __init__(self) -> None:
@@ -215,15 +249,19 @@ class FittedCamera:
     def describe(self) -> str:
         return f"{self._last or 'estimated from the position pass'}; worst frame {self._worst:.2g} px"
 
-    def view(self, number: int, frame: PathTracedFrame) -> View:
+    def _view(self, number: int, frame: PathTracedFrame) -> View:
         if frame.position is None:
             message = f"frame {number} has no position pass to estimate a camera from"
             raise PathTracedError(message, hint="give --camera-file or --scene-file")
         if frame.relative:
             message = f"frame {number} has positions relative to a camera that is not known"
             raise PathTracedError(message, hint="give --camera-file")
-        depth = frame.depth if frame.depth_kind == "planar" else None
-        fit = fit_camera(frame.position, frame.sky, depth, where=f"frame {number}")
+        planar = frame.depth is not None and frame.depth_kind == "planar"
+        depth = frame.depth + np.float32(frame.depth_offset) if planar else None
+        fit = fit_camera(frame.position, frame.sky, depth, f"frame {number}", frame.principal_point)
+        if frame.half_position and fit.median_px > PLACED_PX:
+            message = f"positions of frame {number} are half floats, too coarse to estimate a camera from"
+            raise PathTracedError(message, hint="give --camera-file or --scene-file")
         self._worst, self._last = max(self._worst, fit.median_px), fit.describe()
         return fit.view
 
@@ -231,21 +269,33 @@ class FittedCamera:
 def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
     """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, meters.
 
-    Without a position pass, points are reconstructed from depth.
+    Without a position pass, or with one of half floats beside finer depth, points are reconstructed from depth.  Raises
+    PathTracedError where such depth is not that of the positions.
     """
-    forward = -view.world_from_view[:, 2]
+    forward, planar = -view.world_from_view[:, 2], None
     if frame.position is not None:
         relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)
-        return relative, relative @ forward
+        with np.errstate(invalid="ignore"):  # where the sky is infinitely far
+            planar = relative @ forward
+        if not (frame.half_position and frame.finer_depth):
+            return relative, planar
     height, width = frame.depth.shape
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    relative = points_at(view, pixels, frame.depth.astype(np.float64), frame.depth_kind, frame.size)
-    return relative, relative @ forward
+    depth = frame.depth.astype(np.float64)
+    relative = points_at(view, pixels, depth, frame.depth_kind, frame.size, frame.depth_offset)
+    found = relative @ forward
+    if planar is not None:
+        off, far = (float(np.nanmedian(values[~frame.sky])) for values in (np.abs(found - planar), np.abs(planar)))
+        if off > 4.0 * rounding_m(frame) + SAME_DEPTH * far:
+            message = f"depth is {off:.3g} m (median) off that of the positions, which are half floats"
+            raise PathTracedError(message, hint="set depth in the mapping ('check' names its kind), or do not name it")
+    return relative, found
 
 
-def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[int, int]) -> Array:
+def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[int, int], offset: float = 0.0) -> Array:
     """Points (..., 3) that ``pixels`` (..., 2; column, row) show at ``depth`` (...), which is planar or a distance.
 
+    ``offset``: planar distance in front of the camera where depth starts, as renderers with a near plane store it.
     Relative to the camera of ``view``, world axes, float64, meters.
     """
     view_from_clip = np.linalg.inv(view.clip_from_view(*size))
@@ -254,23 +304,24 @@ def points_at(view: View, pixels: Array, depth: Array, kind: str, size: tuple[in
     points = points[..., :3] / points[..., 3:]
     if view.camera.kind == "perspective":
         scale = np.linalg.norm(points, axis=-1) if kind == "distance" else -points[..., 2]
-        points = points * (depth / scale)[..., None]
+        points = points * (depth / scale - offset / points[..., 2])[..., None]
     else:
-        points = np.concatenate([points[..., :2], -depth[..., None]], axis=-1)
-    return points @ view.world_from_view.T
+        points = np.concatenate([points[..., :2], -depth[..., None] - offset], axis=-1)
+    with np.errstate(invalid="ignore"):  # where the sky is infinitely far
+        return points @ view.world_from_view.T
 
 
 def project(view: View, points: Array, size: tuple[int, int], *, relative: bool = False) -> Array:
-    """Pixel coordinates (column, row) of (N, 3) points; pixel centers are integers.  (N, 2) float64, NaN behind.
+    """Pixel coordinates (column, row) of (..., 3) points; pixel centers are integers.  (..., 2) float64, NaN behind.
 
     ``points`` are in world axes, relative to the camera position if ``relative``.
     """
     width, height = size
     offsets = points.astype(np.float64) - (0.0 if relative else view.position)
-    clip = np.column_stack([offsets, np.ones(len(offsets))]) @ view.clip_from_relative(width, height).T
-    w = np.where(clip[:, 3] > 0, clip[:, 3], np.nan)
-    ndc = clip[:, :2] / w[:, None]
-    return np.stack([(ndc[:, 0] + 1.0) * 0.5 * width - 0.5, (1.0 - ndc[:, 1]) * 0.5 * height - 0.5], axis=-1)
+    matrix = view.clip_from_relative(width, height)
+    clip = offsets @ matrix[:, :3].T + matrix[:, 3]
+    ndc = clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], np.nan)
+    return (ndc * [1.0, -1.0] + 1.0) * 0.5 * np.array(size) - 0.5
 
 
 def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_POINTS) -> Array:
@@ -285,31 +336,83 @@ def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_
     return projected - np.stack([columns, rows], axis=-1)
 
 
-def mismatch_px(view: View, frame: PathTracedFrame) -> float:
-    """Median length of ``pixel_offsets``, pixels.  0: no surface.  inf: most points are behind the camera."""
-    offsets = pixel_offsets(view, frame)
-    if not len(offsets):
-        return 0.0
-    front = np.isfinite(offsets).all(axis=-1)
-    if np.mean(front) < 0.5:
-        return math.inf
-    return float(np.median(np.hypot(*offsets[front].T)))
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """How far the positions of a frame project from the pixel centers that show them, pixels, +x right, +y down."""
+
+    median_px: float  # median length; inf: most points are behind the camera
+    offset_px: tuple[float, float]  # median, of the whole image
+    spread_px: float  # median length without ``offset_px``: samples differ from pixel to pixel
+    rounding_px: float = 0.0  # of half-float positions
+
+    @property
+    def fits(self) -> bool:
+        """Whether the camera can have rendered the frame."""
+        return self.median_px <= MAX_MISMATCH_PX + self.rounding_px
+
+    @property
+    def whole_px(self) -> tuple[int, int]:
+        """The move of the principal point, right and down, by which the camera would fit; (0, 0): there is none."""
+        whole = -np.round(self.offset_px) + 0.0
+        left = np.hypot(*(self.offset_px + whole)) + self.spread_px
+        return tuple(whole.astype(int).tolist()) if not self.fits and left <= MAX_MISMATCH_PX else (0, 0)
+
+    def describe(self) -> str:
+        """What is wrong with a frame that does not fit."""
+        if not math.isfinite(self.median_px):
+            return "its points are behind the camera"
+        common = "all by {:+.2f}, {:+.2f}".format(*self.offset_px)
+        return f"median {self.median_px:.3g} px off" + f" ({common} px right, down)" * any(self.whole_px)
 
 
-def check_camera(camera: PathTracedCamera, number: int, frame: PathTracedFrame) -> float | None:
-    """``mismatch_px`` of frame ``number``; None without a position pass.
+def residual(view: View, frame: PathTracedFrame) -> Residual | None:
+    """``Residual`` of a frame and the camera of ``view``; None without positions of surfaces.
 
-    Raises PathTracedError above MAX_MISMATCH_PX: the masks of another camera would be meaningless.
+    Positions of half floats may be off by their rounding too.
     """
-    if isinstance(camera, SceneCamera):
-        camera.find_offset(number, frame)
     if frame.position is None:
         return None
-    error = mismatch_px(camera.view(number, frame), frame)
-    if error > MAX_MISMATCH_PX:
-        off = "its points are behind the camera" if error == math.inf else f"median {error:.3g} px off"
-        raise PathTracedError(
-            f"{camera.describe()} does not match the position pass of frame {number}: {off}",
-            hint="check the file, --fps, the frame numbers and the mapping's 'up'; or leave the camera to be estimated",
-        )
-    return error
+    offsets = pixel_offsets(view, frame)
+    if not len(offsets):
+        return None
+    front = np.isfinite(offsets).all(axis=-1)
+    if np.mean(front) < 0.5:
+        return Residual(math.inf, (0.0, 0.0), 0.0)
+    offsets = offsets[front]
+    offset = np.median(offsets, axis=0)
+    rounding = _rounding_px(view, frame) if frame.half_position else 0.0
+    median, spread = (float(np.median(np.hypot(*each.T))) for each in (offsets, offsets - offset))
+    return Residual(median, tuple((offset + 0.0).tolist()), spread, rounding)
+
+
+def rounding_m(frame: PathTracedFrame) -> float:
+    """Median rounding error of the frame's positions if they are half floats, meters."""
+    stored = np.abs(frame.position[~frame.sky & np.isfinite(frame.position).all(axis=-1)])
+    return float(np.median(np.linalg.norm(0.5 * np.spacing(stored.astype(np.float16)).astype(np.float64), axis=-1)))
+
+
+def _rounding_px(view: View, frame: PathTracedFrame) -> float:
+    width, height = frame.size
+    forward = (frame.position[~frame.sky] - (0.0 if frame.relative else view.position)) @ -view.world_from_view[:, 2]
+    depth = 1.0 if view.camera.parallel else max(float(np.nanmedian(forward)), 1e-6)
+    return rounding_m(frame) * 0.5 * height * float(view.clip_from_view(width, height)[1, 1]) / depth
+
+
+def checked_view(camera: PathTracedCamera, number: int, frame: PathTracedFrame) -> tuple[View, Residual | None]:
+    """The view of frame ``number`` and its ``Residual``; None without positions of surfaces.
+
+    Raises PathTracedError above the residual's limit: the masks of another camera would be meaningless.
+    """
+    camera.place(number, frame)
+    view = camera.view(number, frame)
+    found = residual(view, frame)
+    if found is None or found.fits:
+        return view, found
+    hint = "check the file, --fps, the frame numbers and the mapping's 'up'; or leave the camera to be estimated"
+    if advice := camera.advice(number, frame):
+        hint = f"{advice}; {hint}"
+    elif any(found.whole_px):
+        point = [a + b for a, b in zip(frame.principal_point, found.whole_px, strict=True)]
+        hint = f"if every frame is off by as much, set principal_point = {point} in the mapping"
+    message = f"{camera.describe()} does not match the position pass of frame {number}: {found.describe()}"
+    raise PathTracedError(message, hint=hint)

@@ -1,35 +1,47 @@
-"""Which conventions of an EXR sequence are not those of its mapping, and what to set.
+"""Which conventions of an EXR sequence are not those of its mapping, and which of its motion vectors are right.
 
-The search has three steps.  *Camera*: which readings of rows, axes, origin, unit, camera matrices and frame order put
-the points of the position pass on their pixels.  *Motion*: with each reading that is left, which reading of the motion
-pass agrees with the motion of the points: of all surfaces if there is a pass of previous positions, and of surfaces
-that stand still.  Of the readings that explain as many pixels as the best one, the simplest wins; equally simple ones
-are equivalent: the files cannot tell them apart.  *Depth*: how it follows from the points.  Without geometry the images
-decide on motion.
+*Camera*: which readings of rows, axes, origin, unit, camera matrices and frame order put the points of the position
+pass on their pixels.  *Motion*: with each reading that is left, which reading of the motion pass agrees with the motion
+of the points: of all surfaces by the scene or by previous positions, and of surfaces that stand still.  Of the readings
+that explain as many pixels as the best one, the simplest wins; equally simple ones are equivalent: the files cannot
+tell them apart.  *Depth*: how it follows from the points.  *Vectors*: read that way, each class is judged
+(``check_vectors``).
 """
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taubench_gl import math3d
 from taubench_gl.animation import View
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced import cameras as cams
 from taubench_gl.pathtraced.cameras import PathTracedCamera, points_at, project
-from taubench_gl.pathtraced.image_motion import compare_images
-from taubench_gl.pathtraced.passes import PathTracedFrame, to_y_up
+from taubench_gl.pathtraced.check_files import FEW_PIXELS, PREVIOUS, SAME_POINT, SCENE, STILL, Files, Samples, Truth
+from taubench_gl.pathtraced.check_vectors import (
+    ENOUGH,
+    MIN_MOTION_PX,
+    MOST,
+    NOT_JUDGED,
+    RIGHT,
+    TOLERANCE_PX,
+    WRONG,
+    ClassVerdict,
+    PairVectors,
+    class_verdicts,
+    length,
+    simple_faults,
+    tolerance,
+)
+from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.readings import (
     BACKWARDS,
     GEOMETRY,
     MOTION,
     Reading,
-    corrected_motion,
     geometry_readings,
     geometry_values,
     motion_readings,
@@ -41,18 +53,14 @@ from taubench_gl.pathtraced.sequence import PathTracedSequence
 Array = np.ndarray
 log = logging.getLogger(__name__)
 
-TOLERANCE_PX = 0.1  # a vector or position within this distance of the expected one is explained
-ENOUGH = 0.5  # share of pixels that a reading must explain
 SAME = 0.02  # readings whose shares of explained pixels differ by less cannot be distinguished
+BACKWARDS_MARGIN = 0.1  # by which more a reading of another frame order must explain: it scores another pair's pixels
 MAX_JITTER_PX = 1.5  # largest jitter: the difference of two offsets, each in [-0.5, 0.5], and a margin
 MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes; largest spread of jitter
-MIN_MOTION_PX = 0.2  # median length below which the motion of a pair shows no convention
-MAX_SHIFT_PX = 0.25  # largest accepted offset of positions from the pixel centers, per axis
-FEW_PIXELS = 50  # fewest pixels that show a convention
-DEPTH_TOLERANCE = 0.01  # relative error up to which depth is explained
-_OTHERS = ("jitter", "cuts", "sky")
-_BASES = ("previous positions", "still surfaces")
-_SEARCHED = 300  # pixels of each frame in the search; shares are then counted over all
+CENTERED_PX = 0.05  # largest offset of positions from the pixel centers that is not mentioned
+MAX_SHIFT_PX = 0.45  # offset, per axis, from which on positions are those of other points than pixel centers
+DEPTH_TOLERANCE = 0.001  # relative error up to which depth is explained
+_OTHERS = ("jitter", "cuts")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +84,16 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class PairVerdict:
-    """Motion of file ``frame``: shares explained as the mapping reads it and corrected; ``jitter_px`` left in it.
+    """Motion of file ``frame``; shares of its pixels, 0 to 1.
 
-    Pixels, +x right, +y down.  ``expected_px``: median length of the motion of surfaces; ``errors``: (h, w), as read
-    and corrected, NaN where nothing is expected.
+    ``judged``: share of the surfaces with a vector whose motion is known; ``as_read``, ``explained``: share of the
+    judged pixels that are right as the mapping reads them and corrected; ``jitter_px`` left in it, pixels, +x right, +y
+    down; ``expected_px``: median length of the motion of surfaces; ``errors``: (h, w), as read and corrected, pixels,
+    NaN where nothing is known.
     """
 
     frame: int
+    judged: float
     as_read: float
     explained: float
     jitter_px: tuple[float, float]
@@ -98,196 +109,75 @@ class Check:
     reading: Reading
     basis: str = ""
     pairs: tuple[PairVerdict, ...] = ()
+    classes: tuple[ClassVerdict, ...] = ()
 
     @property
     def wrong(self) -> tuple[Verdict, ...]:
+        """The conventions that are wrong."""
         return tuple(v for v in self.verdicts if v.status == "wrong")
+
+    @property
+    def answer(self) -> str:
+        """Wrong if a convention or a class is, else not judged if a class is not, else right."""
+        answers = {WRONG} if self.wrong else {verdict.answer for verdict in self.classes}
+        return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
 
     def __getitem__(self, convention: str) -> Verdict:
         return next(v for v in self.verdicts if v.convention == convention)
 
+    def of(self, name: str) -> ClassVerdict | None:
+        """The verdict on a class of ``check_vectors.CLASSES``; None where it has no pixels."""
+        return next((verdict for verdict in self.classes if verdict.name == name), None)
+
 
 def check_sequence(
-    sequence: PathTracedSequence, camera: PathTracedCamera, frames: Sequence[int] | None = None, pairs: int = 4
+    sequence: PathTracedSequence,
+    camera: PathTracedCamera,
+    frames: Sequence[int] | None = None,
+    pairs: int = 4,
+    truth: Truth | None = None,
 ) -> Check:
     """Check at most ``pairs`` pairs of consecutive files among ``frames``, None: all.
 
-    A ``FittedCamera`` shows neither axes nor units.  Raises PathTracedError for files that cannot be read.
+    ``truth``: what the scene shows at the frames of files, None: not known.  A ``FittedCamera`` shows neither axes nor
+    units.  Raises PathTracedError for files that cannot be read.
     """
     chosen = sequence.frames if frames is None else frames
     starts = [n for n in chosen if n + 1 in chosen][:pairs]
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
     log.info("checking the conventions of %d frames", len(numbers))
-    geometry = "motion" not in sequence.index  # with motion, images may do
-    files = _Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
-    if isinstance(camera, cams.SceneCamera):
-        camera.find_offset(numbers[0], files.some)
+    geometry = "motion" not in sequence.index  # without it the scene may do
+    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
+    for number, frame in files.frames.items():
+        camera.place(number, frame)
+    if truth is not None and files.some.motion is not None:
+        files.truth = truth(numbers)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
     missing = "; ".join(f"{column}: {why}" for column, why in sequence.missing().items())
     text = f"{len(names)} found with the mapping {sequence.mapping.name}: {', '.join(names)}"
     passes = Verdict("passes", "note" if missing else "ok", f"{text}; missing: {missing}" if missing else text)
-    if files.some.position is None and files.some.depth is None:
+    if not files.geometry:
         why = "there is neither a position nor a depth pass"
     elif not files.fitted or any(files.view(numbers[0], Reading(rows=rows)) for rows in ("", "bottom first")):
         return _by_geometry(files, starts, passes)
     else:
         why = "no camera is given, and none can be estimated from positions"
-    return _by_images(files, starts, [passes, *_skipped(("camera", *GEOMETRY, "centers"), why)])
+    skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers"), why)]
+    return _by_vectors(files, starts, skipped)
 
 
 def _skipped(names: Iterable[str], why: str) -> list[Verdict]:
     return [Verdict(name, "not checked", why) for name in names]
 
 
-# ------------------------------------------------------------------------------------------------------------- files
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    """Pixels of one file.  Arrays (N, ...) float64, as the mapping reads them."""
+def _explained(difference: Array, limit: float | Array, shifted: bool = False) -> Array:
+    """Share of the vectors (..., N, 2) that are at most ``limit`` long, (...); ``shifted``: less their offset.
 
-    at: Array  # flat indices into the image
-    pixels: Array  # column, row
-    position: Array | None
-    depth: Array | None
-    prev_position: Array | None
-    motion: Array | None
-
-    @classmethod
-    def of(cls, frame: PathTracedFrame, mask: Array, most: int | None = None) -> _Samples:
-        at = np.random.default_rng(0).permutation(np.flatnonzero(mask))[:most]
-        named = (frame.position, frame.depth, frame.prev_position, frame.motion)
-        taken = (None if a is None else a.reshape(mask.size, *a.shape[2:])[at].astype(np.float64) for a in named)
-        return cls(at, np.stack([at % frame.size[0], at // frame.size[0]], axis=-1).astype(np.float64), *taken)
-
-
-@dataclass(slots=True)
-class _Files:
-    """The files that are checked, each read once, and what any reading makes of them."""
-
-    sequence: PathTracedSequence
-    camera: PathTracedCamera
-    frames: dict[int, PathTracedFrame]
-    few: dict[int, _Samples] = field(default_factory=dict)
-    every: dict[int, _Samples] = field(default_factory=dict)
-    views: dict[tuple[int, int, Reading], View | None] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        for number, frame in self.frames.items():
-            use = ~frame.sky
-            for values in (frame.position, frame.motion):
-                use = use if values is None else use & np.isfinite(values).all(axis=-1)
-            if frame.position is None and frame.depth is not None:
-                use &= np.isfinite(frame.depth) & (frame.depth > 0)
-            self.every[number] = _Samples.of(frame, use)
-            if frame.prev_position is not None and frame.motion is not None:
-                moving = use & frame.motion.any(axis=-1)  # objects that move before a still camera
-                use = moving if moving.sum() >= FEW_PIXELS else use
-            self.few[number] = _Samples.of(frame, use, _SEARCHED)
-
-    @property
-    def some(self) -> PathTracedFrame:
-        """The first file's frame: all files have the same passes."""
-        return next(iter(self.frames.values()))
-
-    @property
-    def fitted(self) -> bool:
-        return isinstance(self.camera, cams.FittedCamera)
-
-    def view(self, number: int, reading: Reading) -> View | None:
-        """The camera of file ``number`` by ``reading``; None where the camera file has none for it."""
-        shown = number + {"ahead": -1, "behind": 1}.get(reading.order, 0)
-        if "backwards" in reading.order:
-            shown = self.sequence.frames[0] + self.sequence.frames[-1] - number
-        key = (number, shown, Reading(rows=reading.rows * self.fitted, matrix=reading.matrix, lens=reading.lens))
-        if key not in self.views:
-            try:
-                self.views[key] = self._view(*key)
-            except PathTracedError:
-                self.views[key] = None
-        return self.views[key]
-
-    def _view(self, number: int, shown: int, reading: Reading) -> View | None:
-        if reading.rows and self.view(number, Reading()) is not None:  # one of both row orders is right
-            return None
-        view = self.camera.view(shown, flipped(self.frames[number]) if reading.rows else self.frames[number])
-        if reading.matrix:
-            matrix = self.camera.file.matrices[shown]
-            if reading.matrix == "rotation transposed":
-                matrix = math3d.affine(matrix[:3, :3].T, matrix[:3, 3])
-            elif reading.matrix == "y down, z forward":
-                matrix = matrix @ np.diag([1.0, -1.0, -1.0, 1.0])
-            else:
-                matrix = matrix.T if "transposed" in reading.matrix else matrix
-                matrix = np.linalg.inv(matrix) if "inverse" in reading.matrix else matrix
-            view = replace(view, position=matrix[:3, 3].copy(), world_from_view=math3d.orthonormal(matrix[:3, :3]))
-        if reading.lens and view.camera.kind == "perspective":
-            width, height = self.sequence.size
-            yfov = 2.0 * math.atan(math.tan(0.5 * view.camera.yfov) * height / width)
-            view = replace(view, camera=replace(view.camera, yfov=yfov))
-        return view
-
-    def pixels(self, samples: _Samples, reading: Reading) -> Array:
-        """Column and row, row 0 at the top, (N, 2)."""
-        # A file whose first row is the bottom one: row r of the array is row height - 1 - r of the image.
-        return samples.pixels * [1, -1] + [0, self.sequence.size[1] - 1] if reading.rows else samples.pixels
-
-    def points(self, samples: _Samples, reading: Reading, view: View, position: Array | None) -> Array:
-        """Surface points, relative to the camera of ``view``, world axes, (N, 3) meters; no ``position``: of depth."""
-        mapping = self.sequence.mapping
-        if position is None:
-            depth, kind = samples.depth * reading.factor, reading.depth or mapping.depth
-            return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size)
-        points = position * reading.factor
-        if reading.up:
-            points = points @ to_y_up(np.eye(3), mapping.up).T @ to_y_up(np.eye(3), reading.up)
-        space = reading.positions or mapping.positions
-        if space == "view":
-            return points @ view.world_from_view.T
-        return points - view.position if space == "world" else points
-
-    def misplaced(self, number: int, reading: Reading, *, few: bool = False) -> Array | None:
-        """Projections of the position pass minus their pixels, (N, 2); None without a view."""
-        view, samples = self.view(number, reading), (self.few if few else self.every)[number]
-        if view is None:
-            return None
-        points = self.points(samples, reading, view, samples.position)
-        return project(view, points, self.sequence.size, relative=True) - self.pixels(samples, reading)
-
-    def pair(self, first: int, reading: Reading) -> tuple[int, int]:
-        """Current and previous file of files ``first`` and ``first + 1``."""
-        return (first, first + 1) if reading.order in BACKWARDS else (first + 1, first)
-
-    def moved(self, first: int, reading: Reading, basis: str, *, few: bool = False) -> Array | None:
-        """Motion of the surface points of a pair, (N, 2) pixels; None without views."""
-        current, previous = self.pair(first, reading)
-        view, before = self.view(current, reading), self.view(previous, reading)
-        if view is None or before is None:
-            return None
-        samples, size = (self.few if few else self.every)[current], self.sequence.size
-        points = self.points(samples, reading, view, samples.position)
-        if basis == _BASES[0]:
-            there = self.points(samples, reading, before, samples.prev_position)
-        else:
-            there = points + (view.position - before.position)
-        # Both ends are projected: the samples of a jittered frame are not at the pixel centers.
-        return project(before, there, size, relative=True) - project(view, points, size, relative=True)
-
-    def motion(self, samples: _Samples, readings: Sequence[Reading]) -> Array:
-        """The motion pass by each reading, (K, N, 2) pixels."""
-        return corrected_motion(samples.motion, readings, self.sequence.mapping, self.sequence.size)
-
-
-def flipped(frame: PathTracedFrame) -> PathTracedFrame:
-    """The frame's geometry with its rows in reverse order."""
-    names = [name for name in ("position", "depth", "sky") if getattr(frame, name) is not None]
-    return replace(frame, **{name: getattr(frame, name)[::-1] for name in names})
-
-
-def _explained(difference: Array, tolerance: float, shifted: bool = False) -> Array:
-    """Share of the vectors (..., N, 2) that are at most ``tolerance`` long, (...); ``shifted``: less their offset."""
-    if not difference.shape[-2]:
-        return np.ones(difference.shape[:-2])
+    NaN vectors do not count; no vector at all explains nothing.
+    """
     difference = difference - _offset(difference) if shifted else difference
-    return (np.einsum("...i,...i", difference, difference) <= tolerance**2).mean(axis=-1)
+    lengths = length(difference)
+    return (lengths <= limit).sum(axis=-1) / np.maximum(np.isfinite(lengths).sum(axis=-1), 1)
 
 
 def _offset(difference: Array) -> Array:
@@ -297,44 +187,45 @@ def _offset(difference: Array) -> Array:
 
 
 # ------------------------------------------------------------------------------------------------------------ search
-def _by_geometry(files: _Files, starts: list[int], passes: Verdict) -> Check:
+def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
     kinds = {cams.SidecarCamera: "sidecar", cams.SceneCamera: "scene", cams.FittedCamera: "fitted"}
-    positions, tolerance = files.some.position is not None, TOLERANCE_PX
+    positions, limit = files.some.position is not None, TOLERANCE_PX
     values = geometry_values(files.sequence.mapping, positions, kinds[type(files.camera)])
     left = geometry_readings(values)
     if positions:
-        shares, tolerance = _placed(files, left)
+        shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
-            others = _skipped((*GEOMETRY, "centers", *MOTION, *_OTHERS), "no reading of the camera explains the files")
-            return Check((passes, Verdict("camera", "wrong", text, share, share), *others), Reading())
-    motion = motion_readings(files.sequence.mapping) if files.some.motion is not None and starts else []
-    checked = _Checked(files, positions, tolerance, *_search(files, starts if motion else [], left, motion))
-    verdicts = [passes, *(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.depth()]
-    verdicts[1:1], verdicts[-1:-1] = [checked.camera()], [checked.centers()]
-    if not motion:
-        why = "there is no motion pass" if starts else "no two frames are consecutive"
-        return Check((*verdicts, *_skipped((*MOTION, *_OTHERS), why)), checked.best)
-    pairs = [pair for first in starts if (pair := checked.pair(first)) is not None]
-    return Check((*verdicts, *checked.motion(pairs)), checked.best, checked.basis, tuple(pairs))
+            others = _skipped((*GEOMETRY, "centers"), "no reading of the camera explains the files")
+            found = [passes, Verdict("camera", "wrong", text, share, share), *others]
+            return _by_vectors(files, starts, found)
+    checked = _Checked.of(files, positions, limit, starts, left)
+    verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers(), checked.depth()]
+    return checked.result(starts, [passes, checked.camera(), *verdicts])
 
 
-def _placed(files: _Files, readings: Sequence[Reading]) -> tuple[Array, float]:
+def _by_vectors(files: Files, starts: list[int], verdicts: list[Verdict]) -> Check:
+    """Vectors against the scene's, whatever the camera and the points of the files are."""
+    files.frames = {n: replace(f, position=None, depth=None, prev_position=None) for n, f in files.frames.items()}
+    return _Checked.of(files, False, TOLERANCE_PX, starts, [Reading()]).result(starts, verdicts)
+
+
+def _placed(files: Files, readings: Sequence[Reading]) -> tuple[Array, float]:
     """Mean share over the files of pixels that each reading puts in place, (R,); and the tolerance, pixels."""
     shares = np.full((len(files.frames), len(readings)), np.nan)
-    for tolerance in (TOLERANCE_PX, cams.MAX_MISMATCH_PX):  # passes that are averaged over a pixel need the second
+    for limit in (TOLERANCE_PX, cams.MAX_MISMATCH_PX):  # passes that are averaged over a pixel need the second
         for row, number in enumerate(files.frames):
             off = [files.misplaced(number, reading, few=True) for reading in readings]
             for shifted in (False, True):  # samples may be jittered
-                shares[row] = [np.nan if d is None else _explained(d, tolerance, shifted) for d in off]
+                shares[row] = [np.nan if d is None else _explained(d, limit, shifted) for d in off]
                 if np.nanmax(shares[row], initial=0.0) >= ENOUGH:
                     break
         covered = np.isfinite(shares)
         mean = np.where(covered, shares, 0.0).sum(axis=0) / np.maximum(covered.sum(axis=0), 1)
         if mean.max() >= ENOUGH:
             break
-    return mean, tolerance
+    return mean, limit
 
 
 _Explained = dict[str, dict[int, bool]]
@@ -342,24 +233,24 @@ _Explained = dict[str, dict[int, bool]]
 
 
 def _search(
-    files: _Files, starts: list[int], left: Sequence[Reading], motion: Sequence[Reading]
+    files: Files, starts: list[int], left: Sequence[Reading], motion: Sequence[Reading]
 ) -> tuple[Reading, list[Reading], _Explained]:
     """The simplest combination of geometry and motion that explains the files; others that explain as many pixels."""
     bases: _Explained = {}
     total = []
-    for basis in _BASES[files.some.prev_position is None :]:
+    for basis in files.bases:
         found = {}
         for first in starts:
             stored = {n: files.motion(files.few[n], motion) for n in (first, first + 1)}
             moved = [files.moved(first, reading, basis, few=True) for reading in left]
             # An offset may explain what no reading does.  Jitter is the same everywhere, animation is not.
-            for shifted, tolerance in ((False, TOLERANCE_PX), (True, MIN_JITTER_PX)):
+            for shifted, limit in ((False, TOLERANCE_PX), (True, MIN_JITTER_PX)):
                 share = np.zeros((len(left), len(motion)))
                 for row, expected in enumerate(moved):
-                    if expected is not None and len(expected) >= FEW_PIXELS:
+                    if expected is not None and np.isfinite(expected[:, 0]).sum() >= FEW_PIXELS:
                         off = stored[files.pair(first, left[row])[0]] - expected
-                        share[row] = _explained(off, tolerance, shifted)
-                        if shifted and _explained(expected, tolerance, shifted) >= ENOUGH:
+                        share[row] = _explained(off, limit if shifted else tolerance(expected), shifted)
+                        if shifted and _explained(expected, limit, shifted) >= ENOUGH:
                             share[row, 1:] = 0.0  # where no motion and an offset explain as much, no reading is shown
                 if share.max() >= ENOUGH:
                     found[first] = share, shifted
@@ -371,8 +262,11 @@ def _search(
         return left[0], [r for r in left[1:] if not starts], bases
     # Previous positions hold for what moves; still surfaces also show the unit and the place of the camera.
     total = np.mean(total, axis=0)
-    alike = [(replace(left[g], **motion[m].values), total[g, m]) for g, m in np.argwhere(total >= total.max() - SAME)]
-    best, *others = (reading for reading, _ in sorted(alike, key=lambda each: (len(each[0].values), -each[1])))
+    lowered = total - BACKWARDS_MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
+    first = lowered >= lowered.max() - SAME
+    alike = [(not first[g, m], replace(left[g], **motion[m].values), total[g, m])
+             for g, m in np.argwhere(first | (total >= total.max() - SAME))]  # fmt: skip
+    best, *others = (r for _, r, _ in sorted(alike, key=lambda each: (each[0], len(each[1].values), -each[2])))
     return best, others, bases
 
 
@@ -381,24 +275,52 @@ def _search(
 class _Checked:
     """What the search found, as verdicts."""
 
-    files: _Files
+    files: Files
     positions: bool  # there is such a pass
-    tolerance: float  # of positions, pixels
+    limit: float  # largest accepted error of positions, pixels
     best: Reading
     alike: list[Reading]
     bases: _Explained
 
+    @classmethod
+    def of(cls, files: Files, positions: bool, limit: float, starts: list[int], left: Sequence[Reading]) -> _Checked:
+        """Search among the readings ``left`` with those of motion."""
+        motion = motion_readings(files.sequence.mapping) if files.some.motion is not None and starts else []
+        return cls(files, positions, limit, *_search(files, starts if motion else [], left, motion))
+
     @property
     def basis(self) -> str:
-        """What the reported shares of motion are compared with: previous positions or still surfaces."""
-        return next(iter(self.bases), _BASES[1])
+        """What motion is compared with: the first of those that explain it, else of those that there are."""
+        return next((b for b in (*self.bases, *self.files.bases)), STILL)
+
+    def result(self, starts: list[int], verdicts: list[Verdict]) -> Check:
+        """The check with the verdicts on motion and on its classes."""
+        if self.files.some.motion is None or not starts:
+            why = "there is no motion pass" if starts else "no two frames are consecutive"
+            classes = () if self.files.some.motion is None else (ClassVerdict("vectors", NOT_JUDGED, why, 1.0),)
+            return Check((*verdicts, *_skipped((*MOTION, *_OTHERS), why)), self.best, classes=classes)
+        pairs = [pair for first in starts if (pair := self.vectors(first)) is not None]
+        for pair in pairs:
+            pair.faults |= simple_faults(pair, self.late(pair, {p.frame: p for p in pairs}))
+        classes = class_verdicts(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
+        shown = tuple(map(self.pair, pairs))
+        # A fault that is named explains pairs that the conventions do not.
+        good = [self.pair(pair) for pair in pairs if pair.good or any(verdict.fault for verdict in classes)]
+        return Check((*verdicts, *self.motion(shown, good)), self.best, self.basis, shown, classes)
 
     def camera(self) -> Verdict:
+        """Whether the camera put the positions of every file on their pixels."""
         text = self.files.camera.describe()
         if not self.positions:
             return Verdict("camera", "not checked", f"{text}: there is no position pass")
         share = self._placed(self.best)
-        return Verdict("camera", "ok", f"{text}: positions within {self.tolerance:g} px", share, share)
+        if not self.best.without(*MOTION).values:
+            try:
+                for number, frame in self.files.frames.items():
+                    cams.checked_view(self.files.camera, number, frame)
+            except PathTracedError as error:
+                return Verdict("camera", "wrong", f"{error.what}: {error.hint}", share, share)
+        return Verdict("camera", "ok", f"{text}: positions within {self.limit:g} px", share, share)
 
     def verdict(self, name: str, tried: bool = True) -> Verdict:
         """The verdict on a convention of ``Reading``."""
@@ -428,108 +350,145 @@ class _Checked:
         if not self.positions:
             return Verdict("centers", "not checked", "there is no position pass")
         off = [self.files.misplaced(number, self.best) for number in self.files.frames]
-        offsets = np.array([_offset(d)[0] for d in off if d is not None and len(d)] or [[0.0, 0.0]])
+        off = [d for d in off if d is not None]
+        offsets = np.array([_offset(d)[0] for d in off])
         x, y = offsets[np.abs(offsets).max(axis=1).argmax()]
-        if max(abs(x), abs(y)) <= MAX_SHIFT_PX:
+        spread = max(float(np.nanmedian(length(d - _offset(d)))) for d in off)
+        if max(abs(x), abs(y), spread) <= CENTERED_PX:
             return Verdict("centers", "ok", "positions are those of pixel centers")
+        if spread > CENTERED_PX:
+            text = f"positions lie beside the pixel centers, each by another offset (median {spread:.2g} px): filtered"
+            return Verdict("centers", "note", text)
         text = f"positions are {x:+.2f}, {y:+.2f} px off the pixel centers"
         if np.ptp(offsets, axis=0).max() > MIN_JITTER_PX:
             return Verdict("centers", "note", f"{text}, in each frame by another offset: samples are jittered")
-        return Verdict("centers", "wrong", text, value=f"{x:.3f}, {y:.3f}")
+        whole = np.rint((x, y))
+        if np.abs((x, y) - whole).max() <= CENTERED_PX:
+            text += f": the image is shifted by {-whole[0]:+g} columns and {-whole[1]:+g} rows"
+        return Verdict(
+            "centers", "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note", text, value=f"{x:.3f}, {y:.3f}"
+        )
 
     def depth(self) -> Verdict:
-        """How depth follows from positions, or, without them, which kind motion shows."""
-        number, files = next(iter(self.files.frames)), self.files
-        samples, view = files.every[number], files.view(number, self.best)
+        """How the depth of all files follows from positions, or, without them, which kind motion shows."""
+        files, kind = self.files, self.files.some.depth_kind
         if not self.positions:
             return self.verdict("depth")
-        if samples.depth is None or view is None or not len(samples.at):
+        stored, planar, distance = [], [], []
+        for number, samples in files.placed.items():
+            view = files.view(number, self.best)
+            if samples.depth is not None and view is not None and len(samples.at):
+                points = files.points(samples, self.best, view, samples.position)
+                stored.append(samples.depth * self.best.factor)
+                planar.append(points @ -view.world_from_view[:, 2])
+                distance.append(np.linalg.norm(points, axis=-1))
+        if not stored:
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
-        points, stored = files.points(samples, self.best, view, samples.position), samples.depth * self.best.factor
-        planar, kind = points @ -view.world_from_view[:, 2], files.sequence.mapping.depth
-        kinds = {"planar": planar, "distance": np.linalg.norm(points, axis=-1)}
+        stored, planar, distance = map(np.concatenate, (stored, planar, distance))
+        return _depth_verdict(stored, {"planar": planar, "distance": distance}, kind, files.some.depth_offset)
 
-        def share(expected: Array) -> float:
-            return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected)).mean())
-
-        as_read = share(kinds[kind])
-        if as_read >= max(ENOUGH, max(map(share, kinds.values())) - SAME):
-            return Verdict("depth", "ok", kind, as_read, as_read)
-        for other, expected in kinds.items():
-            scale = float(np.median(stored / expected))
-            if share(scale * expected) >= ENOUGH:
-                scaled = f" x {scale:.4g}" * (abs(scale - 1) > DEPTH_TOLERANCE)
-                text = f"depth is {other}{scaled}: set depth = '{other}'" + ", in the unit of positions" * bool(scaled)
-                return Verdict("depth", "wrong", text, as_read, share(scale * expected), value=other + scaled)
-        (a, b), *_ = np.linalg.lstsq(np.column_stack([np.ones_like(planar), 1.0 / planar]), stored, rcond=None)
-        if share(a + b / planar) >= ENOUGH:
-            value = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
-            text = f"depth is that of a depth {value}, {a:.4g} {b:+.4g} / z: write planar depth z"
-            return Verdict("depth", "wrong", text, as_read, share(a + b / planar), value=value)
-        return Verdict(
-            "depth", "wrong", "depth is neither planar nor a distance nor of a depth buffer", as_read, as_read
-        )
-
-    def pair(self, first: int) -> PairVerdict | None:
-        """The motion of a pair by the best reading; None where nothing can be compared."""
-        current, size = self.files.pair(first, self.best)[0], self.files.sequence.size
-        expected, samples = self.files.moved(first, self.best, self.basis), self.files.every[current]
-        if expected is None or not len(expected):
+    def vectors(self, first: int) -> PairVectors | None:
+        """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""
+        files, best = self.files, self.best
+        current, previous = files.pair(first, best)
+        samples, size = files.every[current], files.sequence.size
+        empty = np.full((size[0] * size[1], 2), np.nan)
+        frame = files.frames[current]
+        if not len(samples.at) or not self.files.bases:
             return None
-        off = self.files.motion(samples, [self.best.without(*MOTION), self.best]) - expected
-        jitter = _offset(off[1])[0] * (_explained(off[1], MIN_JITTER_PX, shifted=True) >= ENOUGH)
+        placed = {name: empty.copy() for name in ("stored", "corrected", "still", "truth", "far")}
+        read, right = files.motion(samples, [best.without(*MOTION), best])
+        truth = still = None
+        if files.geometry and self.positions | (frame.depth is not None):
+            still = files.moved(first, best, STILL)
+        if SCENE in files.bases:
+            truth, of_scene = (files.of_scene(name, current, samples, best) for name in ("motion", "still"))
+            if truth is not None and self.positions and still is not None:
+                there = files.of_scene("position", current, samples, best)
+                points = files.points(samples, best, files.view(current, best), samples.position)
+                away = np.linalg.norm(points - there, axis=-1) > SAME_POINT * np.linalg.norm(points, axis=-1)
+                truth = np.where(away[:, None], np.nan, truth)
+            still = of_scene
+        elif frame.prev_position is not None:
+            truth = files.moved(first, best, PREVIOUS)
+        if still is None:
+            return None
+        expected = still if truth is None else truth
+        off = (right - expected)[np.isfinite(expected[:, 0])]
+        jitter = _offset(off)[0] * (_explained(off, MIN_JITTER_PX, shifted=True) >= ENOUGH) if len(off) else np.zeros(2)
         jitter = jitter * (np.abs(jitter).max() > MIN_JITTER_PX)
-        errors = np.full((2, size[0] * size[1]), np.nan)
-        errors[:, samples.at] = np.linalg.norm(off - np.stack([0 * jitter, jitter])[:, None], axis=-1)
-        shares = ((errors[:, samples.at] <= TOLERANCE_PX).mean(axis=1)).tolist()
-        length = float(np.nanmedian(np.linalg.norm(expected, axis=-1)))
-        return PairVerdict(
-            current, *shares, tuple((jitter + 0.0).tolist()), length, tuple(errors.reshape(2, *size[::-1]))
-        )
+        for name, values in (("stored", read), ("corrected", right - jitter), ("still", still), ("truth", truth)):
+            if values is not None:
+                placed[name][samples.at] = values
+        view, before = files.view(current, best), files.view(previous, best)
+        pair = PairVectors(current, size, **placed, jitter_px=jitter + 0.0)
+        if view is not None and before is not None:
+            self._add_sky(pair, frame, view, before)
+        return pair
 
-    def motion(self, pairs: list[PairVerdict]) -> list[Verdict]:
-        """Verdicts on MOTION, jitter, cuts and the sky."""
-        good = [pair for pair in pairs if pair.explained >= ENOUGH]
+    def _add_sky(self, pair: PairVectors, frame: PathTracedFrame, view: View, before: View) -> None:
+        """Vectors of the sky, and what they are of what is infinitely far away."""
+        files = self.files
+        sky = frame.sky if files.geometry or pair.frame not in files.truth else files.truth[pair.frame].sky
+        samples = Samples.of(frame, sky)
+        if view.camera.parallel or not len(samples.at):
+            return
+        pixels = files.pixels(samples, self.best)
+        # Without the position of the camera: infinitely far away.
+        directions = points_at(view, pixels, np.ones(len(pixels)), "distance", files.sequence.size)
+        pair.far[samples.at] = project(before, directions, files.sequence.size, relative=True) - pixels
+        read, right = files.motion(samples, [self.best.without(*MOTION), self.best])
+        pair.stored[samples.at], pair.corrected[samples.at] = read, right - pair.jitter_px
+
+    def late(self, pair: PairVectors, others: dict[int, PairVectors]) -> dict[str, Array | None]:
+        """What vectors of a pair would be by the frames and cameras before and after it; None: not known."""
+        step = 1 if self.best.order in BACKWARDS else -1
+        out = {name: None if (other := others.get(pair.frame + shift)) is None else
+               np.where(np.isfinite(other.truth), other.truth, other.still)
+               for name, shift in (("late", step), ("early", -step))}  # fmt: skip
+        files, samples = self.files, self.files.every[pair.frame]
+        now, then, before = (files.view(pair.frame + n * step, self.best) if pair.frame + n * step in files.frames else
+                             None for n in range(3))  # fmt: skip
+        if self.positions and now is not None:
+            points = files.points(samples, self.best, now, samples.position) + now.position
+            for name, start, end in (("camera late", then, before), ("two", now, before)):
+                if start is not None and end is not None:
+                    values = np.full_like(pair.still, np.nan)
+                    size = files.sequence.size
+                    values[samples.at] = project(end, points, size) - project(start, points, size)
+                    out[name] = values
+        return out
+
+    def pair(self, pair: PairVectors) -> PairVerdict:
+        """The numbers of a pair for tables and pictures."""
+        expected, surfaces = pair.expected, pair.surfaces
+        judged = surfaces & np.isfinite(expected[:, 0])
+        errors = np.stack([length(vectors - expected) for vectors in (pair.stored, pair.corrected)])
+        limit, of_all = tolerance(expected), pair.truth if pair.known else pair.still
+        read, right = ((each <= limit)[judged].mean() if judged.any() else 0.0 for each in errors)
+        motion = length(of_all[surfaces])
+        return PairVerdict(
+            pair.frame, float(judged.sum() / max(1, surfaces.sum())), float(read), float(right),
+            tuple(pair.jitter_px.tolist()), float(np.median(motion)) if len(motion) else 0.0,
+            tuple(errors.reshape(2, *pair.size[::-1])),
+        )  # fmt: skip
+
+    def motion(self, pairs: Sequence[PairVerdict], good: Sequence[PairVerdict]) -> list[Verdict]:
+        """Verdicts on MOTION, jitter and cuts.  ``good``: the pairs that are explained."""
         if not self.bases or not good:
             share = max([pair.as_read for pair in pairs], default=None)
-            why = "no reading explains the motion: surfaces are animated, or the pass is no motion"
+            why = "no reading explains the motion"
             return [replace(verdict, as_read=share) for verdict in _skipped((*MOTION, *_OTHERS), why)]
         if max(pair.expected_px for pair in good) < MIN_MOTION_PX:
-            verdicts = _skipped(MOTION, "the camera hardly moves between these frames")
+            verdicts = _skipped(MOTION, "surfaces hardly move between these frames")
         else:
             verdicts = [self.verdict(name) for name in MOTION]
-        return [*verdicts, _jitter(good), _cuts(pairs, good), self._sky(good)]
-
-    def _sky(self, good: list[PairVerdict]) -> Verdict:
-        files, size = self.files, self.files.sequence.size
-        far, zero, moved = [], [], []
-        for pair in good:
-            frame, step = files.frames[pair.frame], 1 if self.best.order in BACKWARDS else -1
-            samples = _Samples.of(frame, frame.sky & np.isfinite(frame.motion).all(axis=-1))
-            view, before = files.view(pair.frame, self.best), files.view(pair.frame + step, self.best)
-            if len(samples.at) >= FEW_PIXELS and not view.camera.parallel:
-                pixels = files.pixels(samples, self.best)
-                # Without the position of the camera: infinitely far away.
-                directions = points_at(view, pixels, np.ones(len(pixels)), "distance", size)
-                expected = project(before, directions, size, relative=True) - pixels
-                off = files.motion(samples, [self.best])[0] - pair.jitter_px - expected
-                far.append(_explained(off, TOLERANCE_PX))
-                zero.append(_explained(samples.motion, 1e-6))
-                moved.append(np.nanmedian(np.linalg.norm(expected, axis=-1)))
-        if not far or max(moved) < MIN_MOTION_PX:
-            return Verdict("sky", "not checked", "the camera hardly turns" if far else "there is hardly any sky")
-        share, still = float(np.mean(far)), float(np.mean(zero))
-        if share >= ENOUGH:
-            return Verdict("sky", "ok", "as if infinitely far", share, share)
-        if still >= ENOUGH:
-            text = "motion of the sky is zero although the camera turns: reproject sky by the camera"
-            return Verdict("sky", "note", text, share, still, value="zero")
-        return Verdict("sky", "note", "motion of the sky is neither zero nor that of the camera", share, share)
+        return [*verdicts, _jitter(good), _cuts(pairs, good)]
 
     def _placed(self, reading: Reading) -> float:
         """Share of positions in place, mean over the files."""
         off = [self.files.misplaced(number, reading) for number in self.files.frames]
-        return float(np.mean([_explained(d, self.tolerance, shifted=True) for d in off if d is not None] or [0.0]))
+        return float(np.mean([_explained(d, self.limit, shifted=True) for d in off if d is not None] or [0.0]))
 
     def _moved(self, reading: Reading, basis: str) -> float:
         """Share of explained motion, mean over the explained pairs."""
@@ -538,11 +497,57 @@ class _Checked:
             expected = self.files.moved(first, reading, basis)
             if expected is not None:
                 stored = self.files.motion(self.files.every[self.files.pair(first, reading)[0]], [reading])
-                shares.append(float(_explained(stored[0] - expected, TOLERANCE_PX, shifted)))
+                shares.append(float(_explained(stored[0] - expected, tolerance(expected), shifted)))
         return sum(shares) / len(self.bases[basis])
 
 
-def _jitter(good: list[PairVerdict]) -> Verdict:
+def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: float) -> Verdict:
+    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind`` and ``offset``."""
+    planar = kinds["planar"]
+
+    def share(expected: Array) -> float:
+        return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected)).mean())
+
+    as_read = share(kinds[kind] * (1.0 - offset / planar))
+    found = {"as read": (as_read, kind)}
+    for other, expected in kinds.items():
+        # Depth may be scaled, negative, and begin at the near plane, which a view ray meets at near / cos(angle).
+        for terms in ((expected,), (expected, expected / planar)):
+            (scale, *rest), values = _fit(stored, *terms)
+            near = -sum(rest) / scale if scale else -1.0
+            if 0.0 <= near < np.nanmin(planar):
+                scaled = f" x {scale:.4g}" * bool(abs(scale - 1) > DEPTH_TOLERANCE)
+                found[f"{other}{scaled}" + f", depth_offset = {near:.3g}" * bool(rest)] = share(values), other
+    best = max(found, key=lambda text: found[text][0] - SAME * text.count(",") - SAME * text.count(" x "))
+    explained, other = found[best]
+    if as_read >= ENOUGH and (best == "as read" or explained <= as_read + SAME):
+        return Verdict("depth", "ok", kind, as_read, as_read)
+    if explained >= MOST:
+        keys = [f"depth = '{other}'"] * (other != kind) + [best.partition(", ")[2]] * ("," in best)
+        keys = f": set {' and '.join(keys)}" if keys else ""
+        text = f"depth is {best}{keys}" + ", in the unit of positions" * (" x " in best)
+        return Verdict("depth", "wrong", text, as_read, explained, value=best)
+    (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
+    if share(values) >= MOST:
+        value = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
+        text = f"depth is that of a depth {value}, {a:.4g} {b:+.4g} / z: write planar depth z"
+        return Verdict("depth", "wrong", text, as_read, share(values), value=value)
+    return Verdict("depth", "wrong", "depth is neither planar nor a distance nor of a depth buffer", as_read, as_read)
+
+
+def _fit(stored: Array, *terms: Array) -> tuple[Array, Array]:
+    """Factors of ``terms`` (N,) whose sum is nearest to ``stored`` (N,) relative to it, but for outliers; the sum."""
+    use = np.isfinite(stored) & (stored != 0)
+    matrix = np.column_stack(terms)
+    for _ in range(3):
+        scaled = matrix[use] / np.abs(stored[use])[:, None]
+        factors = np.linalg.lstsq(scaled, np.sign(stored[use]), rcond=1e-9)[0]
+        error = np.abs(matrix @ factors - stored) / np.maximum(np.abs(stored), 1e-30)
+        use = np.isfinite(error) & (error <= max(1e-6, 3.0 * float(np.median(error[np.isfinite(error)]))))
+    return factors, matrix @ factors
+
+
+def _jitter(good: Sequence[PairVerdict]) -> Verdict:
     each = [f"frame {p.frame}: {p.jitter_px[0]:+.3f}, {p.jitter_px[1]:+.3f} px" for p in good if any(p.jitter_px)]
     if not each:
         return Verdict("jitter", "ok", "none is left")
@@ -551,33 +556,12 @@ def _jitter(good: list[PairVerdict]) -> Verdict:
     return Verdict("jitter", "wrong", text, as_read, explained, value="left in")
 
 
-def _cuts(pairs: list[PairVerdict], good: list[PairVerdict]) -> Verdict:
+def _cuts(pairs: Sequence[PairVerdict], good: Sequence[PairVerdict]) -> Verdict:
     """Pairs whose motion no reading explains, beside others that are explained."""
-    bad = [pair for pair in pairs if pair not in good]
+    bad = [pair for pair in pairs if pair.frame not in {p.frame for p in good}]
     if len(pairs) == 1 or not bad:
         return Verdict("cuts", "ok", "none") if len(pairs) > 1 else Verdict("cuts", "not checked", "there is one pair")
     share, frames = float(np.mean([pair.explained for pair in bad])), ", ".join(str(pair.frame) for pair in bad)
     lengths = [float(np.median([pair.expected_px for pair in some])) for some in (bad, good)]
     text = f"nothing explains the motion into frame {frames}; surfaces move by {lengths[0]:.3g} px, elsewhere by "
     return Verdict("cuts", "wrong", f"{text}{lengths[1]:.3g} px: a cut? leave it out", share, share, value=frames)
-
-
-def _by_images(files: _Files, starts: list[int], verdicts: list[Verdict]) -> Check:
-    """Verdicts on the motion pass from images alone."""
-    mapping, why, found = files.sequence.mapping, "no two frames are consecutive", []
-    for first in starts:
-        compared = compare_images(files.frames[first + 1], files.frames[first], mapping)
-        if isinstance(compared, str):
-            why = compared
-        else:
-            found.append(compared)
-    if len({best for best, _ in found}) != 1:
-        why = "pairs support different readings" if found else why
-        return Check((*verdicts, *_skipped((*MOTION, *_OTHERS), why)), Reading(), "images")
-    best, errors = found[0][0], np.mean([errors for _, errors in found], axis=0)
-    detail = " (difference of images {:.3g}, corrected {:.3g}, next reading {:.3g})".format(*errors)
-    for name in MOTION[:-1]:
-        text = text_of(name, best.values[name], mapping) if name in best.values else value_in(mapping, name)
-        status = "wrong" if name in best.values else "ok"
-        verdicts.append(Verdict(name, status, text + detail, value=best.values.get(name, "")))
-    return Check((*verdicts, *_skipped((MOTION[-1], *_OTHERS), "this needs geometry")), best, "images")

@@ -26,30 +26,34 @@ _LABELS = {
     "rows": "row order", "up": "axes of positions", "positions": "origin of positions", "meters": "unit of positions",
     "matrix": "camera matrices", "lens": "field of view", "order": "frame order", "centers": "pixel centers",
     "depth": "kind of depth", "direction": "motion sign", "y": "motion y", "components": "motion components",
-    "unit": "motion unit", "zero": "motion zero", "jitter": "jitter in motion", "sky": "motion of the sky",
+    "unit": "motion unit", "zero": "motion zero", "jitter": "jitter in motion",
 }  # fmt: skip
 _CAPTION = (
     f"The pair that the mapping explains least.  Gray: nothing to compare with.  White line: {TOLERANCE_PX:g} px."
 )
+_SHARES = ("as_read", "explained", "judged", "pixels")
 _MOST = 3  # equivalent corrections in a text
 _SHORT = 24  # characters of a text beside its verdict
 
 
 def check_summary(check: Check, sequence: PathTracedSequence) -> dict[str, Any]:
-    """Plain data: ``verdicts``, ``pairs``, ``basis``, ``wrong`` (conventions); shares in percent."""
+    """Plain data: ``answer``, ``classes``, ``verdicts``, ``pairs``, ``basis``, ``wrong`` (conventions).
+
+    Shares in percent.
+    """
     about = {"sequence": str(sequence.path), "mapping": sequence.mapping.name, "basis": check.basis}
-    verdicts, pairs = ([_percent({f.name: getattr(each, f.name) for f in fields(each) if f.name != "errors"})
-                        for each in some] for some in (check.verdicts, check.pairs))  # fmt: skip
-    about |= {"tolerance_px": TOLERANCE_PX, "wrong": [v.convention for v in check.wrong]}
-    return {"schema": SCHEMA, **about, "verdicts": verdicts, "pairs": pairs}
+    lists = {name: [_plain(each) for each in getattr(check, name)] for name in ("classes", "verdicts", "pairs")}
+    about |= {"tolerance_px": TOLERANCE_PX, "answer": check.answer, "wrong": [v.convention for v in check.wrong]}
+    return {"schema": SCHEMA, **about, **lists}
 
 
-def _percent(values: dict[str, Any]) -> dict[str, Any]:
-    return values | {n: 100 * values[n] for n in ("as_read", "explained") if values[n] is not None}
+def _plain(verdict: Any) -> dict[str, Any]:
+    values = {f.name: getattr(verdict, f.name) for f in fields(verdict) if f.name != "errors"}
+    return values | {n: 100 * values[n] for n in _SHARES if values.get(n) is not None}
 
 
 def check_tables(summary: Summary) -> list[Table]:
-    """A row for each convention, and one for each pair."""
+    """A row for each class of vectors, for each convention, and for each pair."""
     shares = (Column("as read", "%", 1, "Pixels explained with this convention as the mapping has it"),
               Column("explained", "%", 1, "Pixels explained with it corrected"))  # fmt: skip
     rows, lead = [], []
@@ -64,18 +68,37 @@ def check_tables(summary: Summary) -> list[Table]:
         cell = f"ok: {text}" if status == "ok" and short else status
         values = (cell, verdict["as_read"], verdict["explained"])
         rows.append(Row(_LABELS.get(name, name), values, reasons={} if short else {0: text}))
-    count = sum(verdict["status"] == "not checked" for verdict in summary["verdicts"])
-    about = f"{len(summary['wrong'])} of {len(rows)} conventions are wrong, {count} are not checked"
-    lead.insert(0, f"{summary['sequence']}, mapping {summary['mapping']}: {about}")
+    lead.insert(0, f"{summary['sequence']}, mapping {summary['mapping']}: {headline(summary)}")
     notes = (f"explained: within {TOLERANCE_PX:g} px of the motion of {summary['basis']}",) if summary["pairs"] else ()
-    tables = [Table("conventions", "Conventions", (Column("verdict"), *shares), tuple(rows), notes, tuple(lead))]
+    judged = (Column("answer"), Column("pixels", "%", 1, "Share of the picture"),
+              Column("judged", "%", 1, "Share of these whose motion is known"),
+              Column("as read", "%", 1, "Share of the judged vectors that are right as the mapping reads them"),
+              Column("corrected", "%", 1, "The same with wrong conventions corrected"))  # fmt: skip
+    of_classes = [Row(c["name"], (c["answer"], *(c[key] for key in ("pixels", "judged", "as_read", "explained"))),
+                      reasons={0: c["text"]} if c["text"] else {}) for c in summary["classes"]]  # fmt: skip
+    tables = [Table("classes", "Motion vectors", judged, tuple(of_classes), notes, tuple(lead))] if of_classes else []
+    lead = [] if of_classes else lead
+    tables += [Table("conventions", "Conventions", (Column("verdict"), *shares), tuple(rows), (), tuple(lead))]
     columns = (
-        *shares,
+        judged[2],
+        *judged[3:],
         *(Column(name, "px", digits) for name, digits in (("jitter x", 3), ("jitter y", 3), ("motion", 2))),
     )
-    of_pairs = [Row(f"frame {p['frame']}", (p["as_read"], p["explained"], *p["jitter_px"], p["expected_px"]))
+    keys = ("judged", "as_read", "explained", "expected_px")
+    of_pairs = [Row(f"frame {p['frame']}", (*(p[n] for n in keys[:3]), *p["jitter_px"], p[keys[3]]))
                 for p in summary["pairs"]]  # fmt: skip
     return tables + ([Table("pairs", "Motion of each pair", columns, tuple(of_pairs))] if of_pairs else [])
+
+
+def headline(summary: Summary) -> str:
+    """The answer in one line: what is wrong, then what is not judged."""
+    count = sum(verdict["status"] == "not checked" for verdict in summary["verdicts"])
+    parts = [f"{len(summary['wrong'])} of {len(summary['verdicts'])} conventions wrong, {count} not checked"]
+    parts += [
+        f"vectors of {c['name']} {c['answer']}".replace("vectors of vectors", "vectors") for c in summary["classes"]
+    ]
+    parts += [] if summary["classes"] else ["no motion vectors"]
+    return f"{summary['answer'].upper()}: {'; '.join(parts)}"
 
 
 def save_check(check: Check, sequence: PathTracedSequence, out: str | Path) -> list[Path]:
@@ -84,11 +107,12 @@ def save_check(check: Check, sequence: PathTracedSequence, out: str | Path) -> l
     remove_files(out, ("motion_error.png", "motion_error.svg"))  # of an earlier check; this one may have no pairs
     page = Page(f"{sequence.name}: conventions", kind="engine check")
     tables, files = check_tables(summary), [out / CHECK_FILE, out / REPORT_FILE]
-    page.add("conventions", "Conventions", to_html(tables[:1], scroll=True))
+    of_pairs = [table for table in tables if table.number == "pairs"]
+    page.add("conventions", "Verdicts", to_html([t for t in tables if t not in of_pairs], scroll=True))
     if check.pairs:
         files += _plot(check).save(out / "motion_error.png")
         image = picture(data_uri(read_bytes(files[2])), _CAPTION)
-        page.add("vectors", "Where vectors are wrong", image, text_lines([_CAPTION]), to_html(tables[1:], scroll=True))
+        page.add("vectors", "Where vectors are wrong", image, text_lines([_CAPTION]), to_html(of_pairs, scroll=True))
     write_atomically(files[0], json.dumps(summary, indent=2, allow_nan=False) + "\n")
     write_atomically(files[1], page.html())
     return files

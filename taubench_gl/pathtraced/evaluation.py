@@ -21,6 +21,7 @@ from taubench_gl.evaluation.scene import ScenePlan, plan_scene
 from taubench_gl.evaluation.session import ColumnGroup, Readback, Session, run_session
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.lobes import BOUNCES
+from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.metrics.sequence_stats import SequenceStats
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
@@ -39,6 +40,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
+CAMERA_COLUMNS = ("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg", "gimbal")
 NO_SCENE = "path-traced files have no scene statistics"
 NOISY_COLUMNS = ("color", "direct", "indirect")
 
@@ -106,20 +108,33 @@ class PathTracedPlan:
 
     def add_to_summary(self, summary: dict[str, Any], session: Session) -> None:
         """What the render recorded, and the noise floor of a second seed."""
+        if not session.source.geometry:
+            summary["scale"] = {"frames": 0, "median_depth_m": None}
+            if isinstance(self.camera, FittedCamera):
+                self._drop_camera(summary, session)
         record = read_render(self.sequence.folder)
         summary["settings"] |= _lighting(record)
         summary["path_traced"]["render"] = None if record is None else record.summary(self.frames)
         if self.options.second_seed is not None:
             options = self.options
-            second = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
+            chosen = {"mapping": options.mapping, "layer": options.layer, "view": options.view}
+            second = PathTracedSequence.open(options.second_seed, **chosen)
             with opened_gpu(session.settings, session) as owner:
                 floor = summary["noise_floor"] = noise_floor(owner, self, second)
             summary["notes"].append(_floor_note(floor))
 
+    def _drop_camera(self, summary: dict[str, Any], session: Session) -> None:
+        """Null what a stand-in camera gave: files with vectors alone do not say how their camera moved."""
+        nothing = camera_activity(np.zeros((1, 3)), np.eye(3)[None])
+        summary["camera"] = summarize(nothing, None, self.settings.sequence.fps, self.frames[0])
+        summary["camera"]["source"] = "unknown: the files have no positions, and no camera is given"
+        for row in session.tally.rows:
+            row.update(dict.fromkeys(CAMERA_COLUMNS))
+
 
 def plan_sequence(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedPlan:
     """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
-    sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
+    sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer, view=options.view)
     camera, fps = _choose_camera(options, settings, sequence)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     return PathTracedPlan(sequence, camera, settings, options)
@@ -195,8 +210,10 @@ def _lighting(record: RenderRecord | None) -> dict[str, Any]:
 
 
 def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
-    notes = [f"the camera is {camera.describe()}"] if isinstance(camera, FittedCamera) else []
-    if source.mismatch_px is None:
+    estimated = isinstance(camera, FittedCamera) and source.geometry
+    notes = [f"the camera is {camera.describe()}"] if estimated else []
+    notes += [*source.sequence.index.notes, *source.seen.notes()]
+    if source.seen.mismatch_px is None:
         notes.append("the camera was not checked: there is no position pass")
     if isinstance(camera, SceneCamera) and camera.offset:
         notes.append(f"the files count frames from {-camera.offset}: frame {-camera.offset} is the scene's 0 s")
@@ -221,7 +238,8 @@ def noise_floor(owner: GpuOwner, rendered: PathTracedPlan, second: PathTracedSeq
     evaluator = owner.open_evaluator(sources[0], settings, radiance=measured)
     for frame in rendered.frames:
         view, _ = (source.advance(frame) for source in sources)
-        stats.add(evaluator.compare(reprojection(view, view, *first.size), previous=sources[1].current))
+        run = evaluator.submit(reprojection(view, view, *first.size), previous=sources[1].current)
+        stats.add(evaluator.read(run))
     discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
     return {column: discard[column] for column in NOISY_COLUMNS}
 

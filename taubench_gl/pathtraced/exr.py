@@ -46,8 +46,9 @@ class ExrImage:
 
     path: Path
     size: tuple[int, int]  # width, height of the display window
-    _planes: dict[str, tuple[Array, Window]] = field(repr=False)
+    _planes: dict[str, tuple[Array | None, Window]] = field(repr=False)
     _display: Window = field(repr=False)
+    chromaticities: tuple[float, ...] | None = None  # xy of red, green, blue and white; None: those of Rec. 709
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -55,8 +56,14 @@ class ExrImage:
         return tuple(self._planes)
 
     def plane(self, name: str) -> Array:
-        """(h, w) float32 over the display window; NaN outside the data window.  uint is converted to float."""
+        """(h, w) float32 over the display window; NaN outside the data window.  uint is converted to float.
+
+        Raises PathTracedError for a subsampled channel, which has no value for every pixel.
+        """
         values, window = self._planes[name]
+        if values is None:
+            hint = "write every channel at full size (luminance-chroma images do not)"
+            raise PathTracedError(f"channel {name} is subsampled", where=str(self.path), hint=hint)
         if window == self._display:
             return np.ascontiguousarray(values, dtype=np.float32)
         width, height = self.size
@@ -85,20 +92,22 @@ def read_exr(path: str | Path) -> ExrImage:
         window = _window(header["dataWindow"])
         shape = (window[3] - window[1] + 1, window[2] - window[0] + 1)
         for name, channel in part.channels.items():
-            # Subsampled planes (luminance-chroma images) have no value per pixel and are skipped.
-            if channel.pixels is not None and channel.pixels.shape == shape:
-                planes.setdefault(_full_name(name, header.get("name")), (channel.pixels, window))
+            # Subsampled planes (luminance-chroma images) have no value per pixel.
+            whole = channel.pixels is not None and channel.pixels.shape == shape
+            planes.setdefault(_full_name(name, header), (channel.pixels if whole else None, window))
     size = (display[2] - display[0] + 1, display[3] - display[1] + 1)
-    return ExrImage(path, size, planes, display)
+    primaries = headers[0].get("chromaticities")
+    return ExrImage(path, size, planes, display, primaries if isinstance(primaries, tuple) else None)
 
 
 @dataclass(frozen=True, slots=True)
 class ExrHeader:
-    """Size, channel names and attributes from a file's headers."""
+    """Size, channel names, attributes and views of a file's headers."""
 
     size: tuple[int, int]  # width, height of the display window
     names: tuple[str, ...]  # full channel names, as in ExrImage
     attributes: frozenset[str]  # names of the attributes of the first part
+    views: tuple[str, ...] = ()  # of a multi-view (stereo) file, the default one first; () for one view
 
 
 def read_header(path: str | Path) -> ExrHeader:
@@ -107,18 +116,22 @@ def read_header(path: str | Path) -> ExrHeader:
     with opened(path, PathTracedError) as file:
         headers = _headers(path, file)
     x0, y0, x1, y1 = _check_headers(path, headers)
-    names = dict.fromkeys(_full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
-    return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names), frozenset(headers[0]))
+    names = dict.fromkeys(_full_name(c.name, h) for h in headers for c in h["channels"])
+    listed = headers[0].get("multiView")
+    views = listed if isinstance(listed, list) else [h.get("view") for h in headers]
+    views = dict.fromkeys(view for view in views if view and isinstance(view, str))  # attributes may have any type
+    return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names), frozenset(headers[0]), tuple(views))
 
 
 def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
     """Combine files of equal size into one image; channels become ``prefix.channel``.  Raises PathTracedError."""
     first = images[0][1]
     planes = {f"{prefix}.{n}" if prefix else n: p for prefix, image in images for n, p in image._planes.items()}
+    chromaticities = next((image.chromaticities for _, image in images if image.chromaticities), None)
     windows = {image._display for _, image in images}
     if len(windows) > 1:
         raise PathTracedError("the files of one frame have different display windows", where=str(first.path))
-    return ExrImage(first.path, first.size, planes, first._display)
+    return ExrImage(first.path, first.size, planes, first._display, chromaticities)
 
 
 def write_exr(path: Path, planes: Mapping[str, Array], attributes: Mapping[str, Any] | None = None) -> None:
@@ -133,11 +146,18 @@ def write_exr(path: Path, planes: Mapping[str, Array], attributes: Mapping[str, 
     write_atomically(path, data.getvalue(), parents=True)
 
 
-def _full_name(channel: str, part: str | None) -> str:
-    """``R`` in part ``ViewLayer.Combined`` -> ``ViewLayer.Combined.R``; Blender 5 writes the full name already."""
-    if not part or channel == part or channel.startswith(part + "."):
-        return channel
-    return f"{part}.{channel}"
+def _full_name(channel: str, header: Mapping[str, Any]) -> str:
+    """``R`` in part ``ViewLayer.Combined`` -> ``ViewLayer.Combined.R``; Blender 5 writes the full name already.
+
+    In parts of several views the view stands before the component, as in one part: ``ViewLayer.Combined.left.R``.
+    """
+    part, view = header.get("name") or "", header.get("view")
+    view = view if isinstance(view, str) else ""
+    if view and part[: -len(view)].endswith(("-", ".", "_")) and part.endswith(view):
+        part = part[: -len(view) - 1]
+    name = channel if not part or channel == part or channel.startswith(part + ".") else f"{part}.{channel}"
+    *layers, component = name.split(".")
+    return ".".join([*layers, view, component]) if view and view not in layers[-1:] else name
 
 
 def _channel_count(file: BinaryIO, multipart: bool) -> int:

@@ -37,12 +37,19 @@ class CameraFit:
         )
 
 
-def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: str | None = None) -> CameraFit:
+def fit_camera(
+    position: Array,
+    sky: Array,
+    depth: Array | None = None,
+    where: str | None = None,
+    center: tuple[int, int] = (0, 0),
+) -> CameraFit:
     """Least squares on pixel coordinates, float64, seven unknowns: position, rotation, field of view.
 
     ``position`` (h, w, 3): world points at pixel centers.  ``sky`` (h, w) bool.  ``depth`` (h, w): planar, meters; it
-    makes the initial guess linear.  Pixels are square and the principal point is the image center.  ``where``: prefix
-    of error messages.  Raises PathTracedError if the points are too few, too flat, or fit no pinhole camera.
+    makes the initial guess linear.  Pixels are square; the principal point is ``center`` pixels right and down of the
+    image center, and in the center of the view that is returned.  ``where``: prefix of error messages.  Raises
+    PathTracedError if the points are too few, too flat, or fit no pinhole camera.
     """
     h, w = sky.shape
     usable = ~sky & np.isfinite(position).all(axis=-1)
@@ -54,9 +61,9 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
     step = max(1, len(rows) // MAX_POINTS)
     rows, columns = rows[::step], columns[::step]
     points = position[rows, columns].astype(np.float64)
-    screen = screen_of(columns, rows, w, h)
-    center = points.mean(axis=0)
-    points -= center  # far from the origin, the normal equations lose precision
+    screen = screen_of(columns - center[0], rows - center[1], w, h)
+    origin_m = points.mean(axis=0)
+    points -= origin_m  # far from the origin, the normal equations lose precision
     try:
         if depth is not None:
             guess = _from_depth(points, screen, depth[rows, columns].astype(np.float64))
@@ -76,7 +83,7 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
         raise _no_camera(f"the best pinhole is {median:.3g} px off in the median", where)
     near = float(((points - origin) @ -rotation[:, 2]).min())
     camera = Camera(yfov=2.0 * math.atan(tangent), znear=max(1e-4, min(0.1, 0.1 * near)))
-    return CameraFit(View(origin + center, rotation, camera), median, p95, int(inliers.sum()))
+    return CameraFit(View(origin + origin_m, rotation, camera), median, p95, int(inliers.sum()))
 
 
 def screen_of(columns: Array, rows: Array, width: int, height: int) -> Array:

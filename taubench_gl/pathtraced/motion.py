@@ -9,6 +9,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
+from taubench_gl.pathtraced.cameras import project
 
 Array = np.ndarray
 
@@ -31,8 +32,8 @@ def position_from_motion(position: Array, motion: Array, view: View, previous: V
     height, width = position.shape[:2]
     still = still_position(position, view, previous)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        at = _project(position[..., :3].astype(np.float64), view, (width, height)) + motion
-        differs = np.linalg.norm(at - _project(still, previous, (width, height)), axis=-1)
+        at = project(view, position[..., :3], (width, height), relative=True) + motion
+        differs = np.linalg.norm(at - project(previous, still, (width, height), relative=True), axis=-1)
         pair = reprojection(previous, previous, width, height, jitter=False)
         x, y = at[..., :1], height - 1 - at[..., 1:]
         ray = pair.sky_origin + x * pair.sky_dx + y * pair.sky_dy
@@ -60,12 +61,3 @@ def position_from_scene(
         distances = np.linalg.norm(position[..., :3].astype(np.float64) - rasterized[..., :3], axis=-1)
         same = (rasterized[..., 3] > 0) & (distances <= tolerance)
     return still_position(position, view, previous) + np.where(same[..., None], displacement, 0.0)
-
-
-def _project(points: Array, view: View, size: tuple[int, int]) -> Array:
-    """Pixel coordinates (..., 2) of points relative to the camera of ``view``, +y down, center of pixel i at i."""
-    width, height = size
-    clip = points @ view.clip_from_relative(width, height)[:, :3].T + view.clip_from_relative(width, height)[:, 3]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ndc = clip[..., :2] / clip[..., 3:]
-    return (ndc * [1, -1] + 1) * 0.5 * np.array([width, height]) - 0.5

@@ -6,7 +6,7 @@ program, and that program's conventions.  ``ChannelIndex`` finds the channels; `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -17,6 +17,7 @@ import numpy as np
 from taubench_gl.data_files import convert, one_line, read_json, read_toml
 from taubench_gl.errors import PathTracedError
 from taubench_gl.lobes import BOUNCES, FILE_COLORS, LOBES
+from taubench_gl.metrics.color import PRIMARIES, rec709_from
 from taubench_gl.pathtraced.exr import ExrImage
 from taubench_gl.setting_values import FLOAT32_MAX
 
@@ -24,13 +25,22 @@ Array = np.ndarray
 
 COMPONENTS = {
     "combined": 3, "depth": 1, "position": 3, "normal": 3, "motion": 2, "emission": 3, "environment": 3,
-    "direct": 3, "indirect": 3, "prev_position": 3,
+    "direct": 3, "indirect": 3, "prev_position": 3, "rejected": 1, "history_weight": 1,
     **{f"{lobe}_{part}": 3 for lobe in LOBES for part in (*BOUNCES, *("color",) * (lobe in FILE_COLORS))},
 }  # fmt: skip
-"""Canonical passes and their number of components.  ``direct`` and ``indirect``, if not mapped, are sums over lobes."""
+"""Canonical passes and their number of components.  ``direct`` and ``indirect``, if not mapped, are sums over lobes.
+
+``rejected``: 1 where the program that made the frames rejected its history; ``history_weight``: 0 there.
+"""
+
+NAME_IT = "name it in a mapping (--mapping), or switch it on in the renderer if the files lack it"
+"""What to do where a pass is not found."""
 
 UNIT_ROUNDING = 5e-7
 """Normals whose length differs from 1 by at most this (float32 rounding) are kept bit for bit."""
+
+SHORT_NORMAL = 0.99
+"""Normals that are shorter are means of several: rounding to half floats or 8 bits changes a length by less."""
 
 _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
 PRESETS = Path(__file__).parent / "presets"
@@ -38,17 +48,32 @@ PRESETS = Path(__file__).parent / "presets"
 EXPORT_PRESET, EXPORT_ATTRIBUTE = "taubench", "taubench.positions"
 """The mapping of files that ``export`` wrote, and an attribute that only they have."""
 Up = Literal["z", "y", "z-left", "y-left"]
-Depth = Literal["planar", "distance"]
+Depth = Literal["planar", "distance", "view-z"]
+Primaries = Literal["file", "rec709", "rec2020", "p3-d65", "ap0", "ap1"]
+Pixels = Annotated[int, msgspec.Meta(ge=-65536, le=65536)]
 Positive = Annotated[float, msgspec.Meta(gt=0, le=FLOAT32_MAX)]
 
 
 class MotionMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Conventions of a motion pass: the table ``[motion]`` of a pass mapping."""
+    """Conventions of a motion pass: the table ``[motion]`` of a pass mapping.
 
-    unit: Literal["px", "uv"] = "px"
+    ``encoding``: cube-root: a value less ``zero``, twice that for zero 0.5, is the signed cube root of the motion.
+    ``no_data``: the stored value of both components where there is no vector; None: all pixels have one.
+    """
+
+    unit: Literal["px", "uv", "ndc"] = "px"
     direction: Literal["previous-current", "current-previous"] = "previous-current"
     y: Literal["up", "down"] = "up"
     zero: Literal["0", "0.5"] = "0"  # the stored value of no motion
+    jitter: Literal["excluded", "included"] = "excluded"  # whether vectors contain the difference of the offsets
+    encoding: Literal["linear", "cube-root"] = "linear"
+    no_data: float | None = None
+
+    def factors(self, size: tuple[int, int]) -> Array:
+        """(2,) float32: pixels, previous - current, +y down, of a decoded vector (1, 1).  ``size``: width, height."""
+        unit = {"px": 1.0, "uv": np.array(size), "ndc": 0.5 * np.array(size)}[self.unit]
+        sign = 1.0 if self.direction == "previous-current" else -1.0
+        return (unit * np.array([sign, -sign if self.y == "up" else sign])).astype(np.float32)
 
 
 class ChannelNames(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -70,10 +95,16 @@ class PassMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     passes: dict[str, Alternative | tuple[Alternative, ...]]
     name: str = ""
     up: Up = "z"
+    rows: Literal["top", "bottom"] = "top"  # the row that is stored first
+    principal_point: tuple[Pixels, Pixels] = (0, 0)  # right and down, of the camera's axis from the image center
     depth: Depth = "planar"
+    depth_offset: Annotated[float, msgspec.Meta(ge=0, le=FLOAT32_MAX)] = 0.0  # planar, where depth starts: near plane
     background_depth: Positive = 1e9
+    sky: Literal["depth", "normal"] = "depth"  # normal: where it is zero
     color: Literal["linear", "encoded"] = "linear"
+    primaries: Primaries = "file"  # file: by its attribute chromaticities, without it rec709
     positions: Literal["world", "relative"] = "world"  # relative: to the camera, prev_position to that of its frame
+    normals: Literal["world", "view"] = "world"  # view: +x right, +y up, +z towards the camera
     meters: Positive = 1.0  # per unit of position, depth and background_depth
     motion: MotionMap = MotionMap()
 
@@ -117,13 +148,26 @@ def load_mapping(source: str | Path | None) -> PassMap:
 
 
 class ChannelIndex:
-    """Finds passes among channel names ``Layer.Pass.Component``; any layer name is accepted.
+    """Finds passes among channel names ``Layer.Pass.Component``, in files of several views
+    ``Layer.Pass.View.Component``; any layer name is accepted.
 
-    Raises PathTracedError if ``layer`` does not exist.
+    ``notes``: layers and views that the files have and that were not chosen.  Raises PathTracedError if ``layer`` or
+    ``view`` does not exist.
     """
 
-    def __init__(self, names: Iterable[str], mapping: PassMap, layer: str | None = None):
-        self.names, self.mapping = tuple(names), mapping
+    def __init__(
+        self,
+        names: Iterable[str],
+        mapping: PassMap,
+        layer: str | None = None,
+        view: str | None = None,
+        views: Sequence[str] = (),
+    ):
+        """``view``: one of ``views``, those of the files; None: the first, to which channels without a view belong."""
+        self.names, self.mapping, self.notes = tuple(names), mapping, []
+        if view is not None and view not in views:
+            raise PathTracedError(f"no view {view!r}", hint=f"it has {', '.join(views) or 'one view, without a name'}")
+        self.view = view or next(iter(views), "")
         self._channels: dict[str, tuple[str, ...]] = {}
         known = {name: mapping.alternatives(name) for name in mapping.passes}
         pass_names = {n.casefold() for names in known.values() for n in names if isinstance(n, str)}
@@ -131,6 +175,10 @@ class ChannelIndex:
         for channel in self.names:
             parts = channel.split(".")
             component = parts[-1].upper()
+            if views and (parts[-2] if parts[-2:-1] and parts[-2] in views else views[0]) != self.view:
+                continue
+            if views and parts[-2:-1] == [self.view]:
+                del parts[-2]
             # Pass names may contain dots ("dd.y"): try every split, longest pass name first.
             for first in range(len(parts)):
                 name = ".".join(parts[first:-1]).casefold()
@@ -143,6 +191,12 @@ class ChannelIndex:
         # Take the layer with most passes.  Passes that it lacks may be at the root of the file (combined as R, G, B).
         order = [layer] if layer is not None else sorted(tables, key=lambda name: -len(tables[name]))
         self.layer = order[0] if order else ""
+        others = {"view": [v for v in views if v != self.view] if view is None else [],
+                  "layer": [n for n in order[1:] if len(tables[n]) > 1 and n] if layer is None else []}  # fmt: skip
+        for kind, rest in others.items():
+            if rest:
+                text = f"the files have the {kind}s {', '.join([getattr(self, kind), *rest])}"
+                self.notes.append(f"{text}: {getattr(self, kind)!r} is read, --{kind} chooses another")
         for name, alternatives in known.items():
             searched = [tables[layer] for layer in order if layer in (self.layer, "")]
             if channels := self._search(alternatives, COMPONENTS[name], searched):
@@ -178,7 +232,7 @@ class PathTracedFrame:
 
     size: tuple[int, int]
     sky: Array  # (h, w) bool, True where no surface is visible
-    normal: Array | None  # (h, w, 3) float32, unit, world
+    normal: Array | None  # (h, w, 3) float32, unit, world axes unless ``view_normals``
     position: Array | None  # (h, w, 3) float32, world
     depth: Array | None  # (h, w) float32, as ``depth_kind``
     depth_kind: str  # planar: along the view direction; distance: from the camera position
@@ -193,6 +247,14 @@ class PathTracedFrame:
     diffuse_color: Array | None = None  # (h, w, 3) float32, albedo of the diffuse lobe
     glossy_color: Array | None = None  # (h, w, 3) float32, albedo of the glossy lobe
     relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
+    depth_offset: float = 0.0  # meters in front of the camera, along its axis, where ``depth`` starts
+    half_position: bool = False  # positions are rounded to half floats
+    finer_depth: bool = False  # there is depth, which is not
+    principal_point: tuple[int, int] = (0, 0)  # pixels right and down, of the camera's axis from the image center
+    short_normals: float = 0.0  # share of the surface pixels whose stored normal was shorter than SHORT_NORMAL, not 0
+    no_normals: float = 0.0  # share of the surface pixels whose normal is zero
+    view_normals: bool = False  # normals have the axes of the view
+    kept: Array | None = None  # (h, w) float32, weight that the frames' program gave its history; 0: rejected
 
     def linear_radiance(self, exposure: float, where: str) -> Array:
         """``linear_radiance`` of the combined pass."""
@@ -206,18 +268,40 @@ def linear_radiance(combined: Array | None, encoded: bool, exposure: float, wher
     PathTracedError for both.
     """
     if combined is None:
-        hint = "switch it on in the renderer, or give --mapping"
-        raise PathTracedError("has no combined pass", where=where, hint=hint)
+        raise PathTracedError("has no combined pass", where=where, hint=NAME_IT)
     if encoded:
         raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
     return combined[..., :3].astype(np.float32) * np.float32(exposure)
 
 
 def read_pass(image: ExrImage, index: ChannelIndex, name: str) -> Array | None:
-    """A pass as the file has it, (h, w, components) float32; None if the file lacks it."""
+    """A pass as the file has it, but top row first, (h, w, components) float32; None if the file lacks it."""
     if name not in index:
         return None
-    return np.stack([image.plane(channel) for channel in index.channels(name)], axis=-1)
+    values = np.stack([image.plane(channel) for channel in index.channels(name)], axis=-1)
+    return values[::-1] if index.mapping.rows == "bottom" else values
+
+
+def read_light(image: ExrImage, index: ChannelIndex, name: str) -> Array | None:
+    """``read_pass`` of radiance or color, with the primaries of Rec. 709.  Raises PathTracedError."""
+    return _rec709(image, index.mapping)(read_pass(image, index, name))
+
+
+def _rec709(image: ExrImage, mapping: PassMap) -> Callable[[Array | None], Array | None]:
+    """What converts light (h, w, 3) of a file to the primaries of Rec. 709.  Raises PathTracedError."""
+    stored = PRIMARIES.get(mapping.primaries, image.chromaticities or PRIMARIES["rec709"])
+    if np.allclose(stored, PRIMARIES["rec709"], atol=1e-3):
+        return lambda light: light
+    if mapping.color == "encoded":
+        raise PathTracedError(
+            "encoded color has other primaries than Rec. 709", where=str(image.path), hint="write linear color"
+        )
+    try:
+        matrix = rec709_from(stored).astype(np.float32)
+    except np.linalg.LinAlgError:
+        hint = "set primaries in the mapping"
+        raise PathTracedError("its chromaticities are no primaries", where=str(image.path), hint=hint) from None
+    return lambda light: None if light is None else light @ matrix.T
 
 
 def read_frame(
@@ -239,47 +323,87 @@ def read_frame(
         raise PathTracedError(
             f"has neither of the passes {names}",
             where=str(image.path),
-            hint=f"switch them on in the renderer, or give --mapping; it has {_listed(image.names)}",
+            hint=f"{NAME_IT}; it has {_listed(image.names)}",
         )
-    depth = None if depth is None else depth[..., 0]
-    if position is None and depth is None:
-        sky = np.zeros(image.size[::-1], dtype=bool)
-    else:
-        sky = find_sky(position, normal, depth, mapping.background_depth)
+    depth = None if depth is None else _forward(depth[..., 0], mapping, str(image.path))
+    sky = find_sky(position, normal, depth, mapping, image.size)
     meters = np.float32(mapping.meters)
+    light = _rec709(image, mapping)
     radiance, separate = _light(index, take, lobes)
     prev = take("prev_position")
+    length = np.linalg.norm(normal[~sky], axis=-1) if normal is not None and not sky.all() else np.ones(1)
+    rejected, weight = take("rejected"), take("history_weight")
+    kept = weight if rejected is None else np.where(np.isnan(rejected), rejected, np.float32(1) - rejected)
     return PathTracedFrame(
         size=image.size,
         sky=sky,
-        normal=None if normal is None else unit(to_y_up(normal, mapping.up)),
+        normal=None if normal is None else unit(to_y_up(normal, "y" if mapping.normals == "view" else mapping.up)),
+        view_normals=mapping.normals == "view",
         position=None if position is None else to_y_up(position, mapping.up) * meters,
         depth=None if depth is None else depth * meters,
-        depth_kind=mapping.depth,
+        depth_kind="distance" if mapping.depth == "distance" else "planar",
         prev_position=None if prev is None else to_y_up(prev, mapping.up) * meters,
         motion=_motion(take("motion"), mapping, image.size),
-        combined=take("combined"),
-        emission=take("emission"),
-        environment=take("environment"),
-        radiance=radiance,
-        lobes=separate,
+        combined=light(take("combined")),
+        emission=light(take("emission")),
+        environment=light(take("environment")),
+        radiance={name: light(values) for name, values in radiance.items()},
+        lobes={name: light(values) for name, values in separate.items()},
         color_encoded=mapping.color == "encoded",
-        diffuse_color=take("diffuse_color"),
-        glossy_color=take("glossy_color"),
+        diffuse_color=light(take("diffuse_color")),
+        glossy_color=light(take("glossy_color")),
         relative=mapping.positions == "relative",
+        depth_offset=mapping.depth_offset * mapping.meters,
+        half_position=position is not None and _in_halves(position[~sky]),
+        finer_depth=depth is not None and not _in_halves(depth[~sky]),
+        principal_point=mapping.principal_point,
+        short_normals=float(((length > 0) & (length < SHORT_NORMAL)).mean()),
+        no_normals=float((length == 0).mean()),
+        kept=None if kept is None else kept[..., 0],
     )
 
 
-def find_sky(position: Array | None, normal: Array | None, depth: Array | None, background: float) -> Array:
-    """Pixels without a surface, (h, w) bool.
+def _forward(depth: Array, mapping: PassMap, where: str) -> Array:
+    """Depth (h, w) that grows away from the camera.  Raises PathTracedError where most of it has the other sign."""
+    if mapping.depth == "view-z":
+        depth = -depth
+    surface = depth[np.isfinite(depth) & (depth != 0)]
+    if len(surface) and (surface < 0).mean() > 0.5:
+        kind = "planar" if mapping.depth == "view-z" else "view-z"
+        raise PathTracedError(
+            f"its depth is {'positive' if kind == 'planar' else 'negative'}, which {mapping.depth} depth is not",
+            where=where,
+            hint=f"set depth = '{kind}' in the mapping (view-z: view-space z, negative in front of the camera)",
+        )
+    return depth
 
-    With a depth pass: depth is 0 or at least ``background`` (Cycles writes 1e10).  Without: position and, if present,
-    normal are exactly 0.  NaN pixels are invalid, not sky.
+
+def _in_halves(values: Array) -> bool:
+    """Whether all finite values, at least one, are rounded to half floats."""
+    values = values[np.isfinite(values)]
+    with np.errstate(over="ignore"):
+        return len(values) > 0 and bool((values.astype(np.float16) == values).all())
+
+
+def find_sky(
+    position: Array | None, normal: Array | None, depth: Array | None, mapping: PassMap, size: tuple[int, int]
+) -> Array:
+    """Pixels without a surface, (h, w) bool; none where nothing shows it.  ``size``: width, height in pixels.
+
+    Depth is 0 or at least ``background_depth`` (Cycles writes 1e10); the position is infinite (LuxCore); position and
+    normal are exactly 0 (EEVEE), or the position alone where there are neither normals nor depth.  With ``sky``
+    "normal": the normal is 0.  NaN pixels are invalid, not sky.
     """
-    if depth is not None:
-        return (depth >= background) | (depth == 0)
-    zero = np.all(position == 0, axis=-1)
-    return zero if normal is None else zero & np.all(normal == 0, axis=-1)
+    none = np.zeros(size[::-1], dtype=bool)
+    no_normal = none if normal is None else np.all(normal == 0, axis=-1)
+    if mapping.sky == "normal" and normal is not None:
+        return no_normal
+    sky = none if depth is None else (depth >= mapping.background_depth) | (depth == 0)
+    if position is not None:
+        zero = np.all(position == 0, axis=-1)
+        zero &= no_normal if normal is not None else np.full_like(none, depth is None)
+        sky = sky | zero | np.isinf(position).any(axis=-1)
+    return sky
 
 
 def to_y_up(vectors: Array, up: str) -> Array:
@@ -309,15 +433,13 @@ def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Ar
     if motion is None:
         return None
     stored = mapping.motion
-    motion = motion - np.float32(stored.zero)
-    factor = np.ones(2, dtype=np.float32)
-    if stored.unit == "uv":
-        factor *= size
-    if stored.direction == "current-previous":
-        factor *= -1
-    if stored.y == "up":
-        factor[1] *= -1
-    return motion * factor + np.float32(0)  # + 0 turns -0 into 0
+    decoded = motion - np.float32(stored.zero)
+    if stored.encoding == "cube-root":
+        decoded = (decoded * np.float32(2.0 if stored.zero == "0.5" else 1.0)) ** 3
+    decoded = decoded * stored.factors(size) + np.float32(0)  # + 0 turns -0 into 0
+    if stored.no_data is not None:
+        decoded[np.all(motion == np.float32(stored.no_data), axis=-1)] = np.nan
+    return decoded
 
 
 def _light(
@@ -325,7 +447,8 @@ def _light(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """direct and indirect, and the requested lobes: sums over lobes of Direct x Color (volumes have no Color pass)."""
     radiance, separate = {}, {}
-    colors = {lobe: take(f"{lobe}_color") for lobe in FILE_COLORS}
+    # A lobe whose color the mapping does not name has light that contains it, as a volume's has.
+    colors = {lobe: take(f"{lobe}_color") for lobe in FILE_COLORS if f"{lobe}_color" in index.mapping.passes}
     for bounce in BOUNCES:
         whole, total = take(bounce), None
         summed = whole is None and not _lacking(index, bounce)
@@ -354,7 +477,8 @@ def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[st
         if bounce not in index and lacking:
             missing[bounce] = _needs(lacking, index.mapping)
         for lobe in lobes:
-            required = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in FILE_COLORS else [])
+            color = f"{lobe}_color"
+            required = [f"{lobe}_{bounce}", *[color] * (color in index.mapping.passes)]
             lacking = [n for n in required if n not in index]
             if lacking:
                 missing[f"{lobe}_{bounce}"] = _needs(lacking, index.mapping)
@@ -362,11 +486,16 @@ def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[st
 
 
 def _lacking(index: ChannelIndex, bounce: str) -> list[str]:
-    required = [n for lobe in FILE_COLORS for n in (f"{lobe}_{bounce}", f"{lobe}_color")]
-    return [n for n in required if n not in index]
+    """Passes that the sum over lobes lacks: of those that the mapping names; the sum itself where it names none."""
+    named = index.mapping.passes
+    lobes = [lobe for lobe in FILE_COLORS if f"{lobe}_{bounce}" in named]
+    required = [n for lobe in lobes for n in (f"{lobe}_{bounce}", f"{lobe}_color") if n in named]
+    return [n for n in required or [bounce] if n not in index]
 
 
 def _needs(names: list[str], mapping: PassMap) -> str:
+    if not set(names) & set(mapping.passes):
+        return f"the mapping names no pass {' or '.join(names)}"
     listed = ", ".join(mapping.file_name(n) for n in dict.fromkeys(names))
     return f"the files lack the {'passes' if len(set(names)) > 1 else 'pass'} {listed}"
 

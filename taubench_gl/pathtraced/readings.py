@@ -9,7 +9,7 @@ from typing import get_args, get_type_hints
 
 import numpy as np
 
-from taubench_gl.pathtraced.passes import Depth, MotionMap, PassMap, Up
+from taubench_gl.pathtraced.passes import MotionMap, PassMap, Up
 
 Array = np.ndarray
 
@@ -21,7 +21,7 @@ BACKWARDS = ("files backwards", "next")
 _MOTION = {name: get_args(choices) for name, choices in get_type_hints(MotionMap).items()}
 _UNITS = {"0.01": "centimeters", "0.001": "millimeters", "0.0254": "inches", "0.3048": "feet"}
 TEXTS: dict[str, Mapping[str, str]] = {
-    "rows": {"bottom first": "rows are stored bottom first: write the top row first"},
+    "rows": {"bottom first": "rows are stored in the other order: set rows = '{}'"},
     "up": {up: f"axes are those of up = '{up}': set up = '{up}'" for up in get_args(Up)},
     "positions": {
         "world": "positions are world positions: set positions = 'world'",
@@ -45,7 +45,7 @@ TEXTS: dict[str, Mapping[str, str]] = {
         "files backwards": "files are numbered backwards",
         "camera backwards": "frames of the camera are numbered backwards",
     },
-    "depth": {kind: f"depth is {kind}: set depth = '{kind}'" for kind in get_args(Depth)},
+    "depth": {kind: f"depth is {kind}: set depth = '{kind}'" for kind in ("planar", "distance")},
     "direction": {
         d: f"motion is {d.replace('-', ' - ')}: set motion.direction = '{d}'" for d in _MOTION["direction"]
     },
@@ -53,7 +53,7 @@ TEXTS: dict[str, Mapping[str, str]] = {
     "components": {"yx": "x and y of motion are exchanged: name its channels in the mapping"},
     "unit": {
         "uv": "motion is in fractions of the image: set motion.unit = 'uv'",
-        "ndc": "motion is in clip space, -1 to 1: halve it and set motion.unit = 'uv'",
+        "ndc": "motion is in clip space, -1 to 1: set motion.unit = 'ndc'",
         "px": "motion is in pixels: set motion.unit = 'px'",
         "half": "motion is half as long as it should be: double it",
         "double": "motion is twice as long as it should be, as clip space for fractions of the image: halve it",
@@ -100,15 +100,17 @@ class Reading:
 def text_of(name: str, value: str, mapping: PassMap) -> str:
     """What is wrong if ``value`` corrects convention ``name``, and what to set."""
     if name != "meters":
-        return TEXTS[name][value]
+        return TEXTS[name][value].format("bottom" if mapping.rows == "top" else "top")
     meters = mapping.meters * Reading(meters=value).factor
     return f"{TEXTS[name][value]}: set meters = {meters:.6g}, or scale the camera"
 
 
 def value_in(mapping: PassMap, name: str) -> str:
     """What the mapping says of a convention."""
-    fixed = {"rows": "top row first", "matrix": "world_from_view, rows", "lens": "yfov is vertical",
+    fixed = {"rows": f"{mapping.rows} row first", "matrix": "world_from_view, rows", "lens": "yfov is vertical",
              "order": "as numbered", "components": "x, y"}  # fmt: skip
+    if name == "depth":
+        return "distance" if mapping.depth == "distance" else "planar"
     return fixed.get(name) or str(getattr(mapping.motion if name in MOTION else mapping, name))
 
 
@@ -135,11 +137,11 @@ def geometry_readings(values: Mapping[str, Iterable[str]]) -> list[Reading]:
 def motion_readings(mapping: PassMap) -> list[Reading]:
     """All combinations of the values of MOTION, the simplest first."""
     values = {name: ["", *(v for v in TEXTS[name] if v != value_in(mapping, name))] for name in MOTION}
-    if mapping.motion.unit == "uv":
-        values["unit"].remove("ndc")  # the same as double
+    if mapping.motion.unit != "px":  # the same as half, and as double
+        values["unit"].remove("ndc" if mapping.motion.unit == "uv" else "uv")
     combined = (Reading(**dict(zip(values, chosen, strict=True))) for chosen in itertools.product(*values.values()))
     # A stored value of no motion other than 0 is for values from 0 to 1.
-    sensible = (r for r in combined if not r.zero or mapping.motion.unit == "uv" or r.unit in ("uv", "ndc"))
+    sensible = (r for r in combined if not r.zero or mapping.motion.unit != "px" or r.unit in ("uv", "ndc"))
     return sorted(sensible, key=lambda reading: len(reading.values))
 
 
@@ -147,9 +149,9 @@ def corrected_motion(motion: Array, readings: Iterable[Reading], mapping: PassMa
     """(N, 2) motion as the mapping reads it, in pixels by each of ``readings``: (K, N, 2) float64."""
     pixels = np.array(size, dtype=np.float64)
     scale = {"": 1.0, "uv": pixels, "ndc": 0.5 * pixels, "px": 1.0 / pixels, "half": 2.0, "double": 0.5}
-    # ``passes`` has subtracted the mapping's zero, in its unit and signs.
-    stored = (pixels if mapping.motion.unit == "uv" else 1.0) * np.array([1.0, 1 - 2 * (mapping.motion.y == "up")])
-    stored = stored * (1 if mapping.motion.direction == "previous-current" else -1)
+    if mapping.motion.unit == "ndc":
+        scale["px"] = 2.0 / pixels
+    stored = mapping.motion.factors(size).astype(np.float64)  # ``passes`` has subtracted the mapping's zero
     out = []
     for reading in readings:
         shifted = motion + (float(mapping.motion.zero) - float(reading.zero)) * stored if reading.zero else motion

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.conventions import FILE_NUMBER
 from taubench_gl.data_files import hashed
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
@@ -23,13 +24,13 @@ from taubench_gl.pathtraced.passes import (
     load_mapping,
     missing_columns,
     read_frame,
-    read_pass,
+    read_light,
 )
 
 Array = np.ndarray
 
 PREFIX = "exr:"
-_NUMBERED = re.compile(r"^(.*?)(\d+)$")
+_NUMBERED = re.compile(rf"^(.*?)({FILE_NUMBER})$")
 
 
 def is_sequence(spec: object) -> bool:
@@ -49,10 +50,16 @@ def find_frames(spec: str | Path) -> dict[int, tuple[Path, ...]]:
     else:
         raise PathTracedError("is no folder of EXR files", where=str(where), hint="give exr:DIR or 'exr:DIR/name*.exr'")
     files_of: dict[int, list[Path]] = {}
+    spelled: dict[tuple[str, int], Path] = {}
     for path in sorted(files):
         numbered = _NUMBERED.match(path.stem)
         if numbered:
-            files_of.setdefault(int(numbered.group(2)), []).append(path)
+            number = int(numbered[2])
+            other = spelled.setdefault((numbered[1], number), path)
+            if other is not path:
+                message = f"{other.name} and {path.name} have the same number {number}"
+                raise PathTracedError(message, where=str(where), hint="write all numbers with as many digits")
+            files_of.setdefault(number, []).append(path)
     if not files_of:
         message = "no name ends in a frame number" if files else "holds no .exr file"
         raise PathTracedError(message, where=str(where), hint="name them as in frame_0001.exr")
@@ -72,11 +79,17 @@ class PathTracedSequence:
 
     @classmethod
     def open(
-        cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None
+        cls,
+        spec: str | Path,
+        *,
+        mapping: str | Path | None = None,
+        layer: str | None = None,
+        view: str | None = None,
     ) -> PathTracedSequence:
         """Find the files and read the first frame's headers.  Raises PathTracedError.
 
-        ``mapping`` as for ``load_mapping``; None: taubench for the files of ``export``, else blender.
+        ``mapping`` as for ``load_mapping``; None: taubench for the files of ``export``, else blender.  ``layer``,
+        ``view``: as in ``ChannelIndex``.
         """
         files = find_frames(spec)
         named = None if mapping is None else load_mapping(mapping)  # its faults come before those of the files
@@ -87,7 +100,8 @@ class PathTracedSequence:
         size = headers[0].size
         names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
         try:
-            index = ChannelIndex(names, passes, layer)
+            views = tuple(dict.fromkeys(name for header in headers for name in header.views))
+            index = ChannelIndex(names, passes, layer, view, views)
         except PathTracedError as error:
             raise PathTracedError(error.what, where=str(first[0]), hint=error.hint) from None
         return cls(Path(str(spec).removeprefix(PREFIX)), files, size, passes, index, exported)
@@ -149,13 +163,13 @@ class PathTracedSequence:
 
         Raises PathTracedError, also for a pass that is not linear.
         """
-        combined = read_pass(self._decode(frame), self.index, "combined")
+        combined = read_light(self._decode(frame), self.index, "combined")
         where = f"{self.path}, frame {frame}"
         return linear_radiance(combined, self.mapping.color == "encoded", exposure, where)
 
     def emission(self, frame: int) -> Array | None:
         """The pass of emission of one frame, (h, w, 3) float32; None where the first frame has none."""
-        return read_pass(self._decode(frame), self.index, "emission") if "emission" in self.index else None
+        return read_light(self._decode(frame), self.index, "emission") if "emission" in self.index else None
 
     def _decode(self, frame: int) -> ExrImage:
         """The channels of one frame.  Raises PathTracedError as ``read`` does."""

@@ -49,11 +49,11 @@ def declaration(test: RejectionTest, size: tuple[int, int], tuning: Tuning, radi
     p.constants("R", PARAMETERS, lambda record: record)
     p.glsl(contract, constants(test), test.shader)
     for name in (*CURRENT, "mask", "motion"):
-        p.texture(name, _SAMPLERS.get(name, "sampler2D"), given=True)
+        p.texture(name, _SAMPLERS.get(name, "sampler2D"), filled=True)
     for name in (*HISTORY, "motion"):
-        p.texture(f"history_{name}", _SAMPLERS.get(name, "sampler2D"), given=True)
+        p.texture(f"history_{name}", _SAMPLERS.get(name, "sampler2D"), filled=True)
     for name in radiance if color else ():
-        p.texture(name, given=True).texture(f"history_{name}", given=True)
+        p.texture(name, filled=True).texture(f"history_{name}", filled=True)
     p.image("difference_out", "r32f", access=WRITE, resource="difference")
     return p.dispatch(size, tuning.shading_group)
 

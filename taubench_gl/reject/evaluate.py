@@ -16,11 +16,15 @@ from taubench_gl.evaluation.exact import ExactReasons, changed_light, exact_chan
 from taubench_gl.evaluation.session import Readback, Session
 from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.metrics.exact_rates import CHANGES
+from taubench_gl.option_groups import PathTracedOptions
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
 from taubench_gl.reject.contract import RejectionTest, load_tests
 from taubench_gl.reject.differences import CHANNELS, Differences
-from taubench_gl.reject.scores import STRATA, TRUTHS, Scores
+from taubench_gl.reject.files import FileRejection
+from taubench_gl.reject.scores import REASONS, STRATA, TRUTHS, Scores
 from taubench_gl.run import Progress
+from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -41,13 +45,20 @@ def evaluate_tests(
     tests: Sequence[str],
     settings: Settings | None = None,
     *,
+    files: PathTracedOptions | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Rejection:
     """Score ``tests`` (as ``contract.load_test`` takes them) on every pair of ``settings`` but the first of its frames.
 
-    That pair gives the motion of the history, which velocity tests compare.  Reprojection is ``motion``.  Raises
-    TaubenchError.
+    That pair gives the motion of the history, which velocity tests compare.  Reprojection is ``motion``.  ``exr:DIR``,
+    read with ``files``, which name the scene: the rejection that the files have is scored too, as the test ``files``,
+    on their frames.  Raises TaubenchError.
     """
+    stored = None
+    if is_sequence(scene):
+        files = files or PathTracedOptions()
+        stored = FileRejection.open(scene, settings or Settings(), files)
+        scene, settings = load_scene(files.scene_file, **stored.settings.sequence.reading), stored.settings
     loaded = load_tests(tests)
     color = any(test.kind == "color" for test in loaded)
     columns = ("frustum", "position", "normal", *(("direct", "indirect") if color else ()))
@@ -59,22 +70,23 @@ def evaluate_tests(
     with open_session(scene, settings, readback, every=1) as session, session.gpu:
         if len(session.plan.frames) < 3:
             raise SettingsError("fewer than three frames", hint="give --frames A:B with B - A of at least 3")
-        return _Run(session, loaded).evaluate(progress)
+        return _Run(session, loaded, stored).evaluate(progress)
 
 
 class _Run:
     """One evaluation: tests and truth of the pairs of a session."""
 
-    def __init__(self, session: Session, tests: tuple[RejectionTest, ...]):
+    def __init__(self, session: Session, tests: tuple[RejectionTest, ...], stored: FileRejection | None):
         self._session, self._source, self._pairs = session, session.source, session.evaluator
-        self._plan, self._tests = session.plan, tests
+        self._plan, self._tests, self._stored = session.plan, tests, stored
         single = {t.name: t for test in tests for t in test.single}
         self._differences = session.own(Differences(session.context, self._source, tuple(single.values())))
         self._single = tuple(single)
         radiance = {"direct", "indirect"} & set(self._source.radiance)
         self._reasons = ExactReasons(session.variant, session.settings, radiance)
         truths = TRUTHS if self._reasons.lit else TRUTHS[:1]
-        self._scores = {test.name: Scores.of(test, truths) for test in tests}
+        scored = (*tests, *(() if stored is None else (stored.test,)))
+        self._scores = {test.name: Scores.of(test, truths) for test in scored}
         self._pixel_counts = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)
         self._changed = dict.fromkeys(CHANGES, 0)
 
@@ -115,6 +127,9 @@ class _Run:
             values = [differences[part.name] / (part.threshold or 1e-30) for part in test.parts]
             values = np.maximum.reduce(values) if test.parts else differences[test.name]
             self._scores[test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
+        if self._stored is not None:
+            values = self._stored.difference(frame)[scored]
+            self._scores[self._stored.test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
 
     def _strata(self, position: Array, bits: Array, scored: Array) -> dict[str, Array]:
         source, scale = self._source, self._plan.settings.metrics.unit_scale
@@ -134,7 +149,11 @@ class _Run:
             kinds.append(2 if draw.posed else 3 if masked else 0)
         kind = np.array(kinds)[source.read("ids")[..., 0]]
         moved = (kind == 0) & ((bits & Visibility.MOVED) != 0)
-        return out | {"object": np.where(moved, 1, kind)}
+        reasons = [(bits & bit) != 0 for bit in REASONS.values()]
+        return out | {
+            "object": np.where(moved, 1, kind),
+            "reason": np.select(reasons, range(len(reasons)), len(reasons)),
+        }
 
     def _summary(self, pairs: int) -> dict[str, Any]:
         plan, described = self._plan, self._source.describe()
@@ -142,9 +161,9 @@ class _Run:
         medians = timer.median_ms()
         total = max(sum(self._pixel_counts.values()), 1)
         tests = {}
-        for test in self._tests:
-            times = [medians.get(part.name) for part in test.single]
-            tests[test.name] = self._scores[test.name].block(None if None in times else sum(times))
+        for name, scores in self._scores.items():
+            times = [medians.get(part.name) for part in scores.test.single]
+            tests[name] = scores.block(None if None in times else sum(times))
         first = next(iter(self._scores.values())).confusion[TRUTHS[0]]
         positive, changed = first.true_positive + first.false_negative, self._changed.values()
         scene = plan.animated.scene

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.conventions import HISTOGRAM_BINS, Visibility
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
+from taubench_gl.metrics.exact_rates import CHANGES
 from taubench_gl.reject.contract import RejectionTest
 
 Array = np.ndarray
@@ -33,10 +34,16 @@ OBJECTS = ("static", "moving", "deforming", "masked")
 """Classes of pixels: still; moved by more than the position threshold; skinned or morphed; of a material with alpha."""
 
 
+REASONS = {"occluded": Visibility.OCCLUDED, "new": Visibility.NEW, **CHANGES}
+"""Why history is wrong, the first that holds; pixels of none of them are UNCHANGED."""
+
+UNCHANGED = "unchanged"
+
+
 def stratum_names(name: str) -> tuple[str, ...]:
     """Labels of the strata of ``name``, in order."""
-    if name == "object":
-        return OBJECTS
+    if name in ("object", "reason"):
+        return OBJECTS if name == "object" else (*REASONS, UNCHANGED)
     limits = [f"{x:g}" for x in STRATA[name][1]]
     return (f"below {limits[0]}", *(f"{a} to {b}" for a, b in itertools.pairwise(limits)), f"{limits[-1]} and more")
 
@@ -136,7 +143,7 @@ class Scores:
     @classmethod
     def of(cls, test: RejectionTest, truths: Sequence[str]) -> Scores:
         """Scores of ``test`` before the first pixel; ``truths``: names of TRUTHS."""
-        strata = {name: [Confusion() for _ in stratum_names(name)] for name in (*STRATA, "object")}
+        strata = {name: [Confusion() for _ in stratum_names(name)] for name in (*STRATA, "object", "reason")}
         return cls(test, {t: Confusion() for t in truths}, {t: Curve() for t in truths}, strata)
 
     def add(self, values: Array, truth: dict[str, Array], strata: dict[str, Array]) -> None:

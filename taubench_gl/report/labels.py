@@ -91,7 +91,9 @@ def comparison_text(summary: Summary) -> str:
     """``camera reprojection, nearest sampling``, and where the history is not the frame before, which one it is."""
     settings = summary.get("settings") or {}
     text = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
-    return ", ".join([text, *history_text(settings)])
+    stored = (summary.get("path_traced") or {}).get("vectors")
+    vectors = [f"motion vectors of the files (pass {stored})"] if stored else []
+    return ", ".join([text, *vectors, *history_text(settings)])
 
 
 def history_text(settings: Summary) -> list[str]:

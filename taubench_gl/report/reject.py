@@ -38,8 +38,9 @@ def reject_tables(summary: Summary) -> list[Table]:
     names = list(next(iter(summary["tests"].values()))["scores"])
     tables = [_scores(summary, i + 1, name) for i, name in enumerate(names)]
     tables.append(_confusion(summary))
-    tables += [_strata(summary, name) for name in next(iter(summary["tests"].values()))["strata"]]
-    return tables
+    tables.append(_reasons(summary))
+    strata = next(iter(summary["tests"].values()))["strata"]
+    return tables + [_strata(summary, name) for name in strata if name != "reason"]
 
 
 def _scores(summary: Summary, number: int, truth: str) -> Table:
@@ -61,6 +62,26 @@ def _confusion(summary: Summary) -> Table:
     columns = tuple(Column(key.replace("_", " "), "pixels") for key in keys)
     rows = tuple(Row(name, tuple(t["scores"][t["truth"]][key] for key in keys)) for name, t in summary["tests"].items())
     return Table("confusion", "Pixels of all pairs at the threshold", columns, rows)
+
+
+def _reasons(summary: Summary) -> Table:
+    """What each test rejects of the pixels of a reason, and by how much its share is off the truth there."""
+    tests = summary["tests"]
+    first = next(iter(tests.values()))["strata"]["reason"]
+    names = [name for name, entry in first.items() if entry["pixels"]]
+    total = max(sum(entry["pixels"] for entry in first.values()), 1)
+    columns = [c for name in names for c in (
+        Column(f"{name.replace('_', ' ')}: rejected", "%", 2, f"of {first[name]['pixels']} pixels"),
+        Column("net", "pp", 3, "Rejected less those that must be, in percent of all scored pixels"),
+    )]  # fmt: skip
+    rows = []
+    for name, test in tests.items():
+        blocks = [test["strata"]["reason"][reason] for reason in names]
+        net = [100.0 * (b["false_positive"] - b["false_negative"]) / total for b in blocks]
+        cells = [value for b, off in zip(blocks, net, strict=True) for value in (b["rejected_percent"], off)]
+        rows.append(Row(name, (*cells, sum(net))))
+    title = "What is rejected, by why history is wrong, and the net error"
+    return Table("reasons", title, (*columns, Column("net error", "pp", 3, "Sum over the reasons")), tuple(rows))
 
 
 def _strata(summary: Summary, stratum: str) -> Table:

@@ -97,7 +97,7 @@ MIN_BLOCK, MAX_BLOCK = 8, 64
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class Parameter:
     """One parameter of a method; in GLSL a uniform of this name.
 
     ``kind``: float, int, bool, or choice (GLSL: int, the index into ``choices``).  ``scale``: linear or log, the
@@ -216,7 +216,7 @@ class Method:
     title: str
     cite: tuple[str, ...]
     reads: tuple[str, ...]
-    settings: Mapping[str, Setting]
+    settings: Mapping[str, Parameter]
     history: Mapping[str, Format] = field(default_factory=dict)
     buffers: Mapping[str, Format] = field(default_factory=dict)
     passes: tuple[PassInfo, ...] = ()
@@ -288,7 +288,7 @@ class Method:
         return total
 
 
-def _typed(setting: Setting, value: Value) -> Value:
+def _typed(setting: Parameter, value: Value) -> Value:
     return {"float": float, "int": int}.get(setting.kind, lambda v: v)(value)
 
 

@@ -33,8 +33,8 @@ from taubench_gl.reuse.contract import (
     SAMPLE_REPORTS,
     Format,
     Method,
+    Parameter,
     PassInfo,
-    Setting,
     Stage,
     Value,
     suggestion,
@@ -196,7 +196,7 @@ class _Declaration:
         self.reads = self.names("reads", declared.reads, list(INPUTS))
         if not declared.reads and not own_light:
             self.fault("reads", f"must be a list of names (available: {', '.join(INPUTS)})")
-        self.settings: dict[str, Setting] = {}
+        self.settings: dict[str, Parameter] = {}
 
     def method(self, origin: str, shaders: Collection[str] | None = None, **rest: Any) -> Method:
         """The method.  Raises MethodError at ``origin``.
@@ -268,7 +268,7 @@ class _Declaration:
             elif setting := self.setting(name, entry if isinstance(entry, SettingEntry) else SettingEntry(entry)):
                 self.settings[name] = setting
 
-    def setting(self, name: str, entry: SettingEntry) -> Setting | None:
+    def setting(self, name: str, entry: SettingEntry) -> Parameter | None:
         """The setting that ``entry`` declares; None with errors."""
         at, errors = f"settings.{name}", len(self.errors)
         kind = "choice" if entry.choices else {bool: "bool", int: "int", float: "float"}.get(type(entry.default))
@@ -281,7 +281,7 @@ class _Declaration:
                 self.fault(f"{at}.{key}", "the setting is not a number")
         if entry.scale == "log" and not (entry.min or 0) > 0:
             self.fault(f"{at}.scale", "log needs a min above 0")
-        setting = Setting(name, kind, entry.default, entry.min, entry.max, entry.choices, entry.scale, entry.doc)
+        setting = Parameter(name, kind, entry.default, entry.min, entry.max, entry.choices, entry.scale, entry.doc)
         if error := setting.error(entry.default):
             self.fault(f"{at}.default", error)
         return setting if len(self.errors) == errors else None

@@ -121,10 +121,8 @@ class FileInputs(Inputs):
             points = (self._rasterized.read(name) for name in ("position", "prev_position"))
             tolerance = self.settings.metrics.threshold("position")
             return position_from_scene(position, *points, view, previous, tolerance)
-        motion = passes.motion
-        if motion is None:  # noise-free files without the pass show the surfaces of the input
-            motion = self.source.frame.motion
-        return position_from_motion(position, motion.astype(np.float64), view, previous)
+        # Noise-free files without the pass show the surfaces of the input.
+        return position_from_motion(position, self.source.frame.motion, view, previous)
 
     def _draw(self, frame: int) -> View:
         if self._rasterized is not None:

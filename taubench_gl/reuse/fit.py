@@ -16,7 +16,7 @@ from taubench_gl.fields import declared, from_values
 from taubench_gl.option_groups import FITTED_METRICS, FitOptions
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import git_commit
-from taubench_gl.reuse.contract import Method, Setting, Value
+from taubench_gl.reuse.contract import Method, Parameter, Value
 from taubench_gl.reuse.evaluate import TWICE, MethodSpec, evaluate_methods, method_settings, method_text, short_name
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import MEASURES
@@ -147,7 +147,7 @@ def _values(method: Method, name: str, text: str) -> list[str]:
     return [part for part in text.split("/") if part]
 
 
-def _checked(requested: Range, setting: Setting) -> Range:
+def _checked(requested: Range, setting: Parameter) -> Range:
     low, high = requested.low, requested.high
     if low is None or high is None:
         raise SettingsError(f"setting {requested.name} has no range", hint=f"give {requested.name}=lo:hi")

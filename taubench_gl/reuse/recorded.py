@@ -30,9 +30,9 @@ from taubench_gl.reuse.frame import FrameInputs
 
 Array = np.ndarray
 
-SETTINGS = ("mapping", "layer", "offset", "scale", "label")
-"""Settings of ``exr:DIR``: pass names, view layer, number of the file minus that of the frame, factor on radiance,
-name in all outputs."""
+SETTINGS = ("mapping", "layer", "view", "offset", "scale", "label")
+"""Settings of ``exr:DIR``: pass names, view layer, view of stereo files, number of the file minus that of the frame,
+factor on radiance, name in all outputs."""
 
 RESULTS = "results"
 INDEX = "index.json"
@@ -48,6 +48,7 @@ class RecordedFrames:
     folder: str
     mapping: str | None = None
     layer: str | None = None
+    view: str | None = None
     offset: int = 0
     scale: float = 1.0
 
@@ -55,7 +56,9 @@ class RecordedFrames:
     def parse(cls, source: str, settings: Mapping[str, Any]) -> RecordedFrames:
         """The sequence ``source`` (``exr:DIR``) with ``settings``, text or values.  Raises MethodError."""
         faults = [f"there is no setting {n!r}{suggestion(n, SETTINGS)}" for n in settings if n not in SETTINGS]
-        values: dict[str, Any] = {name: str(settings[name]) for name in ("mapping", "layer") if name in settings}
+        values: dict[str, Any] = {
+            name: str(settings[name]) for name in ("mapping", "layer", "view") if name in settings
+        }
         for name, kind, expected in (("offset", int, "an integer"), ("scale", float, "a number above 0")):
             try:
                 values[name] = kind(settings.get(name, getattr(_DEFAULT, name)))
@@ -87,7 +90,7 @@ class RecordedFrames:
             folder = folder / f"seed{seed}"
         try:
             spec = f"{PREFIX}{folder}"
-            sequence = PathTracedSequence.open(spec, mapping=self.mapping or mapping, layer=self.layer)
+            sequence = PathTracedSequence.open(spec, mapping=self.mapping or mapping, layer=self.layer, view=self.view)
             sequence.require(size, [frame + self.offset for frame in frames], of="the evaluation")
         except PathTracedError as error:
             raise _method_error(self, error) from None

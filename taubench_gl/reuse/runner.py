@@ -5,7 +5,7 @@
 
     method = load_method("taa_clamp")            # built-in name, entry point, folder, file.py or module:Class
     method.reads                                 # names of INPUTS that FrameInputs.textures must contain
-    method.settings["alpha"]                     # Setting: kind, default, minimum, maximum, choices, scale, doc
+    method.settings["alpha"]                     # Parameter: kind, default, minimum, maximum, choices, scale, doc
     runner = MethodRunner(gpu, method, (1920, 1080), {"alpha": 0.1})
     texture = runner.step(frame)                 # rgba32f; rgb: linear radiance x exposure; valid until the next step
     read_result(texture)                         # frame.read_result: (h, w, 4), row 0 at the top

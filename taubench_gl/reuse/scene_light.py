@@ -114,13 +114,13 @@ class SceneLight:
         self._attributes.declare(self._structure.declare(p))
         form, floats, words = (IMAGE, "rgba32f", "rgba32ui") if software else (TEXTURE, "sampler2D", "usampler2D")
         if self._count:
-            p.use(*(Use(form, name, floats, given=True) for name in ("light_table", "prev_light_table")))
+            p.use(*(Use(form, name, floats, filled=True) for name in ("light_table", "prev_light_table")))
         if emitters:
-            p.use(Use(form, "prev_hit_draws", words, given=True))
+            p.use(Use(form, "prev_hit_draws", words, filled=True))
         p.define(ENVIRONMENT_LIGHT=sky)
         if sky and self._environment.kind == "image":
             declare_environment(p, self._environment, lobes=False, owned=False)
-            p.use(Use(form, "environment_choice", "rg32f" if software else "sampler2D", given=True))
+            p.use(Use(form, "environment_choice", "rg32f" if software else "sampler2D", filled=True))
             p.glsl(f"const int ENVIRONMENT_CELLS = {min(len(seen_of(self._environment)), CELLS)};")
         p.buffer("light_choice", "vec2").buffer("light_frame", FRAME)
         p.buffer("light_surfaces", SURFACE).buffer("prev_light_surfaces", SURFACE)

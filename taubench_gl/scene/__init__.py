@@ -16,7 +16,7 @@ from taubench_gl.stage_log import lasting
 
 log = logging.getLogger(__name__)
 
-READERS = {".gltf": "gltf", ".glb": "gltf", ".obj": "obj", ".aff": "aff", ".nff": "aff"}
+READERS = {".gltf": "gltf", ".glb": "gltf", ".vrm": "gltf", ".obj": "obj", ".aff": "aff", ".nff": "aff"}
 """File suffix, lower case -> format: its reader is imported when the first file is read."""
 
 
@@ -63,7 +63,7 @@ def _reader_of(path: Path) -> Callable[..., Scene]:
         raise _no_scene_in(path)
     name = READERS.get(path.suffix.lower())
     if name is None:
-        hint = f"known: {', '.join(sorted(READERS))}"
+        hint = f"known: {', '.join(sorted((*READERS, *CONVERTIBLE)))}"
         if path.suffix.lower() in CONVERTIBLE:
             hint += f"; convert it to glTF first: taubench-gl convert {path.name} {path.stem}.glb"
         elif not path.suffix:

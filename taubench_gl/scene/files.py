@@ -11,6 +11,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -23,6 +24,7 @@ from taubench_gl.data_files import hashed, opened, read_bytes
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Image, Texture
 from taubench_gl.scene.notes import Notes
+from taubench_gl.srgb import srgb_encode
 
 Array = np.ndarray
 ImageSource = Path | bytes | memoryview
@@ -48,7 +50,19 @@ def read_file(path: Path, where: str | None = None, max_bytes: int = MAX_TEXT_BY
     data = read_bytes(path, SceneError, max_bytes=max_bytes, where=where)
     if not data:
         raise SceneError("is empty", where=where or str(path), hint="export the scene again")
+    require_content(data, path, where)
     return data
+
+
+def require_content(start: bytes, path: Path, where: str | None = None) -> None:
+    """Raise SceneError for a file whose first bytes show that its content was never downloaded."""
+    text = start[:512].lstrip().lower()
+    if text.startswith(b"version https://git-lfs"):
+        raise SceneError("is a Git LFS pointer, not the file", where=where or str(path), hint="run git lfs pull")
+    if text.startswith((b"<!doctype html", b"<html")):
+        kind = "glTF file" if path.suffix.lower() in (".glb", ".gltf", ".vrm") else f"{path.suffix} file"
+        hint = "download the file itself, not the page about it"
+        raise SceneError(f"is a web page (HTML), not a {kind}", where=where or str(path), hint=hint)
 
 
 def read_text_file(path: Path, where: str | None = None) -> bytes:
@@ -160,23 +174,30 @@ def check_image(source: ImageSource, formats: tuple[str, ...], error: MakeError)
     decode_image(source, formats, error)
 
 
-def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> Array:
-    """RGBA pixels (h, w, 4) uint8, row 0 = top.  Raises ``error``."""
+def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError, data: bool = False) -> Array:
+    """RGBA pixels (h, w, 4) uint8, row 0 = top.  Raises ``error``.
+
+    Floating-point gray, which is linear, is limited to 0..1, and encoded as sRGB unless it is ``data``.
+    """
     with open_image(source, formats, error) as image:
         try:
             image.load()
-            if image.mode.startswith("I"):  # 16-bit gray: Pillow's conversion clips instead of scaling
-                gray = (np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
+            if image.mode.startswith(("I", "F")):  # Pillow's conversion clips instead of scaling
+                if image.mode == "F":
+                    linear = np.nan_to_num(np.asarray(image, np.float64)).clip(0.0, 1.0)
+                    gray = np.round(255.0 * (linear if data else srgb_encode(linear))).astype(np.uint8)
+                else:
+                    gray = (np.asarray(image).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
                 return np.dstack([gray, gray, gray, np.full_like(gray, 255)])
             return np.array(image.convert("RGBA"))
         except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as e:
             raise error(f"image cannot be decoded: {e}", "export the texture again") from None
 
 
-def read_image(path: Path, check: bool = False) -> Image:
+def read_image(path: Path, check: bool = False, data: bool = False) -> Image:
     """A texture of an OBJ or AFF scene: size from the header, pixels decoded on demand.
 
-    ``check``: also raise for an image that is cut off.  Raises SceneError.
+    ``check``: also raise for an image that is cut off; ``data``: it holds no colors.  Raises SceneError.
     """
 
     def error(message: str, hint: str | None) -> SceneError:
@@ -186,7 +207,7 @@ def read_image(path: Path, check: bool = False) -> Image:
         size = opened.size
     if check:
         check_image(path, TEXT_SCENE_IMAGES, error)
-    return Image(path.stem, size, partial(decode_image, path, TEXT_SCENE_IMAGES, error))
+    return Image(path.stem, size, partial(decode_image, path, TEXT_SCENE_IMAGES, error, data))
 
 
 class ImagePool:
@@ -194,27 +215,45 @@ class ImagePool:
 
     def __init__(self, notes: Notes):
         self._notes = notes
-        self._index: dict[Path, int | None] = {}  # None: unreadable
+        self._index: dict[tuple[Path, bool], int | None] = {}  # None: unreadable
         self.images: list[Image] = []
 
     @property
     def files(self) -> list[Path]:
         """The files of ``images``."""
-        return [path for path, index in self._index.items() if index is not None]
+        return [path for (path, _), index in self._index.items() if index is not None]
 
-    def texture(self, path: Path) -> Texture | None:
-        """The texture in a file; None for one that is damaged, which is a repair."""
-        if path not in self._index:
-            self._index[path] = None
+    def texture(self, path: Path, data: bool = False) -> Texture | None:
+        """The texture in a file, of colors or ``data``; None for one that is damaged, which is a repair."""
+        key = path, data
+        if key not in self._index:
+            self._index[key] = None
             try:
-                image = read_image(path, check=not self._notes.strict)
+                image = read_image(path, check=not self._notes.strict, data=data)
             except SceneError as error:
                 self._notes.repair("texture-unreadable", error, detail=path.name)
             else:
-                self._index[path] = len(self.images)
+                self._index[key] = len(self.images)
                 self.images.append(image)
-        index = self._index[path]
+        index = self._index[key]
         return None if index is None else Texture(index)
+
+    def packed(self, roughness: Texture | None, metallic: Texture | None) -> Texture | None:
+        """Two gray textures as one of glTF: roughness in green, metallic in blue, white where there is none."""
+        parts = {channel: self.images[t.image] for channel, t in ((1, roughness), (2, metallic)) if t is not None}
+        if not parts:
+            return None
+        first = next(iter(parts.values()))
+
+        def decode() -> Array:
+            out = np.full((first.size[1], first.size[0], 4), 255, np.uint8)
+            for channel, image in parts.items():
+                gray = PIL.Image.fromarray(image.decode()[..., 0])
+                out[..., channel] = np.asarray(gray.resize(first.size, PIL.Image.Resampling.BILINEAR))
+            return out
+
+        self.images.append(Image(first.name, first.size, decode))
+        return replace(roughness or metallic, image=len(self.images) - 1)
 
 
 class Identity:

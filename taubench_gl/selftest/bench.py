@@ -228,7 +228,7 @@ class Bench(GpuOwner):
             sky = ChannelPair(size, channels, channels)
             evaluator = owner.open_evaluator(sky, Settings(**FIXED_LIGHTING))
             framebuffer.clear()
-            return counts_of(evaluator.compare(still_pair(size)).mask_histogram)
+            return counts_of(evaluator.read(evaluator.submit(still_pair(size))).mask_histogram)
 
     def wall(self, size: Size) -> dict[str, Array]:
         """Position (h, w, 4) and normal (h, w, 3) of a wall 1 m in front of the camera of ``still_pair``."""
@@ -244,7 +244,7 @@ class Bench(GpuOwner):
         """Mask, motion, counts by name, and counts with histograms, as in ``PairImages``."""
         with GpuOwner(self.gpu, shaders=self.context.shaders) as owner:
             evaluator = owner.open_evaluator(channels, settings, images=True)
-            counts = evaluator.compare(pair, declared=declared)
+            counts = evaluator.read(evaluator.submit(pair, declared=declared))
             return evaluator.mask(), evaluator.motion(), counts_of(counts.mask_histogram), counts
 
     def _texture(self, values: Array, dtype: str):

@@ -329,6 +329,7 @@ VISUALIZATIONS: dict[str, Visualization] = {
     "position": Visualization("position", "vector", "position relative to the camera", fixed=None),
     "ids": Visualization("ids", "ids", "one color per object"),
     "motion": Visualization("motion", "motion", "motion vector: direction as hue, length as brightness", fixed=None),
+    "vectors": Visualization("vectors", "motion", "motion vectors that the files have, as motion", fixed=None),
     "object_motion": Visualization(
         "prev_position",
         "object_motion",
@@ -345,7 +346,8 @@ LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "emission
 
 def visualizations_of_scene(effects: dict[str, Effect]) -> tuple[str, ...]:
     """Keys of the visualizations of a scene with these effects."""
-    return tuple(n for n in VISUALIZATIONS if n not in LIGHT or effects[LIGHT[n]].enabled)
+    drawn = (n for n in VISUALIZATIONS if n != "vectors")
+    return tuple(n for n in drawn if n not in LIGHT or effects[LIGHT[n]].enabled)
 
 
 def visualizations_of_channels(channels: tuple[str, ...]) -> tuple[str, ...]:

@@ -623,8 +623,8 @@ class ViewerEngine:
 
     def value_range(self, kind: str, channel: str, source: Any) -> tuple[float, float]:
         """Smallest and largest finite value of a channel on surfaces; (0, 1) without any."""
-        if channel == "motion":
-            values = np.linalg.norm(self.motion(), axis=-1)
+        if kind == "motion":
+            values = np.linalg.norm(self.motion() if channel == "motion" else source.read(channel), axis=-1)
         elif kind == "object_motion":
             values = self.object_motion()
         else:

@@ -236,7 +236,7 @@ class PathTracedFeed(Owner):
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
         """Apply what of ``live`` the files can change; the rest stays.  Whether the source was recreated."""
         live = replace(live, light=self.live.light, scale=1.0, history="frame")  # the files have them
-        if "prev_position" not in self.sequence.index:
+        if not self.source.moves:
             live = replace(live, reprojection=self.live.reprojection)
         if live == self.live:
             return False

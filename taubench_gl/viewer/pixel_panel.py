@@ -70,6 +70,8 @@ class PixelPanel:
     def _names(self, explained: Explanation) -> None:
         where = "none" if explained.at is None else f"{explained.at[0]:.2f}, {explained.at[1]:.2f}"
         self._ui.pair("history", f"{where}  ({explained.motion_px[0]:+.2f}, {explained.motion_px[1]:+.2f} px)")
+        if explained.vector_px is not None:
+            self._ui.pair("file's vector", f"{explained.vector_px[0]:+.2f}, {explained.vector_px[1]:+.2f} px")
         names = self._ui.viewer.probe_names()
         if names is not None:
             self._ui.pair("object", names.object)

@@ -41,6 +41,7 @@ class _PathTraced(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     scene_file: str | None = None
     mapping: str | None = None
     layer: str | None = None
+    view: str | None = None
 
 
 class SessionFile(msgspec.Struct, forbid_unknown_fields=True):

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from taubench_gl.apps import cli
 from taubench_gl.errors import SceneError
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.run_schema import COUNT_COLUMNS
@@ -71,18 +70,3 @@ def evaluate(monkeypatch) -> FakeEvaluate:
     module.evaluate = fake
     monkeypatch.setitem(sys.modules, "taubench_gl.api", module)
     return fake
-
-
-@pytest.fixture
-def taubench(capsys, monkeypatch):
-    """Runs the command line: arguments -> (exit code, stdout, stderr)."""
-    monkeypatch.delenv("TAUBENCH_DEBUG", raising=False)
-    monkeypatch.delenv("TAUBENCH_BACKEND", raising=False)
-
-    def run(*arguments: str | Path) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as exit_:
-            cli.main([str(argument) for argument in arguments])
-        out, err = capsys.readouterr()
-        return exit_.value.code, out, err
-
-    return run

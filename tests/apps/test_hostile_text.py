@@ -11,7 +11,7 @@ import pytest
 
 from taubench_gl.paths import PACKAGE
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_light", "coarse_metering")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 EVIL = "\x1b[2J\x1b]0;owned\x07\x9b31m"

@@ -8,7 +8,6 @@ from typing import ClassVar
 import pytest
 
 from taubench_gl.apps import progress, stages
-from taubench_gl.apps.cli import main
 from taubench_gl.apps.progress import ProgressBar, StudyScreen
 from taubench_gl.apps.stages import Stages
 from taubench_gl.stage_log import lasting
@@ -106,11 +105,10 @@ def test_a_bar_has_the_text_of_the_stage(logged, monkeypatch, bar, name):
 @pytest.mark.parametrize(
     "arguments", [["scene.glb"], ["exr:frames"], ["A.OBJ", "--size", "64x36"], ["demo", "rotatoins"]]
 )
-def test_one_line_says_what_to_type(arguments, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(arguments)
-    (line,) = capsys.readouterr().err.splitlines()
-    assert stopped.value.code == 2
+def test_one_line_says_what_to_type(arguments, taubench):
+    code, _, err = taubench(*arguments)
+    (line,) = err.splitlines()
+    assert code == 2
     assert ("did you mean rotations?" if arguments[0] == "demo" else f"evaluate {arguments[0]}") in line
 
 

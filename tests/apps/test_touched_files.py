@@ -16,6 +16,7 @@ from taubench_gl.scene import load_scene
 pytest.importorskip("pyarrow")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
+FIXED = ("--light-unit", "candela", "--exposure", "1", "--environment", "none")
 
 
 def paint(folder: Path, color: tuple[int, int, int]) -> None:
@@ -70,19 +71,18 @@ def test_batch_evaluates_a_changed_scene_again(taubench, tmp_path, suffix):
     assert again["scene"]["sha256"] == load_scene(scene).sha256 != first["scene"]["sha256"]
 
 
-def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path, monkeypatch, lighting_defaults):
+def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path, monkeypatch):
     scene = demo_with_texture(tmp_path, ".glb")
     command = ["cost", scene, "--out", tmp_path / "study", "--size", "8x5", "--frames", "0:2", "--repeats", "1"]
-    command += ["--columns", "direct", "--truth-within", "9", "--longest", "1"]
+    command += ["--columns", "direct", "--truth-within", "9", "--longest", "1", *FIXED]
     for name, few in {"PREVIEWS": ({},), "SAMPLES": (1,), "WITHIN": (50.0,)}.items():
         monkeypatch.setattr(configurations, name, few)
-    with lighting_defaults(light="auto", environment="none"):
-        code, _, err = taubench(*command)
-        assert code == 0, err
-        records = sorted((tmp_path / "study" / "records").rglob("*.json"))
-        code, _, err = taubench(*command)
-        assert code == 0 and sorted((tmp_path / "study" / "records").rglob("*.json")) == records, err
-        paint(tmp_path, (40, 40, 200))
-        code, _, err = taubench(*command)
+    code, _, err = taubench(*command)
+    assert code == 0, err
+    records = sorted((tmp_path / "study" / "records").rglob("*.json"))
+    code, _, err = taubench(*command)
+    assert code == 0 and sorted((tmp_path / "study" / "records").rglob("*.json")) == records, err
+    paint(tmp_path, (40, 40, 200))
+    code, _, err = taubench(*command)
     assert code == 2 and "scene" in err and len(err.strip().splitlines()) == 1, err
     assert sorted((tmp_path / "study" / "records").rglob("*.json")) == records

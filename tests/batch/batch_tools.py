@@ -12,7 +12,6 @@ from taubench_gl.batch.spec import BatchSpec, read_spec
 from taubench_gl.paths import PACKAGE
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
-# A process that a test starts has the defaults of users: the lighting is named for both.
 LIGHTING = 'light = "raster"\nlight_unit = "candela"\nexposure = 1\nenvironment = "none"\n'
 SMALL = f'size = "48x27"\ncolumns = ["frustum", "position", "normal"]\n{LIGHTING}'
 FINAL = ("summary.json", "frames.parquet", "tables.txt", "tables.csv", "tables.md", "tables.tex")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from batch_tools import DEMO, SMALL, spec_of, write_spec
 
-from taubench_gl.apps import cli
 from taubench_gl.batch.study import batch_status, run_batch
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.scene import load_scene
@@ -18,18 +18,21 @@ from taubench_gl.study.cluster import DaskCluster
 from taubench_gl.study.driver import make_engine
 
 
-def refused(capsys, *arguments) -> str:
-    """The one line with which a command ends that writes nothing."""
-    with pytest.raises(SystemExit) as caught:
-        cli.main([str(a) for a in arguments])
-    error = capsys.readouterr().err
-    assert caught.value.code == 2 and error.count("\n") == 1 and "Errno" not in error
-    return error
+@pytest.fixture
+def refused(taubench) -> Callable[..., str]:
+    """refused(arguments) -> the one line with which a command ends that writes nothing."""
+
+    def line(*arguments: object) -> str:
+        code, _, err = taubench(*arguments)
+        assert code == 2 and err.count("\n") == 1 and "Errno" not in err
+        return err
+
+    return line
 
 
-def test_invalid_spec_writes_nothing(tmp_path, capsys):
+def test_invalid_spec_writes_nothing(tmp_path, refused):
     spec = write_spec(tmp_path, 'scenes = ["gone.glb"]\nfps = -1')
-    line = refused(capsys, "batch", spec, "--out", tmp_path / "out")
+    line = refused("batch", spec, "--out", tmp_path / "out")
     assert "gone.glb" in line and "fps" in line and not (tmp_path / "out").exists()
 
 
@@ -54,13 +57,13 @@ def test_engine_names(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["status", "resume", "report"])
-def test_folders_without_a_batch_are_refused(tmp_path, capsys, command):
+def test_folders_without_a_batch_are_refused(tmp_path, refused, command):
     for folder in (tmp_path, tmp_path / "gone", DEMO):
-        assert str(folder) in refused(capsys, "batch", command, folder)
+        assert str(folder) in refused("batch", command, folder)
     assert not (tmp_path / "gone").exists()
     for text in ("[]", "{", "\x00"):
         (tmp_path / "study.json").write_text(text)
-        assert "study.json" in refused(capsys, "batch", command, tmp_path)
+        assert "study.json" in refused("batch", command, tmp_path)
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path):
@@ -102,9 +105,9 @@ def test_worker_processes_share_the_cores(monkeypatch):
     assert engines.worker_environment(4)["LP_NUM_THREADS"] == "5"
 
 
-def test_compare_of_a_batch_names_batch_report(tmp_path, capsys):
+def test_compare_of_a_batch_names_batch_report(tmp_path, refused):
     (tmp_path / "summary.json").write_text('{"schema": "taubench-gl/batch/4"}')
-    assert "batch report" in refused(capsys, "compare", tmp_path)
+    assert "batch report" in refused("compare", tmp_path)
 
 
 def split_demo(folder: Path, name: str = "demo.gltf") -> tuple[Path, dict]:

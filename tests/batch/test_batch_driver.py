@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batch_tools import DEMO, spec_of
+from batch_tools import DEMO, LIGHTING, spec_of
+from fixed import fixed_settings
 
 from taubench_gl.batch.merge import frames_table
 from taubench_gl.batch.spec import Job
@@ -18,7 +19,6 @@ from taubench_gl.conventions import HISTOGRAM_BINS, Reason
 from taubench_gl.errors import GraphicsError, SceneError
 from taubench_gl.features import COLUMNS, FEATURES, MASK_WORDS
 from taubench_gl.metrics.counts import Counts
-from taubench_gl.settings import Settings
 from taubench_gl.study.driver import Driver
 from taubench_gl.study.progress import Listener
 from taubench_gl.study.store import json_bytes
@@ -100,7 +100,7 @@ class Recorder(Listener):
 def spec(tmp_path):
     for name in ("a.glb", "b.glb"):
         (tmp_path / name).write_text(name)
-    return spec_of(tmp_path, 'scenes = ["a.glb", "b.glb"]\nsize = "8x5"')
+    return spec_of(tmp_path, f'scenes = ["a.glb", "b.glb"]\nsize = "8x5"\n{LIGHTING}')
 
 
 @pytest.fixture
@@ -243,7 +243,7 @@ def test_a_scene_that_changes_while_its_head_is_computed_gets_a_new_head(drive, 
 
 
 def test_a_scene_that_changes_after_its_head_is_refused():
-    job = Job("j", str(DEMO), Settings(width=8, height=8, columns=("frustum",)), {})
+    job = Job("j", str(DEMO), fixed_settings(width=8, height=8, columns=("frustum",)), {})
     head = {"frames": [0, 2], "facts": {"scene": {"sha256": "another"}}, "lighting": {}}
     unit = pairs_unit(job, (0,), head)
     with pytest.raises(SceneError) as caught:

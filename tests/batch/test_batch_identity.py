@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from batch_tools import DEMO, final_files
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.batch.merge import frames_table
@@ -19,7 +20,6 @@ from taubench_gl.evaluation import evaluate_scene, sampled_light
 from taubench_gl.evaluation.sampled_light import RoundSizes
 from taubench_gl.run import load_run
 from taubench_gl.run_schema import FRAME_COLUMNS
-from taubench_gl.settings import Settings
 
 VOLATILE = ("timing", "memory", "provenance")
 """Blocks of summary.json that differ with machine and engine."""
@@ -75,7 +75,10 @@ def test_results_equal_those_of_evaluate(tmp_path, kind, monkeypatch):
     """Pairs, sums, curves, census, camera, cuts, lobes and rounds of light; a chunk ends at every other pair."""
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=3, pixels=16, limit=128))
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")}
-    settings, lobes = Settings(**settings | CHANGES[kind]), ("diffuse", "glossy", "volume") if "lobes" in kind else ()
+    settings, lobes = (
+        fixed_settings(**settings | CHANGES[kind]),
+        ("diffuse", "glossy", "volume") if "lobes" in kind else (),
+    )
     once = evaluate_scene(DEMO, settings, out=tmp_path / "once", lobes=lobes, sampled=True)
     run_batch(BatchSpec("one", (Job("demo", str(DEMO), settings, {}, lobes=lobes),)), tmp_path / "out", chunk=2)
     run = load_run(tmp_path / "out" / "jobs" / "demo")

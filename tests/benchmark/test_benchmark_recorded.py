@@ -9,21 +9,19 @@ import pytest
 from taubench_gl.benchmark.output import load_benchmark
 from taubench_gl.benchmark.suite import read_suite
 from taubench_gl.benchmark.unit import Entry
-from taubench_gl.settings import FIXED_LIGHTING
 
 
 @pytest.mark.long
-def test_a_recorded_cell_of_the_quick_suite_comes_out_again(lighting_defaults):
+def test_a_recorded_cell_of_the_quick_suite_comes_out_again():
     """docs/benchmark-quick.json: one case of a deterministic input, two methods."""
     from taubench_gl.benchmark.scenes import scene_file
     from taubench_gl.benchmark.unit import evaluate_case
 
     recorded = load_benchmark(Path(__file__).resolve().parents[2] / "docs" / "benchmark-quick.json")
-    with lighting_defaults(light="auto", **dict.fromkeys(FIXED_LIGHTING, "auto")):  # those of users
-        suite = read_suite("quick")
-        case = next(case for case in suite.cases if case.id == "demo/checkerboard")
-        entries = [Entry.of("none"), Entry.of("checkerboard")]
-        found = evaluate_case(case, entries, scene_file(case.scene))
+    suite = read_suite("quick")
+    case = next(case for case in suite.cases if case.id == "demo/checkerboard")
+    entries = [Entry.of("none"), Entry.of("checkerboard")]
+    found = evaluate_case(case, entries, scene_file(case.scene))
     assert recorded["suite"] == suite.describe()
     for entry in entries:
         known = recorded["methods"][entry.label]["cases"][case.id]["mean"]

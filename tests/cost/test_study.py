@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fixed import fixed_settings
 
-from taubench_gl.apps.cli import main
 from taubench_gl.cost import configurations, cost
 from taubench_gl.cost import study as study_module
 from taubench_gl.cost.study import EvaluationUnit
@@ -18,7 +18,6 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.preset import load_preset
 from taubench_gl.report.cost import write_cost
-from taubench_gl.settings import Settings
 from taubench_gl.study.store import json_bytes
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
@@ -160,12 +159,11 @@ def test_settings_of_the_configurations_are_refused(tmp_path, setting, options):
     [(("--truth-within", "no"), "--truth-within"), (("--longest", "soon"), "--longest"), (("--frames", "0:1"), "pair"),
      (("--spp", "4"), "--spp"), (("--columns", "position"), "column"), (("--camera", "nobody"), "nobody")],
 )  # fmt: skip
-def test_wrong_input_is_one_line(capsys, tmp_path, lighting_defaults, wrong, named):
+def test_wrong_input_is_one_line(taubench, tmp_path, wrong, named):
     given = ["--exposure", "1", "--environment", "none", "--size", "8x5"]
-    with lighting_defaults(light="auto"), pytest.raises(SystemExit) as end:
-        main(["cost", str(DEMO), "--out", str(tmp_path / "study"), *given, *wrong])
-    lines = [line for line in capsys.readouterr().err.strip().splitlines() if "rror" in line]
-    assert end.value.code == 2 and len(lines) == 1 and named in lines[0]
+    code, _, err = taubench("cost", DEMO, "--out", tmp_path / "study", *given, *wrong)
+    lines = [line for line in err.splitlines() if "rror" in line]
+    assert code == 2 and len(lines) == 1 and named in lines[0]
     assert not (tmp_path / "study").exists()
 
 
@@ -195,7 +193,7 @@ def test_columns_are_those_of_evaluate(tmp_path, monkeypatch):
     }
     assert {point["name"] for point in study["points"]} == changes.keys()
     for point in study["points"]:
-        settings = Settings(**TINY | OFF | changes[point["name"]])
+        settings = fixed_settings(**TINY | OFF | changes[point["name"]])
         discard = evaluate_scene(DEMO, settings, sampled=True).summary["discard"]
         for name, column in point["columns"].items():
             assert column["percent"] == discard[name]["mean_percent"]

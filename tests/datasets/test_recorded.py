@@ -9,12 +9,13 @@ import pytest
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, choose_camera
-from taubench_gl.apps.cli import main
 from taubench_gl.datasets.recorded import read_recorded
 from taubench_gl.datasets.stress import stress
 from taubench_gl.errors import SceneError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
+
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 HEAD = "time,x,y,z,qx,qy,qz,qw"
@@ -74,14 +75,13 @@ def test_playback_equals_the_log_for_either_quaternion_sign(tmp_path):
         ("a.json", '{"time": [0], "position": [[1]], "rotation": [[0, 0, 0, 1]]}', "a.json#/0: "),
     ],
 )
-def test_errors_name_the_place_in_the_log(tmp_path, capsys, name, text, named):
+def test_errors_name_the_place_in_the_log(tmp_path, taubench, name, text, named):
     (tmp_path / name).write_text(text)
     with pytest.raises(SceneError) as error:
         read_recorded(tmp_path / name)
     assert named in str(error.value) and "\n" not in str(error.value)
-    with pytest.raises(SystemExit) as ended:
-        main(["stress", str(DEMO), "--camera", str(tmp_path / name), "--out", str(tmp_path / "out.glb")])
-    assert ended.value.code == 2 and named in capsys.readouterr().err
+    code, _, err = taubench("stress", DEMO, "--camera", tmp_path / name, "--out", tmp_path / "out.glb")
+    assert code == 2 and named in err
 
 
 def test_log_that_is_not_utf8(tmp_path):

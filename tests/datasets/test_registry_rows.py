@@ -18,6 +18,8 @@ from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, 
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
+
 ENTRIES = load_registry()
 ROWS = few(sorted(ENTRIES, key=lambda name: ENTRIES[name].format == "fbx"), 3)
 PAPER = {scene["name"]: scene for scene in paper_numbers()["scenes"]}

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 from repeated import few
 from validator import errors
 
@@ -20,7 +21,8 @@ from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.report.paper import paper_numbers
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 PAPER = {scene["name"].replace(" ", ""): scene for scene in paper_numbers()["scenes"]}
 RECIPES = list(STAND_INS.values())
@@ -95,7 +97,7 @@ def test_exposure_is_recorded_and_taken(recipe, made):
     """By ``auto`` only, and only for intensities as written."""
     scene = load_scene(made[recipe.name])
     assert scene.exposure == recipe.exposure
-    auto = Settings(exposure="auto", light_unit="auto", environment="auto")
+    auto = fixed_settings(exposure="auto", light_unit="auto", environment="auto")
     found = resolve_lighting(scene, auto)
     assert found.settings.lighting.exposure == recipe.exposure and "recorded" in found.reasons["exposure"]
     assert resolve_lighting(scene, auto.replace(exposure=2.0)).settings.lighting.exposure == 2.0
@@ -133,7 +135,7 @@ def test_khronos_validator(recipe, made):
 
 def test_summary_is_labeled_as_stand_in(made, gpu):
     columns = ("frustum", "position", "normal", "direct")
-    settings = Settings(
+    settings = fixed_settings(
         width=160, height=90, fps=60.0, frames=(178, 184), columns=columns, indirect="none", shadow_lights=1
     )
     run = evaluate_scene(made["eternal-valley-vr"], settings)
@@ -161,8 +163,8 @@ def test_table_4_is_within_a_factor_of_the_papers(recipe, fps, columns, light, m
     windows = [(f, f + 2) for f in range(int(fps / 6), last, last // 10)]
     found = dict.fromkeys(columns, 0.0)
     for frames in windows:
-        settings = Settings(width=960, height=540, fps=fps, frames=frames, columns=columns, exposure=recipe.exposure,
-                            **light)  # fmt: skip
+        own = {"fps": fps, "frames": frames, "columns": columns, "exposure": recipe.exposure, **light}
+        settings = fixed_settings(width=960, height=540, **own)
         run = evaluate_scene(made[recipe.name], settings)
         for name in columns:
             found[name] += run.summary["discard"][name]["mean_percent"] / len(windows)

@@ -16,7 +16,7 @@ from row_files import row_file
 from validator import errors
 
 from taubench_gl.animation import Poser, choose_camera
-from taubench_gl.apps.cli import cli, main
+from taubench_gl.apps.cli import cli
 from taubench_gl.datasets.camera_path import CameraSpec, chase, generate
 from taubench_gl.datasets.free_space import (
     SAMPLES,
@@ -37,6 +37,8 @@ from taubench_gl.errors import SceneError, SettingsError, TaubenchError
 from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
+
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SPEC = CameraSpec(
@@ -244,11 +246,9 @@ def test_sweep_writes_a_table_and_plots(tmp_path, gpu):
         (["--motion", "0.1,0.01", "--sweep", "yaw=0:9:4"], "--motion"),
     ],
 )
-def test_invalid_options_give_one_line_and_exit_code_2(tmp_path, capsys, options, named):
-    with pytest.raises(SystemExit) as ended:
-        main(["stress", str(DEMO), *options, "--out", str(tmp_path / "out.glb")])
-    printed = capsys.readouterr().err
-    assert ended.value.code == 2 and printed.count("\n") == 1 and named in printed
+def test_invalid_options_give_one_line_and_exit_code_2(tmp_path, taubench, options, named):
+    code, _, err = taubench("stress", DEMO, *options, "--out", tmp_path / "out.glb")
+    assert code == 2 and err.count("\n") == 1 and named in err
     assert not (tmp_path / "out.glb").exists()
 
 
@@ -259,13 +259,11 @@ def test_invalid_options_give_one_line_and_exit_code_2(tmp_path, capsys, options
         ("yaw=0:2:2", "file", "--out"),
     ],
 )
-def test_impossible_sweep_writes_nothing(tmp_path, capsys, sweep, place, named):
+def test_impossible_sweep_writes_nothing(tmp_path, taubench, sweep, place, named):
     """The last speed is impossible; nothing is rendered and no partial table is written."""
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(SystemExit) as ended:
-        main(["stress", str(DEMO), "--sweep", sweep, "--size", "32x18", "--out", str(tmp_path / place)])
-    printed = capsys.readouterr().err.splitlines()
-    assert ended.value.code == 2 and named in printed[-1] and len(printed) == 1
+    code, _, err = taubench("stress", DEMO, "--sweep", sweep, "--size", "32x18", "--out", tmp_path / place)
+    assert code == 2 and err.count("\n") == 1 and named in err
     assert [path.name for path in tmp_path.iterdir()] == ["file"] and (tmp_path / "file").read_text() == "mine"
 
 

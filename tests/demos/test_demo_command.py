@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from functools import partial
 
 import pytest
 
-from taubench_gl.apps import cli
 from taubench_gl.demos import texts
 from taubench_gl.demos.demo import Expected
 from taubench_gl.demos.lessons import DEMOS, find_demo
@@ -15,16 +15,9 @@ from taubench_gl.scene import load_scene
 
 
 @pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
+def run(taubench, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as exit_:
-            cli.main(["demo", *arguments])
-        out, err = capsys.readouterr()
-        return exit_.value.code, out, err
-
-    return run
+    return partial(taubench, "demo")
 
 
 @pytest.mark.parametrize("arguments", [(), ("--list",), ("--list", "--all")])

@@ -18,6 +18,8 @@ from test_docs_examples import PAGES, ROOT, blocks, command_lines, words_of
 
 from taubench_gl.apps.cli import cli, main
 
+pytestmark = pytest.mark.usefixtures("coarse_metering", "fixed_light")
+
 NAMES = {page: str(page.relative_to(ROOT)) for page in PAGES}
 sys.path.append(str(ROOT / "tests" / "pathtraced"))
 
@@ -33,6 +35,7 @@ LEFT_OUT = {
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
     "tests/benchmark, tests/cost",
     r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
+    r"^capture": "needs a recording and the game's data: tests/capture",
     r"osmesa": "a driver that may be missing: tools/test --driver",
 }
 """Examples that do not run here (regular expressions of command lines), and what tests them."""
@@ -214,7 +217,6 @@ def ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, prepared) -> Callable
     """ready(example) fills the current folder with what it reads."""
 
     def fill(line: str) -> None:
-        monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
         here = tmp_path / "here"
         for folder in prepared(line):
             shutil.copytree(folder, here, dirs_exist_ok=True)

@@ -15,6 +15,8 @@ import pytest
 
 import taubench_gl
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 

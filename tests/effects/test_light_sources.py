@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.effects import path_tracing
 from taubench_gl.effects.decide import decide, force, unmeasured
@@ -93,7 +94,7 @@ def test_emitters_alone_have_direct_and_indirect_columns():
 
 def test_one_bounce_has_no_indirect_column():
     for light in ("auto", "path-traced"):
-        settings = Settings(light=light, bounces=1)
+        settings = fixed_settings(light=light, bounces=1)
         assert set(unmeasured(decide(scene(strength=5.0), settings), settings)) == {"indirect"}
 
 
@@ -108,7 +109,7 @@ def test_raster_light_and_emitters_together():
 
 def test_columns_without_light_trace_nothing():
     for light in ("auto", "path-traced"):
-        settings = Settings(light=light, columns=("frustum", "position"))
+        settings = fixed_settings(light=light, columns=("frustum", "position"))
         assert not frame_spec(AnimatedScene(scene(1, strength=5.0)), settings).path_traced_sources
 
 

@@ -7,6 +7,7 @@ frame to frame.  The camera stands still: the history of a pixel is the pixel.
 from __future__ import annotations
 
 import numpy as np
+from fixed import fixed_settings
 
 from taubench_gl.evaluation.decided_light import counts_of_images
 from taubench_gl.evaluation.decided_pixels import DecidedPixels, PreviewPair
@@ -16,7 +17,6 @@ from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.metrics.pixel_sample import Interval, PixelStrata
 from taubench_gl.metrics.sampled_light import STRATA, LightEstimate, SampledPixels, draw_pixels, strata_of
-from taubench_gl.settings import Settings
 
 SIZE = (64, 36)
 LIGHTS, PAIRS, LIMIT = 100, 6, 0.5
@@ -77,7 +77,7 @@ class SampledLights:
 
 def decided_pixels(scene: ManyLights, seed: int) -> DecidedPixels:
     sources = iter((SampledLights(scene, seed, True), SampledLights(scene, seed, False)))
-    settings = Settings(width=SIZE[0], height=SIZE[1], thresholds={"direct": LIMIT}, exposure=1.0, light="auto")
+    settings = fixed_settings(width=SIZE[0], height=SIZE[1], thresholds={"direct": LIMIT}, exposure=1.0, light="auto")
     return DecidedPixels(lambda *_, **__: next(sources), settings, ("direct",))
 
 

@@ -10,12 +10,11 @@ import pytest
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.features import COLUMNS
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_metering")
 
-AUTO_LIGHTING = dict.fromkeys((*FIXED_LIGHTING, "light"), "auto")
-SIZE = {"width": 64, "height": 36, "frames": (0, 2)}
+SIZE = {"width": 64, "height": 36, "frames": (0, 2), "shadow_size": 64, "probes": 32}
 NO_LIGHT = (
     "BoxAnimated/BoxAnimated.glb",  # animated, no camera
     "Duck/Duck.glb",  # still, with a camera
@@ -45,7 +44,7 @@ def evaluated(scene: Scene | Path, **settings):
         surface = pair.source.read("position")[..., 3] > 0
         kept["color"] = pair.source.read("color")[surface][:, :3]
 
-    run = evaluate_scene(scene, Settings(**(SIZE | AUTO_LIGHTING | settings)), observers=Observers(on_pair=keep))
+    run = evaluate_scene(scene, Settings(**(SIZE | settings)), observers=Observers(on_pair=keep))
     return run.summary, kept["color"]
 
 

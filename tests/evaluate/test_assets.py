@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from fixed import fixed_settings
+
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 ROOT = PACKAGE.parent
 DEMO = ROOT / "assets" / "demo.glb"
@@ -21,7 +22,7 @@ def test_demo_scene_is_small_and_licensed() -> None:
 
 
 def test_demo_scene_has_every_feature() -> None:
-    run = evaluate_scene(DEMO, Settings(width=64, height=36, shadow_size=64, indirect="none"))
+    run = evaluate_scene(DEMO, fixed_settings(width=64, height=36, shadow_size=64, indirect="none"))
     census = run.summary["census"]
     assert census["armatures"] == 1 and census["bones"] == 6 and census["morphs"] == 1
     assert census["dynamic_rigid_objects"] >= 6 and census["static_rigid_objects"] >= 6

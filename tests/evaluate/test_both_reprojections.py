@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.evaluation import evaluate_scene, sampled_light
 from taubench_gl.evaluation.sampled_light import RoundSizes
@@ -19,7 +20,6 @@ from taubench_gl.report.run_page import ReportRun, report_html
 from taubench_gl.run import Run, not_reusable
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -45,7 +45,7 @@ def plate_before_wall(moves: bool = True, wall: bool = True) -> Scene:
 
 def evaluated(scene: Scene | Path, sampled: bool = False, **settings) -> Run:
     chosen = {"width": WIDTH, "height": HEIGHT, "frames": (0, 5), "columns": GEOMETRY} | settings
-    return evaluate_scene(scene, Settings(**chosen), sampled=sampled)
+    return evaluate_scene(scene, fixed_settings(**chosen), sampled=sampled)
 
 
 @pytest.mark.parametrize("chosen", OTHER)
@@ -92,7 +92,7 @@ def test_what_does_not_move_is_equal_and_what_was_not_counted_is_null():
     assert eyes["both"].frames[0]["other_reusable_surface"] is None
 
 
-LIT = {"columns": (*GEOMETRY, "direct", "indirect"), "width": 32, "height": 18, "frames": (20, 23), **FIXED_LIGHTING}
+LIT = {"columns": (*GEOMETRY, "direct", "indirect"), "width": 32, "height": 18, "frames": (20, 23)}
 
 
 def test_sampled_light_of_both_agrees_with_a_run_of_each(monkeypatch):
@@ -120,7 +120,7 @@ def test_path_traced_light_of_both_agrees_with_a_run_of_each(decided):
 
 
 def test_every_place_has_the_same_numbers(tmp_path):
-    settings = Settings(width=WIDTH, height=HEIGHT, frames=(8, 12), columns=GEOMETRY)
+    settings = fixed_settings(width=WIDTH, height=HEIGHT, frames=(8, 12), columns=GEOMETRY)
     run = evaluate_scene(DEMO, settings, out=tmp_path)
     with (tmp_path / "frames.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from lamp_scenes import lamp_over_floor
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
@@ -13,13 +14,12 @@ from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.path_samples import LEAST, LIMIT
 from taubench_gl.run import load_run
 from taubench_gl.run_schema import DECIDED_COLUMNS
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
-TRACED = {"width": 24, "height": 14, "fps": 24.0, "frames": (0, 3), "light": "path-traced", **FIXED_LIGHTING}
+TRACED = {"width": 24, "height": 14, "fps": 24.0, "frames": (0, 3), "light": "path-traced"}
 
 
 def test_masks_counts_distances_and_rows_are_those_of_path_traced_light(tmp_path):
-    scene, settings = lamp_over_floor(emits=40.0), Settings(**TRACED)
+    scene, settings = lamp_over_floor(emits=40.0), fixed_settings(**TRACED)
     seen = []
 
     def on_pair(pair):
@@ -52,7 +52,7 @@ def test_masks_counts_distances_and_rows_are_those_of_path_traced_light(tmp_path
 @pytest.mark.long
 def test_columns_are_those_of_images_of_many_samples():
     """Emitters, which the raster method leaves out: the columns are not those of the preview's images."""
-    scene, settings = lamp_over_floor(emits=40.0), Settings(**TRACED | {"frames": (0, 2)})
+    scene, settings = lamp_over_floor(emits=40.0), fixed_settings(**TRACED | {"frames": (0, 2)})
     ours = evaluate_scene(scene, settings, sampled=True).summary["discard"]
     images = evaluate_scene(scene, settings.replace(spp=1024, bidirectional=True)).summary["discard"]
     raster = evaluate_scene(scene, settings.replace(light="raster")).summary["discard"]
@@ -64,7 +64,7 @@ def test_columns_are_those_of_images_of_many_samples():
 
 
 def test_the_diffuse_lobe_of_a_diffuse_scene_has_its_columns():
-    settings = Settings(**TRACED | {"width": 16, "height": 9})
+    settings = fixed_settings(**TRACED | {"width": 16, "height": 9})
     summary = evaluate_scene(lamp_over_floor(), settings, sampled=True, lobes=("diffuse", "glossy")).summary
     for bounce in RADIANCE_FEATURES:
         whole = summary["discard"][bounce]["mean_percent"]
@@ -74,18 +74,18 @@ def test_the_diffuse_lobe_of_a_diffuse_scene_has_its_columns():
 
 @pytest.mark.parametrize("changes", [{"spp": 2}, {"exact": True}, {"samples_per_pixel": 2}, {"columns": ("position",)}])
 def test_what_compares_images_decides_no_pixels(changes):
-    settings = Settings(**TRACED)
+    settings = fixed_settings(**TRACED)
     assert light_plan(settings, True) is LightPlan.DECIDED is not light_plan(settings.replace(**changes), True)
 
 
 def test_images_of_a_session_that_samples_nothing_have_a_number_of_samples():
-    settings = Settings(**TRACED)
+    settings = fixed_settings(**TRACED)
     assert plan_scene(lamp_over_floor(), settings).settings.lighting.spp == 256
     assert plan_scene(lamp_over_floor(), settings, sampled=True).settings.lighting.spp is None
 
 
 def test_a_pair_whose_light_is_not_compared_has_columns_of_zero():
-    settings = Settings(**TRACED | {"width": 12, "height": 7, "frames": (0, 1)})
+    settings = fixed_settings(**TRACED | {"width": 12, "height": 7, "frames": (0, 1)})
     summary = evaluate_scene(lamp_over_floor(), settings, sampled=True).summary
     assert summary["decided_light"] == dict.fromkeys(DECIDED_COLUMNS, 0) | {
         "undecided_percent": 0.0, "most_samples_per_pixel": LIMIT,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from fixed import fixed_settings
 from lamp_scenes import matte_room
 
 from taubench_gl import evaluate
@@ -17,7 +18,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.run import load_run
 from taubench_gl.run_schema import EXACT_COLUMNS, FRAME_COLUMNS
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -26,7 +27,7 @@ OWN = {"columns": ("frustum", "position", "normal"), "reprojection": "motion"}
 
 
 def settings(**more) -> Settings:
-    return Settings(**({"width": 64, "height": 36} | OWN | more))
+    return fixed_settings(**({"width": 64, "height": 36} | OWN | more))
 
 
 def floor():
@@ -85,7 +86,7 @@ def test_light_of_the_same_points():
     """Diffuse light of a still lamp is that of the point: all discards are misregistration; of a moving one few."""
     chosen = settings(
         columns=("frustum", "color", "position", "normal", "direct"), fps=4.0, frames=(0, 3), shadow_lights=0,
-        thresholds={"direct": 0.005, "color": 0.02}, exact=True, **(FIXED_LIGHTING | {"exposure": 0.1}),
+        thresholds={"direct": 0.005, "color": 0.02}, exact=True, exposure=0.1,
     )  # fmt: skip
     still, moving = (
         evaluate_scene(matte_room(to, (0.9, 0.0, 1.2), empty=True), chosen).summary
@@ -112,7 +113,7 @@ def test_a_direction_keeps_its_sky(tmp_path):
     b.node(mesh=b.mesh(quad(1.0, 1.0)), translation=(0.0, 0.0, 50.0))
     b.animate(b.camera(), "rotation", [0.0, 1.0], [turn_x(20.0), turn_x(10.0)])
     own = {"columns": ("frustum", "position", "normal", "color"), "thresholds": {"color": 0.01}}
-    own |= FIXED_LIGHTING | {"environment": path}
+    own |= {"environment": path}
 
     def on_pair(pair):
         bits = pair.read("prev_visibility")[..., 0]

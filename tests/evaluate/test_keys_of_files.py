@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.animation import Poser
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -21,7 +21,7 @@ def keys(data):
 
 def evaluated(path, **changes) -> Run:
     own = {"size": (64, 36), "columns": ("frustum", "position"), "pairs": "all"}
-    return evaluate_scene(path, Settings(**(own | changes)))
+    return evaluate_scene(path, fixed_settings(**(own | changes)))
 
 
 def pairs_with(run: Run, column: str) -> list[int]:

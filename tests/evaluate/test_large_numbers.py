@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
-from taubench_gl import Settings
 from taubench_gl.animation import choose_camera
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SceneError, SettingsError
@@ -41,13 +41,13 @@ def test_intensities_that_overflow_are_refused(demo, intensity):
     bright = lit(demo, intensity=intensity, color=(1.0, 1.0, 1.0))
     for exposure in (1.0, "auto"):
         with pytest.raises(SceneError) as caught:
-            resolve_lighting(bright, Settings(**LIT, exposure=exposure), choose_camera(bright))
+            resolve_lighting(bright, fixed_settings(**LIT, exposure=exposure), choose_camera(bright))
         assert demo.lights[0].name in caught.value.what
-    require(bright, Settings(**LIT | {"columns": ("frustum", "position")}, exposure=1.0))
+    require(bright, fixed_settings(**LIT | {"columns": ("frustum", "position")}, exposure=1.0))
 
 
 def test_animated_and_exposed_intensities_count(demo):
-    settings = Settings(**LIT, exposure=1.0)
+    settings = fixed_settings(**LIT, exposure=1.0)
     values = np.array([[1.0], [1e38]])
     channel = Channel("light", 0, "intensity", "LINEAR", np.array([0.0, 1.0]), values)
     with pytest.raises(SceneError):
@@ -60,7 +60,7 @@ def test_animated_and_exposed_intensities_count(demo):
 
 
 def test_emission_and_environment_count(demo):
-    settings = Settings(**LIT, exposure=1.0)
+    settings = fixed_settings(**LIT, exposure=1.0)
     glowing = dataclasses.replace(demo, materials=(*demo.materials, Material(emissive=(0.0, 1e39, 0.0))))
     with pytest.raises(SceneError):
         require(glowing, settings)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl import evaluate
 from taubench_gl.errors import SettingsError
@@ -16,7 +17,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -40,7 +41,7 @@ def shiny(*, glowing: bool = False) -> Scene:
 
 def settings(**more) -> Settings:
     own = {"width": 48, "height": 32, "fps": 4.0, "shadow_size": 64, "indirect_samples": 256, "probes": 64, "spp": 2}
-    return Settings(**(own | FIXED_LIGHTING | {"columns": ("direct", "indirect")} | more))
+    return fixed_settings(**(own | {"columns": ("direct", "indirect")} | more))
 
 
 @pytest.mark.parametrize(

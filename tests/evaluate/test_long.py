@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.apps import inspect_command
 from taubench_gl.apps.inspect_command import MAX_INSPECTED, describe
@@ -32,7 +33,7 @@ def lasting(seconds: float) -> Scene:
 
 
 def frame_range(seconds: float, **values) -> range:
-    return Settings(**values).sequence.frame_range(seconds)
+    return fixed_settings(**values).sequence.frame_range(seconds)
 
 
 def test_frame_range_is_limited_to_max_frames():

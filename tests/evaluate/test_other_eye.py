@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from lamp_scenes import matte_room
 
 from taubench_gl.animation import Poser, choose_camera
@@ -25,7 +26,7 @@ from taubench_gl.metrics.reuse_rate import RATE_BITS
 from taubench_gl.metrics.sampled_light import PixelMasks
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 YFOV, BASE = 1.0, 0.064
 GEOMETRIC = ("frustum", "position", "normal")
@@ -34,7 +35,7 @@ FINE = 32
 
 def settings(**more) -> Settings:
     own = {"size": (96, 54), "frames": (0, 2), "columns": GEOMETRIC, "history": "eye", "pairs": "all", "camera": 0}
-    return Settings(**own | more)
+    return fixed_settings(**own | more)
 
 
 def focal(height: float) -> float:
@@ -109,7 +110,7 @@ def room():
 
 @pytest.mark.parametrize("more", [{}, {"convergence": 2.0, "eye": "right"}, {"sampling": "bilinear", "eyes": 0.3}])
 def test_masks_and_counts_equal_numpy(more):
-    scene, lit = room(), dict(FIXED_LIGHTING, indirect="none", light="raster")
+    scene, lit = room(), {"indirect": "none"}
     given = settings(columns=(*GEOMETRIC, "direct"), **lit, **more)
     names = ("position", "normal", "direct")
     [pair] = pairs(scene, given)
@@ -166,7 +167,7 @@ def test_a_camera_of_the_file_is_the_same_eye():
 )  # fmt: skip
 def test_settings_that_are_no_eyes(wrong):
     with pytest.raises(SettingsError) as raised:
-        Settings(**wrong)
+        fixed_settings(**wrong)
     assert raised.value.setting in wrong
 
 
@@ -175,7 +176,7 @@ def test_settings_that_are_no_eyes(wrong):
     [{"light": "raster", "indirect": "none"}, pytest.param({"light": "path-traced", "spp": 4}, marks=pytest.mark.long)],
 )
 def test_both_is_the_better_history_of_every_pixel(light):
-    more = {"columns": (*GEOMETRIC, "direct", "color"), "fps": 2.0, **FIXED_LIGHTING, **light}
+    more = {"columns": (*GEOMETRIC, "direct", "color"), "fps": 2.0, **light}
     frame, eye, both = (only_pair(room(), history=kind, **more) for kind in ("frame", "eye", "both"))
     assert np.array_equal(both.mask, np.where(both.uses_other_eye, eye.mask, frame.mask))
     for rate, bits in RATE_BITS.items():
@@ -233,7 +234,7 @@ def test_exact_reasons_of_the_other_eye_have_no_change_of_light():
     """A moving lamp brightens a matte room since the last frame, and nothing between the eyes."""
     chosen = settings(
         columns=(*GEOMETRIC, "direct"), exact=True, fps=1.0, size=(48, 27), light="raster", indirect="none",
-        shadow_lights=0, **FIXED_LIGHTING,
+        shadow_lights=0,
     )  # fmt: skip
     frame, eye = (
         evaluate_scene(matte_room((0.7, 1.0, 0.0)), chosen.replace(history=h)).frames[0] for h in ("frame", "eye")
@@ -268,8 +269,10 @@ def test_rays_of_an_off_axis_image_are_those_that_its_projection_inverts(jitter)
 @pytest.mark.parametrize("history", ["eye", "both"])
 def test_sampled_light_estimates_what_every_decided_pixel_says(history):
     how = {"history": history, "size": (48, 27), "frames": (0, 3), "columns": COLUMNS, "pairs": "all", "camera": None}
-    sampled = evaluate_scene(ASSETS / "demo.glb", Settings(light="auto", light_within=3.0, **how), sampled=True).summary
-    decided = evaluate_scene(ASSETS / "demo.glb", Settings(light="path-traced", **how), sampled=True).summary
+    sampled = evaluate_scene(
+        ASSETS / "demo.glb", fixed_settings(light="auto", light_within=3.0, **how), sampled=True
+    ).summary
+    decided = evaluate_scene(ASSETS / "demo.glb", fixed_settings(light="path-traced", **how), sampled=True).summary
     for column in ("color", "direct", "indirect"):
         low, high = sampled["discard"][column]["interval95_percent"]
         assert low <= decided["discard"][column]["mean_percent"] <= high, column

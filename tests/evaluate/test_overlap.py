@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.animation import choose_camera
@@ -10,7 +11,6 @@ from taubench_gl.evaluation import Session, plan_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -20,7 +20,7 @@ FRAMES = range(20, 24)
 @pytest.mark.parametrize("reprojection", few(["motion", "camera"]))
 def test_overlapping_passes_give_the_same_counts(gpu: Gpu, reprojection: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
+    settings = fixed_settings(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
     rows = []
     for every in (1, 1 << 20, 1 << 20):
         with Session(plan_scene(scene, settings, choose_camera(scene)), every=every) as session:

@@ -81,16 +81,16 @@ def test_textures_thresholds_and_declared_bits_of_the_caller(context):
     held = ChannelPair(SIZE, source.current, source.current)
     evaluator = PairEvaluator(context, held, SETTINGS)
     pixels = SIZE[0] * SIZE[1]
-    counts = counts_of(evaluator.compare(pair).mask_histogram)
+    counts = counts_of(evaluator.read(evaluator.submit(pair)).mask_histogram)
     assert counts["comparable"] == pixels and counts["position"] == counts["normal"] == 0
-    counts = counts_of(evaluator.compare(pair, declared=Reason.FIRST).mask_histogram)
+    counts = counts_of(evaluator.read(evaluator.submit(pair, declared=Reason.FIRST)).mask_histogram)
     assert counts["first"] == pixels
     source.advance(30)
-    found = [
-        counts_of(evaluator.compare(pair, current=source.current, thresholds=dict(SETTINGS.metrics.thresholds, **more))
-                  .mask_histogram)["normal"]
-        for more in ({}, {"normal": 0.0})
-    ]  # fmt: skip
+    limits = SETTINGS.metrics.thresholds
+    found = []
+    for changed in (limits, {**limits, "normal": 0.0}):
+        run = evaluator.submit(pair, current=source.current, thresholds=changed)
+        found.append(counts_of(evaluator.read(run).mask_histogram)["normal"])
     assert 0 < found[0] <= found[1]
     for part in (evaluator, source):
         part.release()

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from lamp_scenes import lamp_over_floor
 
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.evaluation.brightness import noise_of_a_sample
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -22,7 +22,7 @@ METHODS = ("raster", "auto", "preview", "path-traced")
 
 
 def run(scene, **settings):
-    return evaluate_scene(scene, Settings(**(SMALL | settings))).summary
+    return evaluate_scene(scene, fixed_settings(**(SMALL | settings))).summary
 
 
 def test_emissive_surfaces_have_light_columns_with_auto(data):
@@ -40,7 +40,9 @@ def test_emissive_surfaces_have_light_columns_with_auto(data):
 def test_all_methods_and_seeds_are_metered_alike():
     scene = lamp()
     found = {
-        resolve_lighting(scene, Settings(light=light, seed=seed, exposure="auto", **SMALL)).settings.lighting.exposure
+        resolve_lighting(
+            scene, fixed_settings(light=light, seed=seed, exposure="auto", **SMALL)
+        ).settings.lighting.exposure
         for light in METHODS
         for seed in (0, 1)
     }
@@ -68,7 +70,7 @@ def test_still_pairs_change_only_with_independent_numbers(light, pattern):
 @pytest.mark.long
 def test_effects_forced_on_change_no_count():
     own = SMALL | {"width": 16, "height": 9, "frames": (0, 2), "bounces": 2, "light": "path-traced", "spp": 1}
-    needed, every = (evaluate_scene(lamp(lights=1), Settings(effects=e, **own)).frames for e in ("auto", "all"))
+    needed, every = (evaluate_scene(lamp(lights=1), fixed_settings(effects=e, **own)).frames for e in ("auto", "all"))
     assert needed == every
 
 
@@ -79,7 +81,7 @@ def test_noise_over_a_threshold_of_zero(gpu):
     info[0, 1:, 2], info[0, 2, 3] = 4.0, 1.0  # variances of the means of direct and indirect
     textures = {n: gpu.ctx.texture((3, 1), 4, v.tobytes(), dtype="f4") for n, v in
                 (("path_info", info), ("position", position))}  # fmt: skip
-    noise = {(d, i): noise_of_a_sample(textures, Settings(exposure=1.0, thresholds={"direct": d, "indirect": i}))
+    noise = {(d, i): noise_of_a_sample(textures, fixed_settings(exposure=1.0, thresholds={"direct": d, "indirect": i}))
              for d, i in ((0.0, 1.0), (1.0, 0.0), (2.0, 1.0))}  # fmt: skip
     np.testing.assert_allclose(noise[0.0, 1.0], [[0.0, np.inf, np.inf]])
     np.testing.assert_allclose(noise[1.0, 0.0], [[0.0, 4.0, np.inf]])

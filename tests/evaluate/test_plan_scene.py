@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl import pairs
 from taubench_gl.batch.spec import Job
@@ -19,7 +20,6 @@ from taubench_gl.option_groups import ExportOptions
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.scene.builder import SceneBuilder, sphere
-from taubench_gl.settings import Settings
 from taubench_gl.study.unit import Worker
 from taubench_gl.viewer.feeds import OpenRequest, open_feed
 from taubench_gl.viewer.model import LiveTimer
@@ -65,7 +65,7 @@ def refused(tmp_path_factory):
 @pytest.mark.parametrize("fault", ["triangles", "scale"])
 @pytest.mark.parametrize("act", ACTS.values(), ids=ACTS.keys())
 def test_a_scene_that_cannot_be_drawn_or_measured_is_refused(refused, tmp_path, act, fault):
-    settings = Settings(
+    settings = fixed_settings(
         size="32x18", frames=(0, 3), reprojection="motion", thresholds={"position": 0.0}, environment="none"
     )
     with pytest.raises(SceneError) as caught:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.animation import OrbitCamera
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
@@ -27,7 +28,7 @@ GEOMETRY = ("frustum", "position", "normal")
 
 
 def settings(**changes) -> Settings:
-    return Settings(**({"width": 96, "height": 54, "frames": (0, 6), "columns": GEOMETRY} | changes))
+    return fixed_settings(**({"width": 96, "height": 54, "frames": (0, 6), "columns": GEOMETRY} | changes))
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from lamp_scenes import lamp_over_floor
 
 from taubench_gl.batch.spec import BatchSpec, Job
@@ -20,16 +21,15 @@ from taubench_gl.evaluation.sampled_light import RoundSizes, round_of
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import load_run
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
-SMALL = {"width": 32, "height": 18, "light": "auto", **FIXED_LIGHTING}
+SMALL = {"width": 32, "height": 18, "light": "auto"}
 DEMO_SETTINGS = {"width": 48, "height": 27, "frames": (20, 26), "light": "auto", "shadow_size": 64, "probes": 32}
 ALL = RoundSizes(pairs=4, pixels=10**6, limit=128, samples=1 << 40)
 
 
 def opened(scene, **settings):
-    chosen = Settings(**({"fps": 24.0, "frames": (0, 3), "spp": 1} | SMALL | settings))
+    chosen = fixed_settings(**({"fps": 24.0, "frames": (0, 3), "spp": 1} | SMALL | settings))
     return open_session(scene, chosen, Readback(images=True, distances=True, channels=("emission",)), sampled=True)
 
 
@@ -98,7 +98,7 @@ def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
             words = np.where(found.undecided, found.end.words, found.first.words)
             shares.append(np.count_nonzero(words & np.uint32(FEATURE_BIT["indirect"])) / (32 * 18))
     monkeypatch.setattr("taubench_gl.evaluation.decided_pixels.AUDITED", (0.0, 0.0))
-    settings = Settings(frames=(0, 3), spp=1, **SMALL)
+    settings = fixed_settings(frames=(0, 3), spp=1, **SMALL)
     entry = evaluate_scene(scene, settings, sampled=True).summary["discard"]["indirect"]
     assert entry["mean_percent"] == pytest.approx(100 * np.mean(shares), abs=1e-9)
     assert entry["interval95_percent"] == pytest.approx([entry["mean_percent"]] * 2, abs=1e-6)
@@ -106,7 +106,7 @@ def test_all_pixels_of_all_pairs_give_the_share_without_an_error(monkeypatch):
 
 
 def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
-    settings = Settings(frames=(0, 2), **SMALL | {"light_within": 2.5})
+    settings = fixed_settings(frames=(0, 2), **SMALL | {"light_within": 2.5})
     scene = lamp_over_floor(emits=40.0)
     truth = evaluate_scene(scene, settings.replace(light="path-traced", spp=128)).summary["discard"]["direct"]
     entry = evaluate_scene(scene, settings, sampled=True).summary["discard"]["direct"]
@@ -117,7 +117,7 @@ def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
 
 def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64))
-    settings = Settings(**DEMO_SETTINGS, light_within=4.0)
+    settings = fixed_settings(**DEMO_SETTINGS, light_within=4.0)
     plain = evaluate_scene(DEMO, settings)
     evaluate_scene(DEMO, settings, out=tmp_path / "run", sampled=True)
     run = load_run(tmp_path / "run")  # which checks it
@@ -143,7 +143,7 @@ def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
 def test_lobes_are_sampled_too(monkeypatch):
     """A diffuse floor: its diffuse lobe changes as all of its light does, whatever the preview says."""
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", ALL)
-    settings = Settings(frames=(0, 3), spp=1, **SMALL | {"width": 16, "height": 9})
+    settings = fixed_settings(frames=(0, 3), spp=1, **SMALL | {"width": 16, "height": 9})
     summary = evaluate_scene(lamp_over_floor(), settings, sampled=True, lobes=("diffuse", "volume")).summary
     lobe, whole = summary["lobes"]["diffuse"]["direct"], summary["discard"]["direct"]
     assert lobe["method"] == "sampled" and lobe["mean_percent"] == pytest.approx(whole["mean_percent"], abs=1.0)
@@ -153,14 +153,14 @@ def test_lobes_are_sampled_too(monkeypatch):
 
 def test_a_run_within_its_budget_ends(monkeypatch):
     monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=6000))
-    settings = Settings(**DEMO_SETTINGS, light_within=1e-3)
+    settings = fixed_settings(**DEMO_SETTINGS, light_within=1e-3)
     summary = evaluate_scene(DEMO, settings, sampled=True).summary["sampled_light"]
     assert not summary["narrow"] and summary["rounds"] > 1
     assert 6000 <= summary["samples"] < 6000 + 2 * 2 * 64 * (16 + 20)
 
 
 def test_a_batch_refuses_a_time_of_light(tmp_path):
-    job = Job("demo", str(DEMO), Settings(light_time=5.0), {})
+    job = Job("demo", str(DEMO), fixed_settings(light_time=5.0), {})
     with pytest.raises(SettingsError) as caught:
         BatchStudy(BatchSpec("timed", (job,)), batch_store(tmp_path))
     assert caught.value.setting == "light_time"
@@ -168,7 +168,7 @@ def test_a_batch_refuses_a_time_of_light(tmp_path):
 
 def test_noise_of_images_is_noted_only_where_columns_are_of_images():
     noisy = Brightness(frames=1, pixels=100, noisy=50)
-    settings = Settings(exposure=1.0)
+    settings = fixed_settings(exposure=1.0)
     assert len(noisy.notes(settings)) == 1 and noisy.notes(settings, of_images=False) == []
 
 
@@ -177,7 +177,7 @@ def test_noise_of_images_is_noted_only_where_columns_are_of_images():
                 {"columns": ("position",)}, {"light": "path-traced", "spp": 1}],
 )  # fmt: skip
 def test_what_is_not_sampled_has_no_interval(changes):
-    settings = Settings(**DEMO_SETTINGS | {"frames": (20, 22)} | changes)
+    settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 22)} | changes)
     summary = evaluate_scene(DEMO, settings, sampled=True).summary
     assert "sampled_light" not in summary
     assert all("interval95_percent" not in entry for entry in summary["discard"].values())

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl import evaluate
 from taubench_gl.evaluation import evaluate_scene
@@ -13,6 +14,8 @@ from taubench_gl.evaluation.scale import describe_scale
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 SMALL = {"width": 32, "height": 18, "frames": (0, 5), "columns": ("frustum", "position"), "camera": 0}
 
@@ -49,7 +52,7 @@ def options(notes: list[str]) -> list[str]:
     ],
 )
 def test_the_unit_of_a_wall(distance, unit, given, expected):
-    summary = evaluate_scene(wall(distance, unit=unit), Settings(**SMALL, unit_scale=given)).summary
+    summary = evaluate_scene(wall(distance, unit=unit), fixed_settings(**SMALL, unit_scale=given)).summary
     assert summary["scale"]["frames"] == 3
     assert summary["scale"]["median_depth_m"] == pytest.approx(distance * unit / given, rel=1e-5)
     assert options(summary["notes"]) == expected
@@ -58,13 +61,13 @@ def test_the_unit_of_a_wall(distance, unit, given, expected):
 def test_a_given_threshold_and_columns_without_position_are_not_checked():
     far = wall(1.3, unit=100.0)
     for change in ({"thresholds": {"position": 0.1}}, {"columns": ("frustum", "normal")}):
-        assert options(evaluate_scene(far, Settings(**SMALL | change)).summary["notes"]) == []
+        assert options(evaluate_scene(far, fixed_settings(**SMALL | change)).summary["notes"]) == []
 
 
 @pytest.mark.parametrize("unit", [1.0, 100.0])
 @pytest.mark.parametrize(("step", "expected"), [(0.9, []), (1.1, ["--fps"])])
 def test_a_camera_that_moves_by_half_the_depth(step, expected, unit):
-    run = evaluate_scene(wall(2.0, step, unit), Settings(**SMALL, unit_scale=unit))
+    run = evaluate_scene(wall(2.0, step, unit), fixed_settings(**SMALL, unit_scale=unit))
     assert options(run.summary["notes"]) == expected
 
 
@@ -80,7 +83,7 @@ def test_a_view_of_the_sky_has_no_scale():
     away = dataclasses.replace(
         sky.nodes, translation=np.where(sky.nodes.translation == -5.0, 5.0, sky.nodes.translation)
     )
-    summary = evaluate_scene(dataclasses.replace(sky, nodes=away), Settings(**SMALL)).summary
+    summary = evaluate_scene(dataclasses.replace(sky, nodes=away), fixed_settings(**SMALL)).summary
     assert summary["scale"] == {"frames": 0, "median_depth_m": None}
     assert options(summary["notes"]) == []
 

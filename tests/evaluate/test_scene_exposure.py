@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.animation import OrbitCamera, View, camera_of_run, choose_camera
@@ -20,9 +21,7 @@ from taubench_gl.paths import ASSETS, CACHE_VARIABLE
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import MovingCamera
-from taubench_gl.settings import FIXED_LIGHTING, Settings
-
-pytestmark = pytest.mark.usefixtures("coarse_light")
+from taubench_gl.settings import FIXED_LIGHTING
 
 DEMO = ASSETS / "demo.glb"
 AUTO = dict.fromkeys(FIXED_LIGHTING, "auto") | {"environment": "none"}  # whose frames are metered by rays, at length
@@ -33,6 +32,9 @@ CHANGES = [
 ]
 
 
+pytestmark = pytest.mark.usefixtures("coarse_metering")
+
+
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
@@ -40,13 +42,13 @@ def cache(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def expected() -> float:
+def expected(coarse_metering: None) -> float:
     """The exposure of the demo, metered without a cache."""
     return exposure(dataclasses.replace(load_scene(DEMO), sha256=None))
 
 
 def exposure(scene, **settings) -> float:
-    return resolve_lighting(scene, Settings(**{"light": "raster"} | AUTO | settings)).settings.lighting.exposure
+    return resolve_lighting(scene, fixed_settings(**AUTO | settings)).settings.lighting.exposure
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=str)
@@ -82,7 +84,7 @@ def test_the_cache_is_read(cache, expected):
 def test_files_of_the_cache(cache):
     """Other defaults of the metering have one of their own; none: a scene made in memory, a camera of the caller."""
     scene = load_scene(DEMO)
-    metering = _metering(Settings(light_unit="candela", environment="none"))
+    metering = _metering(fixed_settings(light_unit="candela", environment="none"))
     camera = camera_of_run(scene, metering.sequence)
     own = MovingCamera(lambda time: View(np.zeros(3), np.eye(3), Camera()))
     changed = (metering, metering.replace(shadow_size=128), metering.replace(spp=2))
@@ -94,10 +96,10 @@ def test_files_of_the_cache(cache):
 def test_an_orbit_for_another_image_gives_the_same_exposure(cache, expected):
     scene = load_scene(DEMO)
     tall = OrbitCamera(scene, size=(10, 90))
-    found = {resolve_lighting(scene, Settings(**AUTO, light="raster"), tall).settings.lighting.exposure}
+    found = {resolve_lighting(scene, fixed_settings(**AUTO, light="raster"), tall).settings.lighting.exposure}
     assert found == {exposure(scene, camera="orbit")}
     assert (
-        resolve_lighting(scene, Settings(**AUTO, light="raster"), choose_camera(scene)).settings.lighting.exposure
+        resolve_lighting(scene, fixed_settings(**AUTO, light="raster"), choose_camera(scene)).settings.lighting.exposure
         == expected
     )
 
@@ -123,9 +125,8 @@ def test_an_environment_is_metered_path_traced_whatever_the_method(light, cache)
     assert found == pytest.approx(0.09, rel=0.02)
 
 
-def test_inspect_prints_the_exposure(cache, expected, lighting_defaults):
-    with lighting_defaults(**AUTO):  # those of users
-        done = CliRunner().invoke(cli, ["inspect", str(DEMO), "--json"])
+def test_inspect_prints_the_exposure(cache, expected):
+    done = CliRunner().invoke(cli, ["inspect", str(DEMO), "--json"])
     assert done.exit_code == 0, done.output
     facts = json.loads(done.stdout)["exposure"]
     assert facts["value"] == expected and facts["reason"]

@@ -9,6 +9,8 @@ from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import LEAST_LENGTH
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 COUNTS = ("frustum", "position", "normal", "sky")
 SMALL = {"size": "96x54", "frames": (0, 3), "fps": 8, "columns": "frustum,position,normal", "environment": "none"}
 

@@ -12,11 +12,12 @@ import pytest
 from repeated import few
 
 from taubench_gl import evaluate, load_run
-from taubench_gl.apps import cli
 from taubench_gl.checksums import KEY
 from taubench_gl.errors import OutputError
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL: dict[str, Any] = {"size": "32x18", "light_unit": "candela", "exposure": 1, "shadow_size": 64, "probes": 32}
@@ -99,16 +100,13 @@ def test_order_and_indentation_are_no_edits(folder):
     assert len(load_run(folder).frames) == 5
 
 
-def test_missing_files_are_named(folder, stored, capsys):
+def test_missing_files_are_named(folder, stored, taubench):
     (folder / "masks" / "mask_00002.npz").unlink()
     assert load_run(folder).missing == ["masks/mask_00002.npz"] and load_run(stored).missing == []
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["compare", str(folder), "--no-paper"])
-    printed = capsys.readouterr()
-    assert not ended.value.code and printed.out and "masks/mask_00002.npz" in printed.err
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["reference", "compare", str(folder), str(stored)])
-    assert ended.value.code == 2 and "mask_00002.npz" in capsys.readouterr().err
+    code, out, err = taubench("compare", folder, "--no-paper")
+    assert code == 0 and out and "masks/mask_00002.npz" in err
+    code, _, err = taubench("reference", "compare", folder, stored)
+    assert code == 2 and "mask_00002.npz" in err
 
 
 @pytest.mark.parametrize("kind", few(KINDS, 3))

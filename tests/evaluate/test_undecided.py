@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from lamp_scenes import lamp_over_floor
 from many_lights import LIMIT, PAIRS, SIZE, ManyLights, decided_pixels, estimate, preview_of
 
@@ -13,7 +14,6 @@ from taubench_gl.metrics.counts import discarded_at
 from taubench_gl.metrics.path_samples import HALVES, PARTS
 from taubench_gl.metrics.sampled_light import SampledPixels, statistics_of
 from taubench_gl.scene.builder import SceneBuilder, box
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 DIRECT = ("discard", "direct")
 LIMITS = {"at_half_exposure_percent": 2.0 * LIMIT, "mean_percent": LIMIT, "at_twice_exposure_percent": 0.5 * LIMIT}
@@ -82,7 +82,7 @@ def test_curves_have_the_weights_of_shares():
 
 def test_shares_at_other_exposures_are_in_order(monkeypatch):
     monkeypatch.setattr("taubench_gl.evaluation.sampled_light.ROUND_SIZES", RoundSizes(pixels=8, limit=64))
-    settings = Settings(width=32, height=18, frames=(0, 3), spp=1, light="auto", light_within=20.0, **FIXED_LIGHTING)
+    settings = fixed_settings(width=32, height=18, frames=(0, 3), spp=1, light="auto", light_within=20.0)
     entry = evaluate_scene(lamp_over_floor(emits=40.0), settings, sampled=True).summary["discard"]["indirect"]
     shares = [entry[key] for key in LIMITS]
     ends = [entry[name] for name in ("at_half_exposure_interval95_percent", "interval95_percent",
@@ -104,7 +104,7 @@ def box_that_leaves():
 
 @pytest.mark.parametrize("changes", [{}, {"columns": ("frustum", "direct")}, {"history": "eye"}, {"history": "both"}])
 def test_a_pair_with_nothing_to_sample_has_no_light_and_the_others_do(changes):
-    settings = Settings(width=16, height=9, frames=(0, 5), spp=1, light="auto", **FIXED_LIGHTING | changes)
+    settings = fixed_settings(width=16, height=9, frames=(0, 5), spp=1, light="auto", **changes)
     summary = evaluate_scene(box_that_leaves(), settings, sampled=True)
     rows = [row for row in summary.frames if row["sampled"] is not None]
     assert len(rows) == len(summary.frames) == 4 and rows[0]["sampled"] > 0
@@ -114,7 +114,7 @@ def test_a_pair_with_nothing_to_sample_has_no_light_and_the_others_do(changes):
 
 
 def test_a_run_with_nothing_to_sample_is_the_preview():
-    settings = Settings(width=16, height=9, frames=(2, 5), spp=1, light="auto", **FIXED_LIGHTING)
+    settings = fixed_settings(width=16, height=9, frames=(2, 5), spp=1, light="auto")
     entry = evaluate_scene(box_that_leaves(), settings, sampled=True).summary["discard"]["direct"]
     assert entry["mean_percent"] == entry["preview_percent"] == 0.0 == entry["pixels"]
     assert entry["interval95_percent"] == [0.0, 0.0]

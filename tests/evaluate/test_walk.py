@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.errors import SceneError
@@ -15,7 +16,6 @@ from taubench_gl.features import COLUMNS
 from taubench_gl.run import Run, load_run
 from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 SETTINGS = {"width": 96, "height": 54, "frames": (0, 3), "shadow_size": 64, "indirect": "none"}
 POINTS_AND_LINES = (0, 1, 2, 3, 7, 8, 9, 10)
@@ -66,11 +66,11 @@ def test_every_scene(sampled_scene: Path, tmp_path) -> None:
     path = sampled_scene
     if path.stem in NOTHING_TO_DRAW:
         with pytest.raises(SceneError) as caught:
-            evaluate_scene(path, Settings(**SETTINGS), out=tmp_path / "out")
+            evaluate_scene(path, fixed_settings(**SETTINGS), out=tmp_path / "out")
         assert "\n" not in str(caught.value) and caught.value.hint
         assert not (tmp_path / "out").exists()
         return
-    run = evaluate_scene(path, Settings(**SETTINGS), out=tmp_path / "out")
+    run = evaluate_scene(path, fixed_settings(**SETTINGS), out=tmp_path / "out")
     pairs = len(run.frames)
     assert pairs == run.summary["pairs"] <= 2
     still_with_camera = run.summary["scene"]["duration_s"] == 0 and "orbit" not in run.summary["camera"]["source"]
@@ -90,13 +90,13 @@ def test_every_scene_with_motion_reprojection(sampled_scene: Path) -> None:
         return
     scene = load_scene(sampled_scene)
     tiny = {"width": 64, "height": 36, "frames": (0, 3), "columns": ("frustum", "position", "normal")}
-    bilinear = evaluate_scene(scene, Settings(**tiny, reprojection="motion", sampling="bilinear"))
+    bilinear = evaluate_scene(scene, fixed_settings(**tiny, reprojection="motion", sampling="bilinear"))
     assert_consistent(bilinear, 64 * 36)
     if not bilinear.summary["effects"]["previous_pose"]["on"]:
-        camera, motion = (evaluate_scene(scene, Settings(**tiny, reprojection=r)) for r in ("camera", "motion"))
+        camera, motion = (evaluate_scene(scene, fixed_settings(**tiny, reprojection=r)) for r in ("camera", "motion"))
         assert camera.frames == motion.frames
         # Simulating it anyway changes no count.
-        forced = evaluate_scene(scene, Settings(**tiny, reprojection="motion", effects="all", indirect="none",
+        forced = evaluate_scene(scene, fixed_settings(**tiny, reprojection="motion", effects="all", indirect="none",
                                                 shadow_size=64))  # fmt: skip
         keys = ("frustum", "comparable", "position", "normal", "disoccluded", "occluding")
         assert [[row[k] for k in keys] for row in forced.frames] == [[row[k] for k in keys] for row in camera.frames]

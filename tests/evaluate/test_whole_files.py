@@ -19,6 +19,8 @@ from taubench_gl.outputs import write_arrays
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 OPTIONS = {"size": "64x36", "frames": range(3), "columns": "frustum,position", "save": "masks", "report": True}
 

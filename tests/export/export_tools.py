@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fixed import fixed_settings
 
 from taubench_gl.export.channels import EXPORTS, choose_channels
 from taubench_gl.export.frames import ExportFrame, FrameSource
@@ -22,7 +23,7 @@ SETTINGS: dict[str, Any] = {"width": WIDTH, "height": HEIGHT, "shadow_size": 64,
 
 
 def settings(**changes: Any) -> Settings:
-    return Settings(**(SETTINGS | {"frames": (8, 11)} | changes))
+    return fixed_settings(**(SETTINGS | {"frames": (8, 11)} | changes))
 
 
 def export(out: Path, format: str, **changes: Any) -> ExportResult:

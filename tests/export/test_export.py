@@ -9,12 +9,12 @@ import os
 import numpy as np
 import pytest
 from export_tools import DEMO, HEIGHT, WIDTH, export
+from fixed import fixed_settings
 
 from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.run import MANIFEST, ExportOptions, export_scene
 from taubench_gl.pathtraced.cameras import read_camera_file
-from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -55,7 +55,7 @@ def test_interrupted_and_resumed(tmp_path, format):
 def test_names_that_are_not_utf8(tmp_path):
     lost = os.fsdecode(b"caf\xe9")
     (tmp_path / f"{lost}.glb").symlink_to(DEMO)
-    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    settings = fixed_settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
     export_scene(tmp_path / f"{lost}.glb", tmp_path / lost, settings, ExportOptions(channels=FAST))
     assert json.loads((tmp_path / lost / "export.json").read_text())["scene"] == lost
     data = (tmp_path / lost / "frame_00000.exr").read_bytes()
@@ -135,12 +135,9 @@ def test_folders_with_other_files_are_refused(tmp_path):
         (("--camera", "nobody"), "'nobody'"),
     ],
 )
-def test_invalid_options(tmp_path, capsys, arguments, named):
-    out = tmp_path / "out"
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["export", str(DEMO), "--out", str(out), "--size", f"{WIDTH}x{HEIGHT}", *arguments])
-    assert caught.value.code == 2 and named in capsys.readouterr().err
-    assert not out.exists()
+def test_invalid_options(tmp_path, taubench, arguments, named):
+    code, _, err = taubench("export", DEMO, "--out", tmp_path / "out", "--size", f"{WIDTH}x{HEIGHT}", *arguments)
+    assert code == 2 and named in err and not (tmp_path / "out").exists()
 
 
 def test_the_command(tmp_path, capsys):
@@ -153,7 +150,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_folder_with_a_partial_manifest_is_usable(tmp_path):
     """A killed export leaves a partial manifest."""
-    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    settings = fixed_settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
     out = tmp_path / "out"
     out.mkdir()
     (out / f".{MANIFEST}.123-0.partial").write_text("half")

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from export_tools import HEIGHT, WIDTH
+from fixed import fixed_settings
 
 from taubench_gl.conventions import Reason
 from taubench_gl.export.channels import choose_channels
@@ -16,7 +17,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import MorphTarget, Scene, Skin
 from taubench_gl.selftest.scenes import SceneBuilder, quad
-from taubench_gl.settings import Settings
 
 GONE = 3
 """The frame from which the plate is not there, or until which; frames are 1 / 24 s."""
@@ -25,7 +25,7 @@ NAMES = ("motion", "motion_forward", "mask", "mask_forward", "ids")
 
 
 def exported(gpu, scene: Scene, size=(WIDTH, HEIGHT), **changes) -> dict[int, ExportFrame]:
-    own = Settings(size=size, columns=("frustum",), environment="none", exposure=1.0, **changes)
+    own = fixed_settings(size=size, columns=("frustum",), environment="none", exposure=1.0, **changes)
     with FrameSource(gpu, AnimatedScene(scene), own, choose_channels(NAMES)) as source:
         return {frame.number: frame for frame in source.frames(range(5))}
 

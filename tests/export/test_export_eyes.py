@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.errors import SettingsError
@@ -40,7 +41,9 @@ def exported(tmp_path_factory):
         key = tuple(sorted(more.items()))
         if key not in made:
             folder = tmp_path_factory.mktemp("eyes")
-            export_scene(boards(), folder, Settings(**GIVEN | more), ExportOptions(format="npz", channels=CHANNELS))
+            export_scene(
+                boards(), folder, fixed_settings(**GIVEN | more), ExportOptions(format="npz", channels=CHANNELS)
+            )
             made[key] = folder, {eye: dict(np.load(folder / eye / "frame_00000.npz")) for eye in ("left", "right")}
         return made[key]
 
@@ -105,5 +108,8 @@ def test_no_disparity_without_another_eye_and_no_export_of_two_histories(tmp_pat
     for settings, options in (({}, ("disparity",)), ({"history": "both"}, ())):
         with pytest.raises(SettingsError):
             export_scene(
-                boards(), tmp_path / "out", Settings(width=8, height=8, **settings), ExportOptions(channels=options)
+                boards(),
+                tmp_path / "out",
+                fixed_settings(width=8, height=8, **settings),
+                ExportOptions(channels=options),
             )

@@ -17,6 +17,8 @@ from taubench_gl.export.training import training_names
 from taubench_gl.option_groups import TrainingOptions
 from taubench_gl.pathtraced.references import LOBES, listed
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SMALL = {
     "width": 24,
     "height": 16,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from hazards import Hazards
 from repeated import few
 
@@ -16,7 +17,6 @@ from taubench_gl.frame.spec import EXACT, AnimatedScene
 from taubench_gl.scene.builder import SceneBuilder, quad
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import busy_room
-from taubench_gl.settings import Settings
 
 ALL = ("frustum", "position", "normal", "direct", "indirect", "color")
 LOBES = ("direct_diffuse", "direct_glossy")
@@ -33,7 +33,7 @@ def glowing_card() -> Scene:
 
 def run(gpu, scene: Scene, *, shading: Shading = EXACT, extra: tuple[str, ...] = (), **settings) -> None:
     """Three frames and the masks of each pair, read back."""
-    settings = Settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
+    settings = fixed_settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
     with RasterSource(gpu, AnimatedScene(scene), settings, shading=shading, extra=extra) as source:
         radiance = source.radiance if shading.exact else ()
         masks = source.own(MaskPass.for_source(source.context, source, settings, radiance=radiance, images=True))

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
-SETTINGS = Settings(width=20, height=12, light="path-traced", pattern="independent", spp=2, bounces=2,
+SETTINGS = fixed_settings(width=20, height=12, light="path-traced", pattern="independent", spp=2, bounces=2,
                     columns=("direct", "indirect"))  # fmt: skip
 FRAME, NUMBER, SAMPLES = 20, 7, (3, 2)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from fixed import fixed_settings
 
 import taubench_gl.gpu.memory as memory
 from taubench_gl.errors import GraphicsError
@@ -13,7 +14,6 @@ from taubench_gl.frame.passes.shadows import shadow_maps
 from taubench_gl.frame.spec import AnimatedScene, FrameSpec
 from taubench_gl.gpu.passes import require_room
 from taubench_gl.scene.builder import SceneBuilder, box
-from taubench_gl.settings import Settings
 
 LIT = frozenset({"direct", "shadows", "indirect"})
 
@@ -23,7 +23,7 @@ def needed(stage, kind: str = "point", **settings) -> list:
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True)))
     s.light(kind=kind)
-    spec = FrameSpec(AnimatedScene(s.build()), Settings(width=64, height=48, **settings), LIT)
+    spec = FrameSpec(AnimatedScene(s.build()), fixed_settings(width=64, height=48, **settings), LIT)
     return [resource for declared in stage(spec) for resource in declared.resources]
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fixed import fixed_settings
 from hostile_seeds import AFF, MTL, OBJ, PART, damaged_text, gltf_seed, write_gltf
 
 from taubench_gl.paths import PACKAGE
@@ -490,14 +491,14 @@ def make_case(number: int, seed: int, folder: Path, seeds: Path) -> Case:
 
 def make_seeds(folder: Path) -> None:
     """A run, a batch and EXR frames of the demo scene."""
-    from taubench_gl import Settings, evaluate
+    from taubench_gl import evaluate
     from taubench_gl.export.run import ExportOptions, export_scene
 
     demo = PACKAGE.parent / "assets" / "demo.glb"
     small: dict[str, Any] = {"columns": ("frustum", "position", "normal"), "light_unit": "candela", "exposure": 1.0,
                              "environment": "none"}  # fmt: skip
     evaluate(demo, out=folder / "run", size="24x16", frames=range(3), save="masks", **small)
-    settings = Settings(width=24, height=16, frames=(0, 3), reprojection="motion", **small)
+    settings = fixed_settings(width=24, height=16, frames=(0, 3), reprojection="motion", **small)
     export_scene(demo, folder / "exr", settings, ExportOptions("exr", ("gbuffer", "flow")))
     spec = spec_document(folder) | {"scenes": [str(demo)], "frames": "0:3", "size": "24x16", "fps": 24}
     (folder / "spec.toml").write_text(toml_text(spec))

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
-from taubench_gl import Settings, evaluate
+from taubench_gl import evaluate
 from taubench_gl.errors import OutputError
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.folder_lock import LOCK_FILE, FolderLock, lock_holder
@@ -18,6 +19,8 @@ from taubench_gl.outputs import folder_in, log_file, new_file, new_partial, repl
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, RunWriter
 from taubench_gl.study.engines import Processes
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 SMALL = {"size": "32x18", "frames": range(3), "columns": "frustum,position"}
@@ -94,7 +97,7 @@ def test_an_export_does_not_write_through_links(out, foreign, form):
         pytest.importorskip("zarr")
     name = "frames.zarr" if form == "zarr" else f"frame_00000.{form}"
     (out / name).symlink_to(foreign.parent if form == "zarr" else foreign)
-    settings = Settings(width=32, height=18, frames=(0, 2))
+    settings = fixed_settings(width=32, height=18, frames=(0, 2))
     with contextlib.suppress(OutputError):  # refused, or left as it is
         export_scene(DEMO, out, settings, ExportOptions(form, ("normal",)), overwrite=True)
 

@@ -37,6 +37,8 @@ from taubench_gl.scene.memory import memory_of
 from taubench_gl.settings import Settings
 from taubench_gl.study.engines import worker_environment
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 NOT_UTF8 = os.fsdecode(b"caf\xe9")
 SMALL = 64 << 20

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation import evaluate_scene
@@ -17,7 +18,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.memory_budget import VARIABLE
 from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.memory import DRAW_BYTES, memory_of
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 MEASURE = """
 import json, re, sys
@@ -58,9 +59,9 @@ def plate(cells: int):
 
 
 def settings_of(width: int, light: str = "raster") -> Settings:
-    return Settings(
+    return fixed_settings(
         width=width, height=width * 9 // 16, light=light, indirect="none" if light == "raster" else "auto", spp=1,
-        bounces=1, shadow_lights=0, columns=("position", "normal", "direct", "color"), **FIXED_LIGHTING,
+        bounces=1, shadow_lights=0, columns=("position", "normal", "direct", "color"),
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 import moderngl
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.api import pairs
@@ -108,7 +109,7 @@ def test_one_context_per_thread(session_gpu) -> None:
 
 
 def test_an_evaluation_on_another_thread_has_the_same_counts(session_gpu) -> None:
-    settings = Settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
+    settings = fixed_settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
     with ThreadPoolExecutor(2) as threads:
         found = list(threads.map(lambda _: evaluate_scene(DEMO, settings).frames, range(3)))
     assert found == [evaluate_scene(DEMO, settings).frames] * 3
@@ -246,7 +247,7 @@ def alive_before(gpu: Gpu) -> int:
 
 def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
     """Textures, buffers, framebuffers and programs are all gone when an evaluation returns or raises."""
-    settings = Settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
+    settings = fixed_settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
 
     def stop(pair) -> None:
         raise KeyboardInterrupt
@@ -263,7 +264,9 @@ def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
 
 
 def test_a_loop_over_pairs_that_is_left_leaves_nothing_behind(gpu: Gpu) -> None:
-    settings = Settings(width=64, height=36, frames=(0, 3), columns=("frustum", "position", "color"), indirect="none")
+    settings = fixed_settings(
+        width=64, height=36, frames=(0, 3), columns=("frustum", "position", "color"), indirect="none"
+    )
     evaluate_scene(DEMO, settings)
     before = alive(gpu)
     for last in (1, 9):

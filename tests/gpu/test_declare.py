@@ -63,7 +63,7 @@ def test_a_pass_reads_only_what_an_earlier_one_wrote():
 
 def test_every_fault_of_an_order_is_found():
     twice = [compute(name).image("x_out", access=WRITE, resource="x") for name in ("one", "two")]
-    faults = order_faults([*twice, compute("last").texture("y").texture("z").texture("table", given=True)])
+    faults = order_faults([*twice, compute("last").texture("y").texture("z").texture("table", filled=True)])
     assert len(faults) == 3
 
 

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.animation.pairs import reprojection
@@ -17,7 +18,6 @@ from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 SIZE = (97, 54)
 """Neither a multiple of the work group nor of the pixels per invocation."""
@@ -30,7 +30,7 @@ SIZE = (97, 54)
 )
 def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
+    settings = fixed_settings(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
     source = RasterSource(gpu, AnimatedScene(scene), settings)
     views = [source.advance(10), source.advance(14)]
     pair = reprojection(views[1], views[0], *SIZE)

@@ -1,6 +1,7 @@
 """An owner frees all that it opened, and everything that draws opens its sources with one."""
 
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.errors import GraphicsError
@@ -14,7 +15,6 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 from tests.gpu.test_context import DEMO, alive, alive_before
 
 SMALL = {"width": 32, "height": 18, "frames": (0, 3), "spp": 1, "shadow_size": 64, "probes": 32}
@@ -27,29 +27,29 @@ def demo():
 
 def _pairs(demo, out):
     wants = Readback(images=True, lobes=("diffuse",))
-    with Session(plan_scene(demo, Settings(exact=True, **SMALL)), wants) as session:
+    with Session(plan_scene(demo, fixed_settings(exact=True, **SMALL)), wants) as session:
         for pair in session.pairs():
             assert pair.mask.any() or pair.row["pixels"]
 
 
 def _left_early(demo, out):
-    with Session(plan_scene(demo, Settings(**SMALL)), Readback(images=True)) as session:
+    with Session(plan_scene(demo, fixed_settings(**SMALL)), Readback(images=True)) as session:
         next(iter(session.pairs()))
 
 
 ACTS = {
-    "evaluate": lambda demo, out: evaluate_scene(demo, Settings(**SMALL)),
+    "evaluate": lambda demo, out: evaluate_scene(demo, fixed_settings(**SMALL)),
     "exact pairs": _pairs,
     "left early": _left_early,
-    "metering": lambda demo, out: meter(demo, plan_scene(demo, Settings(**SMALL)).settings),
+    "metering": lambda demo, out: meter(demo, plan_scene(demo, fixed_settings(**SMALL)).settings),
     "export": lambda demo, out: export_scene(
-        DEMO, out, Settings(**SMALL), ExportOptions(format="npz", channels=("mask", "motion_forward"))
+        DEMO, out, fixed_settings(**SMALL), ExportOptions(format="npz", channels=("mask", "motion_forward"))
     ),
-    "reject": lambda demo, out: evaluate_tests(DEMO, ("plane_distance",), Settings(**SMALL)),
+    "reject": lambda demo, out: evaluate_tests(DEMO, ("plane_distance",), fixed_settings(**SMALL)),
     "reuse": lambda demo, out: evaluate_methods(
         demo,
         ("none", "accumulate"),
-        Settings(reprojection="motion", **SMALL),
+        fixed_settings(reprojection="motion", **SMALL),
         input="full",
         metrics=("psnr",),
         reference_samples=1,
@@ -69,7 +69,7 @@ def test_no_object_stays(demo, tmp_path, act):
 
 
 def test_a_part_that_fails_to_open_frees_the_others(demo):
-    given = plan_scene(demo, Settings(**SMALL))
+    given = plan_scene(demo, fixed_settings(**SMALL))
     with open_gpu() as gpu:
         before = alive(gpu)
         with pytest.raises(ZeroDivisionError), GpuOwner(gpu) as owner:
@@ -99,7 +99,7 @@ def test_a_source_that_cannot_be_opened_frees_its_parts(demo, monkeypatch):
     def fail(*_):
         raise GraphicsError("no room")
 
-    opened = plan_scene(demo, Settings(**SMALL))
+    opened = plan_scene(demo, fixed_settings(**SMALL))
     monkeypatch.setattr(sources, "LightStage", fail)
     with open_gpu() as gpu, GpuOwner(gpu) as owner:
         before = alive(gpu)

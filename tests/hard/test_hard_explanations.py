@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.selftest.scenes import busy_room
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 WIDTH, HEIGHT = 64, 36
 
@@ -45,8 +45,8 @@ def test_explanations_are_those_of_the_masks(reprojection: str, sampling: str) -
                 check(pair, x, y, channels)
                 words.add(int(pair.mask[y, x]))
 
-    settings = Settings(
-        **FIXED_LIGHTING, width=WIDTH, height=HEIGHT, fps=2.0, reprojection=reprojection, sampling=sampling,
+    settings = fixed_settings(
+        width=WIDTH, height=HEIGHT, fps=2.0, reprojection=reprojection, sampling=sampling,
         light="raster", indirect="none", shadow_lights=0, columns=("frustum", "position", "normal", "direct", "color"),
     )  # fmt: skip
     evaluate_scene(busy_room(lamps=2), settings, Observers(on_pair=look, distances=True))

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from scipy.spatial.transform import Rotation
 
 from taubench_gl import math3d
@@ -17,7 +18,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.metrics import environment
 from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Sampler, Scene, Texture
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 
 def test_rotations_against_scipy() -> None:
@@ -89,8 +89,8 @@ def lamps(points: int, suns: int) -> Scene:
 )  # fmt: skip
 def test_sizes_of_indirect_light(points: int, suns: int, samples: int) -> None:
     """Lights have maps while each side has 4 texels: six sides of a lamp, one of a sun, which is four times as long."""
-    spec = frame_spec(AnimatedScene(lamps(points, suns)), Settings(
-        **FIXED_LIGHTING | {"indirect": "probes"}, light="raster", width=70, height=41, indirect_samples=samples,
+    spec = frame_spec(AnimatedScene(lamps(points, suns)), fixed_settings(
+        indirect="probes", width=70, height=41, indirect_samples=samples,
         probes=300, columns=("direct", "indirect"),
     ))  # fmt: skip
     sides = [6] * points + [16] * suns  # texels of a light at a resolution of 1

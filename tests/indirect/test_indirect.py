@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.frame.shading import Shading
@@ -16,7 +17,6 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.indirect import SCREEN, SCREEN_ALBEDO, lamp_beside_a_wall, light_of_the_wall
-from taubench_gl.settings import Settings
 
 SIZE = (64, 48)
 ALBEDO = 0.6
@@ -58,7 +58,7 @@ def turn_y(degrees: float):
 @contextmanager
 def opened(scene: Scene, shading: Shading | None = None, **overrides) -> Iterator[RasterSource]:
     """The source of an evaluation, of 64x48 pixels; GL has no error afterwards."""
-    settings = Settings(width=SIZE[0], height=SIZE[1], **overrides)
+    settings = fixed_settings(width=SIZE[0], height=SIZE[1], **overrides)
     with open_gpu() as gpu:
         with RasterSource(gpu, AnimatedScene(scene), settings, shading=shading or Shading()) as source:
             yield source

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 
 from taubench_gl.frame.geometry import build_geometry
@@ -19,10 +20,9 @@ from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.scene.builder import SceneBuilder, box, morphed, quad, turn_y
 from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.selftest.scenes import busy_room
-from taubench_gl.settings import Settings
 
 FAR = 4  # bricks, as indirect/bricks.comp.glsl
-SETTINGS = Settings(width=48, height=32, indirect="probes", indirect_samples=256, probes=150)
+SETTINGS = fixed_settings(width=48, height=32, indirect="probes", indirect_samples=256, probes=150)
 
 
 def crowded() -> Scene:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from fixed import fixed_settings
 
 from taubench_gl import math3d
 from taubench_gl.frame.shading import Shading
@@ -15,7 +16,6 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import Shot
-from taubench_gl.settings import Settings
 
 Array = np.ndarray
 FLAT = turn_x(-90.0)
@@ -35,7 +35,7 @@ def opened(
     **settings,
 ) -> Iterator[RasterSource]:
     """The source of an evaluation over ``scene``; 64x48 and direct light alone unless ``settings`` say otherwise."""
-    chosen = Settings(**({"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings))
+    chosen = fixed_settings(**({"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings))
     options = {"extra": extra, "shading": shading or Shading(), "without": without}
     with RasterSource(gpu, AnimatedScene(scene), chosen, **options) as source:
         yield source

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot
 from shadow_tools import Case, on_plane
 
@@ -12,7 +13,6 @@ from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.builder import SceneBuilder, box
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
 
 SIZE = 128
 WIDTH = 160
@@ -40,7 +40,7 @@ def mask_of(scene: Scene, **settings) -> tuple[np.ndarray, dict]:
     masks = []
     settings = {"width": WIDTH, "height": WIDTH, "fps": 1.0, "columns": ("position", "direct"), "shadow_size": SIZE,
                 "thresholds": {"direct": 0.05}} | settings  # fmt: skip
-    run = evaluate_scene(scene, Settings(**settings), Observers(on_pair=lambda pair: masks.append(pair.mask)))
+    run = evaluate_scene(scene, fixed_settings(**settings), Observers(on_pair=lambda pair: masks.append(pair.mask)))
     assert len(masks) == 1
     return masks[0], run.frames[0]
 

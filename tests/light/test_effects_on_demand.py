@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from light_tools import FLAT, lambert, opened, shoot
 from repeated import few
 
@@ -16,7 +17,6 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.builder import SceneBuilder, box, quad
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.scenes import busy_room
-from taubench_gl.settings import Settings
 
 TINY = {"width": 32, "height": 24, "frames": (0, 3), "shadow_size": 64, "indirect_samples": 64, "probes": 16}
 
@@ -24,7 +24,8 @@ TINY = {"width": 32, "height": 24, "frames": (0, 3), "shadow_size": 64, "indirec
 def differences(scene: Scene, **settings) -> list[str]:
     """Counts that differ between ``auto`` and ``all``, in every column that both measure."""
     auto, forced = (
-        evaluate_scene(scene, Settings(effects=effects, **(TINY | settings))).frames for effects in ("auto", "all")
+        evaluate_scene(scene, fixed_settings(effects=effects, **(TINY | settings))).frames
+        for effects in ("auto", "all")
     )
     assert len(auto) == len(forced)
     return [

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
 from references.environment import glossy_radiance
 from repeated import few
@@ -32,7 +33,6 @@ from taubench_gl.metrics.lighting import albedo_table
 from taubench_gl.scene.builder import SceneBuilder, box, sphere
 from taubench_gl.scene.environment import environment_bytes, read_environment
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
 
 ALBEDO = 0.6
 SKY = np.array(DEFAULT_RADIANCE)
@@ -108,7 +108,7 @@ def unlit(scene: Scene) -> Scene:
 @pytest.mark.parametrize("shadow_lights", [0, 1])
 def test_the_sun_is_an_effect_and_no_light_of_the_scene(gpu, shadow_lights):
     scene = table()
-    settings = Settings(width=64, height=48, environment="default", shadow_lights=shadow_lights, shadow_size=256)
+    settings = fixed_settings(width=64, height=48, environment="default", shadow_lights=shadow_lights, shadow_size=256)
     effects = decide(scene, settings)
     assert effects["sky"].enabled and effects["sun"].enabled and effects["direct"].enabled
     assert effects["shadows"].enabled == bool(shadow_lights)
@@ -125,9 +125,9 @@ def test_the_sun_is_an_effect_and_no_light_of_the_scene(gpu, shadow_lights):
 
 
 def test_without_an_environment_nothing_of_it_is_simulated():
-    effects = decide(table(), Settings(environment="none"))
+    effects = decide(table(), fixed_settings(environment="none"))
     assert not effects["sky"].enabled and not effects["sun"].enabled and not effects["direct"].enabled
-    uniform = decide(table(), Settings(environment=(1.0, 1.0, 1.0)))
+    uniform = decide(table(), fixed_settings(environment=(1.0, 1.0, 1.0)))
     assert uniform["sky"].enabled and not uniform["sun"].enabled and not uniform["shadows"].enabled
 
 
@@ -292,7 +292,7 @@ def test_sky_pixels_show_the_image_exposed(gpu, tmp_path):
 
 def test_the_maps_are_predicted_and_allocated_once(gpu, tmp_path):
     path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
-    settings = Settings(width=64, height=48, environment=path)
+    settings = fixed_settings(width=64, height=48, environment=path)
     predicted = frame_resources(frame_spec(AnimatedScene(ball_scene()), settings)).memory["environment"]
     assert predicted == 16 * (16 * 8 + 256 * 128 * 9)
     with opened(gpu, ball_scene(), environment=path, columns=("direct", "color")) as source:

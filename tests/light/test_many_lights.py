@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lamp_field import lamp_field
 from light_tools import DIRECT_ONLY, lambert, opened, shoot
 from references.light_culling import kept_lights, largest_brdf, light_bounds, tile_boxes
 
@@ -14,7 +15,6 @@ from taubench_gl.frame import light_stage
 from taubench_gl.frame.passes.lighting import TILE
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.scene.builder import SceneBuilder, quad
-from taubench_gl.selftest.scenes import lamp_field
 
 SIZE = {"width": 192, "height": 108, "shadow_lights": 0, "columns": DIRECT_ONLY}
 

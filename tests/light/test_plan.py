@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from fixed import fixed_settings
+from lamp_field import lamp_field
 from light_tools import opened, shoot
 from test_effects_on_demand import everything
 
@@ -24,7 +26,7 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import busy_room, lamp_field
+from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -69,7 +71,7 @@ def test_the_demo_is_planned_right(gpu):
 
 
 def check(gpu, scene, chosen) -> None:
-    settings = Settings(**chosen)
+    settings = fixed_settings(**chosen)
     spec = frame_spec(AnimatedScene(scene), settings)
     resources = frame_resources(spec)
     with opened(gpu, scene, **chosen) as source:
@@ -101,7 +103,7 @@ def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
         source.advance(0)
         spec = frame_spec(
             AnimatedScene(scene),
-            Settings(**SIZE, **settings),
+            fixed_settings(**SIZE, **settings),
             source.effects,
             shading=shading,
             tuning=Tuning(gpu.software),
@@ -126,7 +128,7 @@ def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
     "make", [partial(busy_room, lamps=20), lambda: load_scene(ASSETS / "demo.glb")], ids=["room", "demo"]
 )
 def test_every_frame_can_run(columns, effects, mode, make):
-    settings = Settings(**SIZE, columns=columns, effects=effects, reprojection=mode)
+    settings = fixed_settings(**SIZE, columns=columns, effects=effects, reprojection=mode)
     scene = make()
     spec = frame_spec(AnimatedScene(scene), settings, extra=("base_color",))
     names = [p.name for p in frame_passes(spec)]  # raises where a pass reads what none has written
@@ -146,7 +148,7 @@ def test_scenes_without_glass_have_nothing_of_it():
     }
     memory = []
     for macros, fields in kinds.items():
-        settings = Settings(**SIZE, light="path-traced", spp=1)
+        settings = fixed_settings(**SIZE, light="path-traced", spp=1)
         spec = frame_spec(AnimatedScene(glass_room(**fields)), settings)
         resources, options = frame_resources(spec), hit_options(spec)
         traced = [name for name in resources.shaders if name.startswith("pathtracing/")]
@@ -156,13 +158,13 @@ def test_scenes_without_glass_have_nothing_of_it():
         assert (options.material_texels > 16) == options.dielectrics == ("DIELECTRICS" in macros)
         assert state_layers(spec) == 12 + ("DIELECTRICS" in macros) + 5 * ("TRANSMISSION" in macros)
         memory.append(sum(resources.memory.values()))
-        plain = frame_spec(AnimatedScene(glass_room(**fields)), Settings(**SIZE))
+        plain = frame_spec(AnimatedScene(glass_room(**fields)), fixed_settings(**SIZE))
         assert not any(plain.glass.values()), "the preview has none of it"
     assert memory[0] < memory[1] < memory[2] == memory[3]
 
 
 def test_one_lobe_makes_direct_light_write_both():
-    spec = frame_spec(AnimatedScene(busy_room(lamps=2)), Settings(**SIZE))
+    spec = frame_spec(AnimatedScene(busy_room(lamps=2)), fixed_settings(**SIZE))
     assert not set(LOBES) & set(frame_channels(spec))
     assert set(LOBES) <= set(frame_channels(replace(spec, extra=("direct_glossy",))))
 
@@ -177,13 +179,13 @@ def test_what_effects_depend_on():
 
 
 def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():
-    spec = frame_spec(AnimatedScene(everything()), Settings(**SIZE, columns=("frustum", "position")))
+    spec = frame_spec(AnimatedScene(everything()), fixed_settings(**SIZE, columns=("frustum", "position")))
     assert frame_channels(spec) == ("position", "normal")
     assert frame_channels(replace(spec, extra=("ids",))) == ("position", "normal", "ids")
 
 
 def test_inspect_reports_effects_as_json():
-    facts = json.loads(json.dumps(describe(everything(), Settings(**SIZE))))
+    facts = json.loads(json.dumps(describe(everything(), fixed_settings(**SIZE))))
     assert facts["effects"]["shadows"]["on"] is True and facts["effects"]["shadows"]["gpu_bytes"] > 0
     assert facts["effects"]["skinning"] == {
         "on": False, "reason": "no skins deform drawn meshes", "passes": [], "textures": [], "shaders": [],
@@ -193,11 +195,11 @@ def test_inspect_reports_effects_as_json():
 
 def test_inspect_needs_no_context(monkeypatch):
     monkeypatch.setattr("moderngl.create_context", None)
-    assert describe(everything(), Settings(**SIZE))["effects"]["direct"]["passes"]
+    assert describe(everything(), fixed_settings(**SIZE))["effects"]["direct"]["passes"]
 
 
 def test_costs_are_what_a_frame_loses_without_the_effect():
-    costs = effect_costs(AnimatedScene(everything()), Settings(**SIZE))
+    costs = effect_costs(AnimatedScene(everything()), fixed_settings(**SIZE))
     pixels = SIZE["width"] * SIZE["height"]
     assert costs["color"]["on"] and costs["color"]["passes"] == ["color"]
     # Without shadow maps every light shines on surface patches, which are fewer VPLs.

@@ -6,13 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
 
 from taubench_gl import math3d
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x
 from taubench_gl.scene.model import Channel, Image, Scene, Texture
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 ALBEDO = 0.5
 SUN = math3d.normalize(np.array([0.3, 0.4, 1.0]))
@@ -133,7 +133,7 @@ def test_pixels_seen_through_culled_backs_are_counted(gpu, side, double_sided, e
 def test_a_run_notes_pixels_seen_through_culled_backs():
     still = Channel("node", 0, "scale", "LINEAR", np.array([0.0, 1.0]), np.ones((2, 3)))
     scene = dataclasses.replace(roofed(-1.0, eye="above"), channels=(still,))
-    settings = Settings(**FIXED_LIGHTING, width=64, height=48, columns=("direct",), frames=(0, 2), camera=0)
+    settings = fixed_settings(width=64, height=48, columns=("direct",), frames=(0, 2), camera=0)
     found = {culling: evaluate_scene(scene, settings.replace(culling=culling)).summary for culling in ("gltf", "none")}
     assert [run["brightness"]["behind"] for run in found.values()] == [24 * 24, 0]
     assert [sum("--culling none" in note for note in run["notes"]) for run in found.values()] == [1, 0]

@@ -7,13 +7,13 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from repeated import few
 from scipy import stats
 
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, estimate, sample_pairs
-from taubench_gl.settings import Settings
 
 RESAMPLINGS = 200
 
@@ -106,7 +106,7 @@ def full_run(data):
     """All pairs of a real animation: CesiumMan, two seconds at 60 fps."""
     path = data / "khronos" / "CesiumMan" / "CesiumMan.glb"
     columns = ("frustum", "position", "normal")
-    return evaluate_scene(path, Settings(width=64, height=36, fps=60.0, columns=columns))
+    return evaluate_scene(path, fixed_settings(width=64, height=36, fps=60.0, columns=columns))
 
 
 @pytest.mark.parametrize("column", ["position", "normal"])

@@ -10,6 +10,7 @@ import shutil
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.benchmark import scenes as benchmark_scenes
@@ -161,7 +162,7 @@ def test_table_4_has_both_rates_and_intervals_within_0_and_100_percent(finished)
 def test_figure_2_keeps_misregistration_apart():
     """Discards whose point the previous camera saw at rest have a color of their own, in no other reason's pixels."""
     camera = figures.camera_of_run(scene := load_scene(DEMO), Settings().sequence)
-    settings = Settings(width=32, height=18, light="raster", exposure=1.0, frames=(30, 32), reprojection="motion",
+    settings = fixed_settings(width=32, height=18, light="raster", exposure=1.0, frames=(30, 32), reprojection="motion",
                         columns=("frustum", "position", "color"))  # fmt: skip
     shown, _ = figures._pair(scene, settings, camera, column="position")
     exact = evaluate_scene(DEMO, settings.replace(exact=True)).frames[0]

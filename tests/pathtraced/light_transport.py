@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from fixed import fixed_settings
 from references.significance import Estimate
 
 from taubench_gl.lobes import SCENE_LOBES
@@ -66,12 +67,12 @@ class Reference:
             "size": SIZE, "fps": FPS, "frames": (FRAMES[0], FRAMES[-1] + 1), "columns": COLUMNS, "textures": "finest",
             "light_unit": "watt", "exposure": 1.0, "environment": self.environment,
         }  # fmt: skip
-        return Settings(**(fixed | values))
+        return fixed_settings(**(fixed | values))
 
     def evaluate(self) -> Run:
         """Columns of the stored pair."""
         options = PathTracedOptions(camera_file=self.frames / "camera.json", mapping=MAPPING)
-        return evaluate_path_traced(f"exr:{self.frames}", Settings(columns=COLUMNS), options)
+        return evaluate_path_traced(f"exr:{self.frames}", fixed_settings(columns=COLUMNS), options)
 
 
 def references() -> dict[str, Reference]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from fixed import fixed_settings
 from fixed_orbit import FixedOrbit
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View, choose_camera
@@ -16,7 +17,6 @@ from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_t
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
 
 Array = np.ndarray
 COLUMNS = ("frustum", "position", "normal")
@@ -115,10 +115,10 @@ def compare(
 
     options = PathTracedOptions(camera_file=folder / "camera.json")
     path_traced = evaluate_path_traced(
-        f"exr:{folder}", Settings(frames=frames, columns=COLUMNS), options, keep("path_traced")
+        f"exr:{folder}", fixed_settings(frames=frames, columns=COLUMNS), options, keep("path_traced")
     )
-    raster = evaluate_scene(scene, Settings(**settings), keep("raster"), camera=camera)
-    evaluate_scene(scene, Settings(**settings, reprojection="motion"), keep("motion"), camera=camera)
+    raster = evaluate_scene(scene, fixed_settings(**settings), keep("raster"), camera=camera)
+    evaluate_scene(scene, fixed_settings(**settings, reprojection="motion"), keep("motion"), camera=camera)
     out = {}
     for column in COLUMNS:
         own, traced = (run.summary["discard"][column]["mean_percent"] for run in (raster, path_traced))

@@ -22,7 +22,7 @@ from taubench_gl.errors import OutputError, PathTracedError, SettingsError
 from taubench_gl.pathtraced.blender import process
 from taubench_gl.pathtraced.blender.job import KEY_FPS, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import HOW_TO_GET_BPY
-from taubench_gl.pathtraced.blender.render import PROVENANCE_FILE, read_render, render_reference, render_seeds
+from taubench_gl.pathtraced.blender.render import PROVENANCE_FILE, read_render, render_reference
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, read_camera_file
 from taubench_gl.pathtraced.sequence import find_frames
 from taubench_gl.scene import load_scene
@@ -130,18 +130,6 @@ def test_a_render_writes_frames_sidecar_and_provenance(scene, tmp_path):
     assert record.summary(range(7, 9))["seconds_per_frame"] is None
     assert read_render(tmp_path) is None
     assert "Blender says hello" in (out / "render.log").read_text()
-
-
-def test_seeds_are_rendered_into_folders_of_their_own(scene, tmp_path):
-    python, out, quality = fake_blender(tmp_path), tmp_path / "out", Quality(samples=1)
-    values = {"fps": 24.0, "size": (16, 9), "quality": quality, "python": python}
-    seconds = render_seeds(scene, choose_camera(scene), range(4, 6), out, range(7, 9), **values)
-    assert seconds == {(7, 4): 1.0, (7, 5): 2.0, (8, 4): 3.0, (8, 5): 4.0}
-    for seed in (7, 8):
-        folder = out / f"seed_{seed:04d}"
-        assert list(find_frames(folder)) == [4, 5] and sorted(read_camera_file(folder / CAMERA_FILE).views) == [4, 5]
-    with pytest.raises(PathTracedError):
-        render_seeds(scene, choose_camera(scene), range(4, 6), out, range(1), **values | {"python": "no such program"})
 
 
 def test_an_interrupted_render_continues_with_the_first_missing_frame(scene, tmp_path, monkeypatch):

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from fixed import fixed_settings
+from pathtraced.faults import INJECTED
 
-from taubench_gl.apps.cli import main
+from taubench_gl.animation import choose_camera
 from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
-from taubench_gl.pathtraced.cameras import FittedCamera, SidecarCamera
+from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.check import SAME, check_sequence
 from taubench_gl.pathtraced.evaluation import plan_sequence
 from taubench_gl.pathtraced.exr import read_exr, write_exr
 from taubench_gl.pathtraced.passes import PRESETS, to_y_up
 from taubench_gl.pathtraced.readings import GEOMETRY, MOTION
+from taubench_gl.pathtraced.scene_truth import render_truth
 from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 SIZE = np.array([96, 54])
@@ -32,7 +37,7 @@ JITTER = {40: (0.31, -0.17), 41: (-0.19, 0.33), 42: (0.07, 0.11), 43: (-0.4, -0.
 def exported(tmp_path_factory):
     """Six frames of the demo: motion, positions relative to the camera, planar depth, and the camera."""
     out = tmp_path_factory.mktemp("frames")
-    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
+    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
     export_scene(ASSETS / "demo.glb", out, settings, ExportOptions("exr", ("gbuffer", "prev_position", "flow")))
     opened = plan_sequence(f"exr:{out}", Settings(), PathTracedOptions())
     frames = {n: opened.sequence.read(n) for n in opened.sequence.frames}
@@ -200,9 +205,10 @@ def wrong(check):
 def test_the_export_is_as_its_mapping_says(exported, tmp_path):
     check = checked(exported, tmp_path, pairs=4)
     assert not check.wrong and not check.reading.values and check.basis == "previous positions"
-    for name in (*GEOMETRY, *MOTION, "camera", "centers", "jitter", "cuts", "sky"):
+    for name in (*GEOMETRY, *MOTION, "camera", "centers", "jitter", "cuts"):
         assert check[name].status == "ok", check[name]
     assert all(pair.as_read == pair.explained > 0.99 and pair.expected_px > 0.5 for pair in check.pairs)
+    assert check.answer == "right" and [c.name for c in check.classes] == ["still surfaces", "moving surfaces", "sky"]
 
 
 PAIRS = (
@@ -265,12 +271,13 @@ def test_a_cut_is_named_with_its_frame(exported, tmp_path):
 
 
 def test_motion_of_the_sky(exported, tmp_path):
+    """Zero or NaN: the sky has no vectors, which is not wrong; other vectors are."""
     sequence, frames, camera = exported
-    still = {n: replace(f, motion=np.where(f.sky[..., None], 0, f.motion)) for n, f in frames.items()}
-    verdict = checked((sequence, still, camera), tmp_path)["sky"]
-    assert (verdict.status, verdict.value) == ("note", "zero") and verdict.as_read < 0.1 and verdict.explained == 1
-    other = {n: replace(f, motion=np.where(f.sky[..., None], 9, f.motion)) for n, f in frames.items()}
-    assert (verdict := checked((sequence, other, camera), tmp_path)["sky"]).status == "note" and verdict.value == ""
+    for value, answer in ((0, "absent"), (np.nan, "absent"), (9, "wrong")):
+        given = {n: replace(f, motion=np.where(f.sky[..., None], value, f.motion)) for n, f in frames.items()}
+        check = checked((sequence, given, camera), tmp_path)
+        assert check.of("sky").answer == answer and not check.wrong
+        assert check.answer == ("wrong" if value == 9 else "right")
 
 
 def test_positions_of_other_pixel_centers(exported, tmp_path):
@@ -285,15 +292,6 @@ def test_positions_of_other_pixel_centers(exported, tmp_path):
     np.testing.assert_allclose([float(v) for v in verdict.value.split(",")], [0.5, 0], atol=0.01)
 
 
-def test_random_motion_has_no_verdict(exported, tmp_path):
-    """A scene in which every surface is animated looks the same."""
-    sequence, frames, camera = exported
-    rng = np.random.default_rng(1)
-    noise = {n: replace(f, motion=rng.normal(0, 20, f.motion.shape)) for n, f in frames.items()}
-    check = checked((sequence, noise, camera), tmp_path)
-    assert not check.wrong and {check[name].status for name in (*MOTION, "jitter", "cuts", "sky")} == {"not checked"}
-
-
 def test_an_unrelated_camera_is_wrong(exported, tmp_path):
     sequence, frames, camera = exported
     turn = np.array([[0, 0.6, 0.8], [1, 0, 0], [0, 0.8, -0.6]])
@@ -301,6 +299,57 @@ def test_an_unrelated_camera_is_wrong(exported, tmp_path):
                for n, e in camera["frames"].items()}  # fmt: skip
     check = checked((sequence, frames, camera | {"frames": entries}), tmp_path)
     assert wrong(check) == {"camera": ""} and check["direction"].status == "not checked"
+
+
+# Faults of the vectors
+
+
+FOUND = {  # fault -> what names it: faults of a class, or conventions with their values
+    "object motion missing": {"still"}, "halved": {"half"}, "zero": {"zero"}, "random": {"random"},
+    "one frame late": {"late", "ahead"}, "previous frame's camera": {"camera late", "ahead"}, "constant": {"constant"},
+    "object motion halved": {"half"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("truth", ["previous positions", "scene", "positions", "depth"])
+@pytest.mark.parametrize("fault", INJECTED)
+def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered, fault, truth):
+    """Where the motion of every surface is known each fault is named; positions show the camera's motion only."""
+    sequence, frames, camera = exported
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps(camera))
+    given = SidecarCamera(file)
+    frames = INJECTED[fault](frames, given.file.views)
+    if truth != "previous positions":
+        lost = ("prev_position",) if truth != "depth" else ("prev_position", "position")
+        frames = {n: replace(f, **dict.fromkeys(lost)) for n, f in frames.items()}
+    of_scene = (lambda numbers: {n: rendered[n] for n in numbers}) if truth == "scene" else None
+    check = check_sequence(Corrupted(sequence, frames), given, range(FIRST, LAST + 1), 5, of_scene)
+    named = {v.fault for v in check.classes if v.fault} | {v.value for v in check.wrong}
+    if truth in ("positions", "depth") and fault.startswith("object"):
+        assert check.answer == "not judged" and not named and check.of("still surfaces").answer == "right"
+    else:
+        assert check.answer == "wrong" and named and named <= FOUND[fault], check.classes
+
+
+@pytest.fixture(scope="module")
+def rendered(exported):
+    """The truth of the exported frames, from their scene."""
+    scene = load_scene(ASSETS / "demo.glb")
+    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]))
+    camera = SceneCamera(scene, choose_camera(scene, settings.sequence.camera, tuple(SIZE)), settings.sequence.fps)
+    return render_truth(camera, settings, range(FIRST, LAST + 1))
+
+
+def test_the_scene_has_the_motion_of_its_export(exported, rendered):
+    _, frames, _ = exported
+    for n, frame in frames.items():
+        truth = rendered[n].motion
+        known = np.isfinite(truth[..., 0]) & np.isfinite(frame.motion[..., 0])
+        assert known.mean() > 0.3 or n == FIRST
+        np.testing.assert_allclose(truth[known], frame.motion[known], atol=1e-3)
+        moves = np.linalg.norm(truth - rendered[n].still, axis=-1)[known] > 0.1
+        assert n == FIRST or 0 < moves.mean() < 0.9
 
 
 # Without a camera
@@ -320,28 +369,24 @@ def test_a_fitted_camera_shows_rows_but_no_axes(exported, tmp_path):
         assert bool(check["rows"].equivalent) == bool(name)  # a mirrored world looks the same
 
 
-def test_images_decide_without_geometry(exported):
+@pytest.mark.parametrize("fault", [None, "sign", "zero"])
+def test_vectors_alone_are_judged_by_the_scene(exported, tmp_path, rendered, fault):
     sequence, frames, camera = exported
-    matrices = {int(n): np.array(entry["world_from_view"]) for n, entry in camera["frames"].items()}
-    world, _ = MISTAKES["world"][0](frames, matrices)
-    images = {n: 1 + np.sin(4 * f.position) for n, f in world.items()}  # colors that stay on still surfaces
-    for name, expected in (("", {}), ("sign", {"direction": "current-previous"})):
-        given = MISTAKES[name][0](frames, None)[0] if name else frames
-        given = {
-            n: replace(f, position=None, depth=None, prev_position=None, combined=images[n]) for n, f in given.items()
-        }
-        check = check_sequence(Corrupted(sequence, given), FittedCamera(), range(40, 43))
-        assert check.basis == "images" and wrong(check) == expected and check["y"].status == "ok"
-        assert check["jitter"].status == check["rows"].status == "not checked"
-
-
-def test_still_images_show_nothing(exported):
-    sequence, frames, _ = exported
-    still = {
-        n: replace(f, position=None, depth=None, motion=0 * f.motion, combined=f.normal) for n, f in frames.items()
-    }
-    check = check_sequence(Corrupted(sequence, still), FittedCamera(), range(40, 42))
-    assert not check.wrong and check["direction"].status == "not checked"
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps(camera))
+    given = SidecarCamera(file)
+    if fault is not None:
+        frames = INJECTED[fault](frames, given.file.views) if fault in INJECTED else MISTAKES[fault][0](frames, None)[0]
+    frames = {n: replace(f, position=None, depth=None, prev_position=None, sky=0 * f.sky) for n, f in frames.items()}
+    for truth in (None, lambda numbers: {n: rendered[n] for n in numbers}):
+        check = check_sequence(Corrupted(sequence, frames), given, range(FIRST, LAST + 1), 5, truth)
+        assert check["rows"].status == "not checked"
+        if truth is None:
+            assert check.answer == "not judged" and not check.wrong
+        else:
+            assert check.answer == ("right" if fault is None else "wrong")
+            assert wrong(check) == ({"direction": "current-previous"} if fault == "sign" else {})
+            assert [c.name for c in check.classes] == ["still surfaces", "moving surfaces", "sky"]
 
 
 def test_real_cycles_files_have_no_fault(data):
@@ -375,16 +420,8 @@ def test_missing_passes_and_a_mistake_beside_them(tmp_path):
 
 # Files and the command line
 @pytest.fixture
-def run(capsys):
-    """Runs ``check`` with arguments -> exit code, output, errors."""
-
-    def call(*arguments):
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main(["check", *map(str, arguments)])
-        return ended.value.code, *capsys.readouterr()
-
-    return call
+def run(taubench):
+    return partial(taubench, "check")
 
 
 def test_command_line(exported, tmp_path, run):
@@ -431,5 +468,5 @@ def test_what_is_missing_in_readable_files_is_not_checked(exported, tmp_path, ru
             options += ["--camera-file", str(sequence.path / "camera.json")]
     ended, text, errors = run(spec, *options, "--json")
     status = {v["convention"]: v["status"] for v in json.loads(text)["verdicts"]}
-    assert ended == 0 and not errors and status["direction"] == "not checked"
+    assert ended == (0 if case == "no motion" else 3) and not errors and status["direction"] == "not checked"
     assert status["camera"] == ("not checked" if case == "no camera" else "ok")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import pytest
 from click.testing import CliRunner
@@ -20,12 +18,6 @@ from taubench_gl.scene import load_scene
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
 DEMO = ASSETS / "demo.glb"
-
-
-def taubench(*arguments) -> tuple[int, str, str]:
-    command = [sys.executable, "-m", "taubench_gl", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    return done.returncode, done.stdout, done.stderr
 
 
 @pytest.fixture
@@ -48,7 +40,7 @@ def test_evaluate_and_compare(renders, tmp_path):
     assert done.exit_code == 0 and "median" in done.output and "worst pair" in done.output
 
 
-def test_errors_are_one_line_and_exit_code_2(renders, tmp_path):
+def test_errors_are_one_line_and_exit_code_2(taubench, renders, tmp_path):
     for arguments, named in (
         (("evaluate", f"exr:{tmp_path / 'none'}"), "none"),
         (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "x.toml"),
@@ -59,7 +51,7 @@ def test_errors_are_one_line_and_exit_code_2(renders, tmp_path):
         assert code == 2 and named in err and err.count("\n") == 1, err
 
 
-def test_check_of_an_export_without_light_has_no_fault(tmp_path):
+def test_check_of_an_export_without_light_has_no_fault(taubench, tmp_path):
     """docs/export.md: passes that were not exported are missing, which is no fault."""
     out = tmp_path / "frames"
     code, _, err = taubench("export", DEMO, "--out", out, "--size", "48x27", "--frames", "0:2")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from exr_files import options
+from fixed import fixed_settings
 
 from taubench_gl.api import evaluate
 from taubench_gl.apps.cli import cli
@@ -48,7 +49,7 @@ def test_a_comparison_and_its_files(renders, tmp_path):
     for name, threshold in (("a", 0.1255), ("b", 0.9)):
         (renders / "provenance.json").write_text(json.dumps(known))
         known["frame_seconds"] = {"4": 6.0, "5": 6.0}
-        settings = Settings(thresholds={"direct": threshold})
+        settings = fixed_settings(thresholds={"direct": threshold})
         evaluate(
             f"exr:{renders}", settings, out=tmp_path / name, save=("masks", "channels"), path_traced=options(renders)
         )
@@ -57,9 +58,9 @@ def test_a_comparison_and_its_files(renders, tmp_path):
     assert all(entry["iou"] == 1.0 for entry in same["masks"].values())
     assert all(entry["max"] == 0.0 for entry in same["features"].values())
     assert {"position_mm", "normal_deg", "direct_percent", "indirect_percent", "color_levels"} <= set(same["features"])
-    evaluate(f"exr:{renders}", Settings(frames=(5, None)), out=tmp_path / "c", path_traced=options(renders))
+    evaluate(f"exr:{renders}", fixed_settings(frames=(5, None)), out=tmp_path / "c", path_traced=options(renders))
     assert compare_runs(tmp_path / "a", tmp_path / "c")["pairs"] == 1
-    evaluate(f"exr:{renders}", Settings(frames=(4, 6)), out=tmp_path / "d", path_traced=options(renders))
+    evaluate(f"exr:{renders}", fixed_settings(frames=(4, 6)), out=tmp_path / "d", path_traced=options(renders))
     with pytest.raises(OutputError):  # no common pair
         compare_runs(tmp_path / "c", tmp_path / "d")
     result = compare_runs(tmp_path / "a", tmp_path / "b")
@@ -148,7 +149,7 @@ def changed(run, **settings):
 
 
 def test_other_exposures_and_light_units_are_refused(renders):
-    runs = [evaluate(f"exr:{renders}", Settings(exposure=e), path_traced=options(renders)) for e in (1.0, 2.0)]
+    runs = [evaluate(f"exr:{renders}", fixed_settings(exposure=e), path_traced=options(renders)) for e in (1.0, 2.0)]
     with pytest.raises(OutputError) as error:
         compare_runs(*runs)
     assert "exposure" in error.value.what and "--exposure 1" in error.value.hint

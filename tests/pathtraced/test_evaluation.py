@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
+from fixed import fixed_settings
 
 import taubench_gl as tb
 from taubench_gl.animation.pairs import reprojection
@@ -23,7 +24,7 @@ from taubench_gl.settings import Settings
 
 
 def test_masks_equal_the_float64_reference(renders):
-    settings = Settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
+    settings = fixed_settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
     masks = {}
 
     def keep(pair):
@@ -41,6 +42,12 @@ def test_masks_equal_the_float64_reference(renders):
         np.testing.assert_array_equal(mask, expected.mask)
         row = next(r for r in run.frames if r["frame"] == f)
         assert row["direct"] == int(((expected.mask & Reason.DIRECT) != 0).sum()) > 0
+
+
+def test_frames_below_zero_are_in_order(data):
+    run = tb.evaluate(f"exr:{data / 'reports4' / 'exr' / 'room_neg'}", columns=("frustum",))
+    assert [row["frame"] for row in run.frames] == [-3, -2, -1]
+    np.testing.assert_allclose([row["translation_m"] for row in run.frames], [0.5, 1.0, 1.5], rtol=1e-6)
 
 
 def test_pairs_of_files_are_those_of_their_evaluation(renders):
@@ -153,8 +160,10 @@ def test_contradicting_and_unknown_options_are_refused(renders):
     for wrong in ({"camera_file": "a", "scene_file": "b"}, {"lobes": ("shiny",)}):
         with pytest.raises(SettingsError):
             PathTracedOptions(**wrong)
-    with pytest.raises(SettingsError):  # these files have no previous positions
-        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
+    mapping = renders / "still.toml"
+    mapping.write_text('[passes]\nposition = "Position"\n')  # neither vectors nor previous positions
+    with pytest.raises(SettingsError):
+        evaluate_path_traced(f"exr:{renders}", fixed_settings(reprojection="motion"), options(renders, mapping=mapping))
 
 
 def test_the_noise_floor_of_two_seeds_is_noise_and_that_of_one_is_zero(renders, tmp_path):

@@ -139,7 +139,8 @@ def test_mapping_files(tmp_path):
 
 
 def test_presets_load():
-    assert presets() == ("blender", "falcor", "godot", "mitsuba", "taubench", "unity", "unreal")
+    run = {"babylon", "blender", "eevee", "luxcore", "mitsuba", "taubench", "three-webgl", "three-webgpu"}
+    assert set(presets()) == run | {"falcor", "godot", "unity", "unreal"}
     for name in presets():
         assert "position" in load_mapping(name).passes
     names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]

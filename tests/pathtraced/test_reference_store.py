@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 
 from taubench_gl.animation import View
 from taubench_gl.apps.cli import cli
@@ -31,6 +32,8 @@ from taubench_gl.pathtraced.references import (
 )
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import STEREO, Settings
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 SIZE = (6, 4)
 SIGMA = {"direct_diffuse": 0.5, "direct_glossy": 0.0, "indirect_diffuse": 0.25, "indirect_glossy": 0.0}
@@ -61,7 +64,7 @@ class Dice:
 
 
 def store(tmp_path, **changes):
-    about = identity(Settings(environment="none", exposure=1.0), {"sha256": "0" * 64}) | changes
+    about = identity(fixed_settings(environment="none", exposure=1.0), {"sha256": "0" * 64}) | changes
     return StoredReference(about, "scene", tmp_path)
 
 
@@ -277,7 +280,7 @@ def test_damaged_files_are_named(tmp_path):
 
 
 def test_what_the_radiance_depends_on_is_in_the_key(tmp_path):
-    plain = Settings(environment="none", exposure=1.0)
+    plain = fixed_settings(environment="none", exposure=1.0)
     key = StoredReference(identity(plain, {"sha256": "a"}), "s", tmp_path).folder
     for changes in ({"width": 8}, {"bounces": 2}, {"environment": (1, 1, 1)}, {"light_unit": "watt"},
                     {"culling": "none"}, {"fps": 30}, {"blend": "opaque"}):  # fmt: skip

@@ -75,8 +75,8 @@ class RayQuery(Owner):
         key = any_hit, before, height
         if key not in self._compiled:
             p = ComputePass("ray query", ("raytracing/query.comp.glsl",)).define(ANY_HIT=any_hit, BEFORE=before)
-            p.image("ray_origins", given=True).image("ray_directions", given=True)
-            p.image("ray_normals", given=True)
+            p.image("ray_origins", filled=True).image("ray_directions", filled=True)
+            p.image("ray_normals", filled=True)
             p.image("hits_out", "rgba32ui", access=WRITE, resource="hits")
             p.image("weights_out", access=WRITE, resource="weights")
             self._structure.declare(p)

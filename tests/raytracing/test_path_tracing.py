@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from references.path_tracing import LightSegments, PathLight, TraceScene, trace
 from repeated import few
 
@@ -21,7 +22,6 @@ from taubench_gl.metrics.stochastic import LightCells, cell_choice, light_choice
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import sky_file
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
@@ -72,8 +72,8 @@ def room(
 
 def render(gpu, scene: Scene, one_light: bool = False, **given) -> dict[str, Array]:
     """Channels of the first frame; rows from the top."""
-    options = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), **given}
-    settings = Settings(width=SIZE[0], height=SIZE[1], **options)
+    options = {"light": "path-traced", "columns": ("direct", "indirect"), **given}
+    settings = fixed_settings(width=SIZE[0], height=SIZE[1], **options)
     extra = (*LOBES, "path_info", "geometric_normal", "base_color", "material")
     shading = Shading(one_light=one_light)
     with RasterSource(gpu, AnimatedScene(scene), settings, extra=extra, shading=shading) as source:
@@ -220,8 +220,8 @@ def blocks(
     gpu, scene: Scene, samples: int, count: int, *, name: str = "indirect", one_light: bool = False, **given
 ) -> Array:
     """Means (count, h, w, 3) of light ``name`` over ``samples`` independent samples each."""
-    chosen = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), "pattern": "independent"}
-    settings = Settings(width=SIZE[0], height=SIZE[1], spp=samples, **(chosen | given))
+    chosen = {"light": "path-traced", "columns": ("direct", "indirect"), "pattern": "independent"}
+    settings = fixed_settings(width=SIZE[0], height=SIZE[1], spp=samples, **(chosen | given))
     out = []
     with RasterSource(gpu, AnimatedScene(scene), settings, shading=Shading(one_light=one_light)) as source:
         source.draw(0)

@@ -18,6 +18,8 @@ from taubench_gl.reject.contract import builtin_tests, load_tests
 from taubench_gl.reuse.glsl_method import GlslPasses
 from taubench_gl.reuse.loading import load_method
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 COMBINED = ("svgf+color_clamp", "footprint_depth+footprint_position+object_id")
 
 

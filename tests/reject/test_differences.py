@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from references.rejection import REFERENCES, PixelRows, PointRows, smaller_change, smaller_turn
 
 from taubench_gl.conventions import NOT_COMPARABLE
@@ -15,7 +16,6 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.paths import ASSETS
 from taubench_gl.reject.contract import builtin_tests, load_test
 from taubench_gl.reject.differences import CHANNELS, Differences
-from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 SIZE = (64, 36)
 EXPOSURE = 0.7
@@ -24,9 +24,9 @@ EXPOSURE = 0.7
 @pytest.fixture
 def pair(gpu):
     """Frame 22 of the demo, with what the passes read."""
-    settings = Settings(
+    settings = fixed_settings(
         width=SIZE[0], height=SIZE[1], reprojection="motion", shadow_size=64, indirect="none",
-        columns=("frustum", "position", "normal", "direct"), **FIXED_LIGHTING,
+        columns=("frustum", "position", "normal", "direct"),
     )  # fmt: skip
     given = plan_scene(ASSETS / "demo.glb", settings)
     source = RasterSource(gpu, given.animated, given.settings, extra=CHANNELS)

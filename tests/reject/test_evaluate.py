@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import SettingsError
@@ -15,7 +16,7 @@ from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.reject.output import fitted
 from taubench_gl.reject.scores import OBJECTS, STRATA, TRUTHS, stratum_names
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -24,7 +25,7 @@ DEMO = str(ASSETS / "demo.glb")
 
 def settings(**more) -> Settings:
     own = {"width": 64, "height": 36, "shadow_size": 64, "indirect": "none", "light": "raster"}
-    return Settings(**(own | FIXED_LIGHTING | more))
+    return fixed_settings(**(own | more))
 
 
 def board_and_wall():
@@ -62,7 +63,9 @@ def test_counts_add_up():
         kinds = [score[k] for k in ("true_positive", "false_positive", "false_negative", "true_negative")]
         assert sum(kinds) == s["pixels"]["surface"]
         assert kinds[0] + kinds[2] == s["positive"]["visibility"]
-        assert set(entry["strata"]) == {*STRATA, "object"} and list(entry["strata"]["object"]) == list(OBJECTS)
+        assert set(entry["strata"]) == {*STRATA, "object", "reason"} and list(entry["strata"]["object"]) == list(
+            OBJECTS
+        )
         for name, rows in entry["strata"].items():
             assert list(rows) == list(stratum_names(name))
             assert sum(row["pixels"] for row in rows.values()) == s["pixels"]["surface"]

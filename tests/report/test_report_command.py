@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
-
-from taubench_gl.apps.cli import main
 
 
 @pytest.fixture
@@ -14,32 +13,31 @@ def run(stored_run):
     return stored_run
 
 
-def report(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as done:
-        main(["report", *map(str, arguments)])
-    return done.value.code
+@pytest.fixture
+def report(taubench):
+    return partial(taubench, "report")
 
 
-def test_one_run_gets_its_report_next_to_its_summary(run, tmp_path, capsys):
+def test_one_run_gets_its_report_next_to_its_summary(run, tmp_path, report):
     run.save(tmp_path / "run")
-    assert report(tmp_path / "run") == 0
+    code, out, _ = report(tmp_path / "run")
+    assert code == 0 and "report.html" in out
     assert (tmp_path / "run" / "report.html").read_text().startswith("<!DOCTYPE html>")
-    assert "report.html" in capsys.readouterr().out
 
 
-def test_several_runs_with_out(run, tmp_path):
+def test_several_runs_with_out(run, tmp_path, report):
     for name in ("a", "b"):
         run.save(tmp_path / name)
-    assert report(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both.html") == 0
+    assert report(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both.html")[0] == 0
     text = (tmp_path / "both.html").read_text()
     assert text.count('class="figures"') == 2
     assert not (tmp_path / "a" / "report.html").exists()
 
 
-def test_several_runs_without_out_go_to_the_current_folder(run, tmp_path, monkeypatch):
+def test_several_runs_without_out_go_to_the_current_folder(run, tmp_path, monkeypatch, report):
     run.save(tmp_path / "a")
     monkeypatch.chdir(tmp_path)
-    assert report("a", "a") == 0
+    assert report("a", "a")[0] == 0
     assert Path("report.html").is_file()
 
 
@@ -53,18 +51,14 @@ def test_several_runs_without_out_go_to_the_current_folder(run, tmp_path, monkey
         ((), "RUN..."),
     ],
 )
-def test_errors_are_one_line_with_exit_code_2(run, tmp_path, monkeypatch, capsys, arguments, named):
+def test_errors_are_one_line_with_exit_code_2(run, tmp_path, monkeypatch, report, arguments, named):
     run.save(tmp_path / "run")
     monkeypatch.chdir(tmp_path)
-    assert report(*arguments) == 2
-    printed = capsys.readouterr().err
-    assert named in printed and "Traceback" not in printed
+    code, _, err = report(*arguments)
+    assert code == 2 and named in err and "Traceback" not in err
     assert not list(tmp_path.rglob("*.html"))
 
 
-def test_evaluate_report_needs_a_folder(capsys):
-    with pytest.raises(SystemExit) as done:
-        main(["evaluate", "scene.glb", "--report"])
-    assert done.value.code == 2
-    printed = capsys.readouterr().err
-    assert "--report" in printed and "--out" in printed
+def test_evaluate_report_needs_a_folder(taubench):
+    code, _, err = taubench("evaluate", "scene.glb", "--report")
+    assert code == 2 and "--report" in err and "--out" in err

@@ -9,20 +9,15 @@ import numpy as np
 import pytest
 from page_tools import data_of, image_of, opened
 
-from taubench_gl.apps.cli import main
 from taubench_gl.conventions import Reason
 from taubench_gl.report import run_page
 from taubench_gl.report.frame_store import FOLDER
 from taubench_gl.report.run_frames import FrameRecorder
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SIZE = (64, 36)
 WORDS = np.uint32([0, int(Reason.POSITION), int(Reason.NORMAL), int(Reason.POSITION | Reason.NORMAL)])
-
-
-def command(*words: object) -> int:
-    with pytest.raises(SystemExit) as done:
-        main(list(map(str, words)))
-    return done.value.code
 
 
 @pytest.fixture
@@ -47,14 +42,14 @@ def images_of(page: Path) -> dict:
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
-def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monkeypatch, step):
+def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monkeypatch, step, taubench):
     """Frames of noise take as many bytes as pixels do: a quarter of the budget keeps every second row and column."""
-    assert command("share", recorded) == 0
+    assert taubench("share", recorded)[0] == 0
     page = recorded / "share.html"
     whole = images_of(page)
     size = sum(len(item["frame"]) + len(item["mask"]) for item in whole["items"])
     monkeypatch.setattr(run_page, "SHARED_IMAGE_BYTES", int(1.2 * size / step**2) if step > 1 else size)
-    assert command("share", recorded) == 0
+    assert taubench("share", recorded)[0] == 0
     images = images_of(page)
     assert [item["n"] for item in images["items"]] == [row["frame"] for row in stored_run.frames]
     assert sum(len(item["frame"]) + len(item["mask"]) for item in images["items"]) <= run_page.SHARED_IMAGE_BYTES
@@ -68,9 +63,9 @@ def test_all_pairs_in_the_bytes_that_a_page_may_have(recorded, stored_run, monke
 
 
 @pytest.mark.parametrize("motion", ["no-preference", "reduce"])
-def test_the_page_plays_masks_and_has_no_button_for_what_it_leaves_out(recorded, browser, motion):
+def test_the_page_plays_masks_and_has_no_button_for_what_it_leaves_out(recorded, browser, motion, taubench):
     """It stands still where the reader's system asks for less motion."""
-    assert command("share", recorded) == 0
+    assert taubench("share", recorded)[0] == 0
     with contextlib.contextmanager(opened)(browser, recorded / "share.html", reduced_motion=motion) as page:
         if motion == "reduce":
             assert page.locator(".bar button").get_attribute("aria-label") == "Play"
@@ -82,31 +77,37 @@ def test_the_page_plays_masks_and_has_no_button_for_what_it_leaves_out(recorded,
 
 
 @pytest.mark.long
-def test_both_browsers_open_a_shared_run(recorded, both_browsers):
-    assert command("share", recorded) == 0
+def test_both_browsers_open_a_shared_run(recorded, both_browsers, taubench):
+    assert taubench("share", recorded)[0] == 0
     both_browsers(recorded / "share.html", ".stage[data-frame]")
 
 
 @pytest.mark.parametrize("lost", ["images", "all"])
-def test_a_run_without_images_is_refused(recorded, tmp_path, capsys, lost):
+def test_a_run_without_images_is_refused(recorded, tmp_path, lost, taubench):
     if lost == "images":
         (recorded / FOLDER / "index.json").unlink()
-    assert command("share", recorded if lost == "images" else tmp_path / "none") == 2
-    assert capsys.readouterr().err.count("\n") == 1 and not list(tmp_path.rglob("share.html"))
+    code, _, err = taubench("share", recorded if lost == "images" else tmp_path / "none")
+    assert code == 2 and err.count("\n") == 1 and not list(tmp_path.rglob("share.html"))
 
 
 @pytest.mark.parametrize("made", ["report", "share"])
-def test_a_truncated_image_is_left_out_with_a_note(recorded, capsys, made):
+def test_a_truncated_image_is_left_out_with_a_note(recorded, made, taubench):
     """The page has the other pairs; standard error and the page name the file."""
     image = recorded / FOLDER / "frame_00001.webp"
     image.write_bytes(image.read_bytes()[:100])
-    assert command(made, recorded) == 0
-    assert image.name in capsys.readouterr().err
+    code, _, err = taubench(made, recorded)
+    assert code == 0 and image.name in err
     images = data_of((recorded / f"{made}.html").read_text())["runs"][0]["images"]
     assert 1 not in [item["n"] for item in images["items"]] and images["items"] and image.name in images["summary"]
 
 
-def test_a_damaged_index_of_images_is_a_note(recorded, capsys):
+@pytest.mark.parametrize("made", ["report", "share"])
+def test_a_damaged_index_of_images_is_a_note(recorded, made, taubench):
+    """The pages have the images that are there."""
+    assert taubench(made, recorded)[0] == 0
+    before = data_of((recorded / f"{made}.html").read_text())["runs"][0]["images"]
     (recorded / FOLDER / "index.json").write_text("{")
-    assert command("report", recorded) == 0 and "index.json" in capsys.readouterr().err
-    assert command("share", recorded) == 2
+    code, _, err = taubench(made, recorded)
+    assert code == 0 and "index.json" in err
+    images = data_of((recorded / f"{made}.html").read_text())["runs"][0]["images"]
+    assert images["items"] == before["items"] and "index.json" in images["summary"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from fixed import fixed_settings
 
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x, turn_y
 from taubench_gl.scene.model import Scene
@@ -18,7 +19,7 @@ def settings(**more) -> Settings:
     """64x48 at 24 fps, motion reprojection, no indirect light by default."""
     given = {"width": SIZE[0], "height": SIZE[1], "reprojection": "motion", "indirect": "none", "shadow_size": 128}
     given |= {"camera": 0}  # also of still scenes
-    return Settings(**(given | more))
+    return fixed_settings(**(given | more))
 
 
 def lit_room(b: SceneBuilder) -> None:

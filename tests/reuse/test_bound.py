@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from reuse_scenes import passing_box, still
 from reuse_scenes import settings as small_settings
 from reuse_tools import PLAIN_GLSL, PLAIN_TOML, evaluate, play, write_method
@@ -15,7 +16,8 @@ from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.glsl_method import reporting_passes
 from taubench_gl.reuse.loading import frame_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
-from taubench_gl.settings import Settings
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 FLOAT32 = 1e-6
 """Relative error of a mean squared error of float32 images whose colors are not far below 1."""
@@ -161,7 +163,7 @@ def test_every_builtin_method_with_history_reports_it():
 )
 def test_bound_holds_on_moving_scenes(data, scene):
     light = {"environment": "default", "exposure": "auto"}
-    settings = Settings(width=64, height=36, reprojection="motion", frames=(0, 5), **light)
+    settings = fixed_settings(width=64, height=36, reprojection="motion", frames=(0, 5), **light)
     request = {"input": "noisy+jittered", "seeds": 2, "metrics": ("relmse",), "reference_samples": 1}
     done = evaluate_methods(data / scene, BLENDING, settings, **request)
     assert not done.failed and len(done.rows) == 2 * 5 * len(BLENDING)

@@ -15,6 +15,8 @@ from taubench_gl.reuse.loading import load_method
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SMALL = {"width": 40, "height": 30, "light": "auto", "indirect": "auto", "bounces": 3, "shadow_size": 32}
 SMALL |= {"exposure": 2.0}
 LIGHT = ("diffuse", "specular", "emitted")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.paths import ASSETS
 from taubench_gl.reuse import evaluate_methods
-from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -17,7 +17,7 @@ SAME = (*ERRORS, "reused_percent", "mean_weight")
 
 
 def rows_of(frames: tuple[int, int], cuts: tuple[int, ...]) -> dict[tuple[str, int], dict]:
-    settings = Settings(width=48, height=28, frames=frames, reprojection="motion", indirect="none")
+    settings = fixed_settings(width=48, height=28, frames=frames, reprojection="motion", indirect="none")
     done = evaluate_methods(
         ASSETS / "demo.glb",
         METHODS,

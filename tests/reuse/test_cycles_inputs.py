@@ -19,6 +19,8 @@ from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 from taubench_gl.scene.model import Camera
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 INPUT, REFERENCE = (f"exr:{FOLDER / name}" for name in ("input", "reference"))
 REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
 WITHOUT_VECTOR = """\

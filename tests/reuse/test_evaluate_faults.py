@@ -13,6 +13,8 @@ from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.evaluate_output import ReuseFolder
 from taubench_gl.reuse.loading import load_method
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 
 class NanFromThree:
     reads = ("radiance",)

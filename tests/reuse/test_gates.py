@@ -16,6 +16,8 @@ from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SETTINGS = {"candidates": 2, "neighbors": 0}
 
 

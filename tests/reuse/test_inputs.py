@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import OpenEXR
 import pytest
+from fixed import fixed_settings
 from references.shading_rate import nearest_shaded, shaded
 from repeated import few
 from reuse_scenes import SIZE, looking_around, passing_box, settings, still
@@ -24,7 +25,8 @@ from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FrameRequest, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 ALL = tuple(INPUTS)
 MASKS = ("mask", "exact_mask", "motion")
@@ -87,7 +89,7 @@ def test_path_traced_input_kind():
     assert (chosen.light, chosen.spp, chosen.pattern, chosen.seed) == ("path-traced", 3, "independent", 5)
     assert light_settings(settings(light="auto"), parse_input("noisy")).lighting.light == "raster"
     with pytest.raises(SettingsError):
-        light_settings(Settings(light="path-traced"), parse_input("noisy"))
+        light_settings(fixed_settings(light="path-traced"), parse_input("noisy"))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from references.shading_rate import nearest_shaded, shaded
 from references.stochastic import choose, estimate_direct, estimate_indirect, pcg4d, random4
 
@@ -14,7 +15,6 @@ from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, inciden
 from taubench_gl.metrics.shading_rate import RATES
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.scene.builder import SceneBuilder, box, quad, turn_x
-from taubench_gl.settings import Settings
 
 SIZE = (48, 32)
 COLUMNS = ("frustum", "position", "normal", "direct", "indirect")
@@ -38,7 +38,7 @@ def lit_scene():
 
 
 def source_of(gpu, **shading):
-    settings = Settings(
+    settings = fixed_settings(
         width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="rsm", indirect_samples=96, shadow_size=128,
         light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), environment=shading.pop("environment", "none"),
     )  # fmt: skip
@@ -235,7 +235,7 @@ def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
         b.light(translation=place, intensity=2.0 + k, color=(1.0, 0.5 + 0.02 * k, 0.5), **kind)
     b.camera(translation=(0.0, 2.5, 5.0), rotation=turn_x(-25.0), yfov=np.radians(50.0), znear=0.1)
     scene = b.build()
-    settings = Settings(
+    settings = fixed_settings(
         width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="none", shadow_size=64, light_error=0.0,
         shadow_filter=filtering,
     )  # fmt: skip

@@ -14,6 +14,8 @@ from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import FrameRequest, RasterInputs
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 READS = ("radiance", "position", "normal", "motion", "mask", "history_position")
 EYES = 0.2
 

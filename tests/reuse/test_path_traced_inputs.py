@@ -24,6 +24,8 @@ from taubench_gl.reuse.quality import reusable
 from taubench_gl.reuse.references import PathTracedReference
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SMALL = {"width": 20, "height": 15, "light": "auto", "indirect": "auto", "bounces": 3, "shadow_size": 32}
 
 

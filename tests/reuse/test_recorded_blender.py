@@ -8,9 +8,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.settings import Settings
+
+pytestmark = pytest.mark.usefixtures("fixed_light")
 
 STORED = Path(__file__).parents[1] / "pathtraced" / "blender_lights"
 MAPPING = """[passes]
@@ -26,7 +28,7 @@ def means(tmp_path_factory):
     renders = f"exr:{STORED / 'room'}@mapping={folder / 'cycles.toml'}"
     auto = dict.fromkeys(("light_unit", "exposure", "environment", "light"), "auto")
     given = {"width": 96, "height": 54, "reprojection": "motion", "bounces": 1, "indirect": "none"}
-    settings = Settings(frames=(1, 6), **given, **auto)
+    settings = fixed_settings(frames=(1, 6), **given, **auto)
     methods = ["none", "accumulate", f"{renders}@label=Cycles"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TAUBENCH_CACHE", str(folder / "cache"))

@@ -16,6 +16,8 @@ from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import ReuseFolder
 from taubench_gl.reuse.recorded import RecordedFrames, ResultWriter
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 FRAMES = (8, 11)
 
 

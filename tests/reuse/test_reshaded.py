@@ -13,6 +13,8 @@ from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
 from taubench_gl.scene.builder import SceneBuilder, box, turn_x
 from taubench_gl.srgb import LUMINANCE
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 SIZE = (42, 30)
 READS = ("reshaded", "reshaded_before", "reshaded_direct", "radiance", "direct", "motion", "mask")
 KINDS = ["path-traced@1", "noisy"]

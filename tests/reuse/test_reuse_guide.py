@@ -25,6 +25,8 @@ from taubench_gl.reuse.glsl_method import FRAME, build_source
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 KEYS = [k for table in (MethodFile, PassEntry, SettingEntry, StageEntry) for k in table.__struct_encode_fields__]
 GUIDE = (Path(__file__).resolve().parents[2] / "docs" / "reuse.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"File `([\w./]+)`:\n\n```\w+\n(.*?)```", GUIDE, re.DOTALL))

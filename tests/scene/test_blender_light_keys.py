@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from gltf_builders import LIGHT, pointer
 from gltf_files import Gltf
 
@@ -20,7 +21,6 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.gltf.blender import KEYS_SEEN, KEYS_SINCE
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
 
 POINT, SPOT, SUN = range(3)
 TIMES = np.arange(1, 6) / 24
@@ -198,7 +198,7 @@ def test_an_animated_light_is_as_bright_as_its_static_twin(gpu, tmp_path: Path, 
     shots = {}
     for animated in (False, True):
         scene = lit_floor(tmp_path, light, animated=animated)
-        settings = Settings(width=32, height=32, fps=24.0, light_unit="watt", exposure=1.0, environment="none",
+        settings = fixed_settings(width=32, height=32, fps=24.0, light_unit="watt", exposure=1.0, environment="none",
                             columns=("frustum", "direct"))  # fmt: skip
         source = RasterSource(gpu, AnimatedScene(scene), settings)
         for frame in (1, 3, 5):

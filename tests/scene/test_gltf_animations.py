@@ -15,6 +15,7 @@ from gltf_builders import (
 )
 from gltf_files import TRIANGLE, triangle_scene
 
+from taubench_gl.animation import sample
 from taubench_gl.scene import load_scene
 
 # Animation
@@ -118,6 +119,59 @@ def test_mesh_weights_move_only_nodes_without_their_own(tmp_path: Path) -> None:
     gltf.node(mesh=0)
     gltf.animation(pointer("/meshes/0/weights"), [0, 1], [0, 1])
     assert [c.index for c in load_scene(gltf.save(tmp_path)).channels] == [0, 2]
+
+
+def single_weights(tmp_path, *parts, count: int = 3, **node):
+    """The weights channel of a node whose animation has a channel (weight, times, values, interpolation) each."""
+    gltf = morphing(count)
+    gltf.extension("KHR_animation_pointer")
+    gltf.json["nodes"][0] |= node
+    for k, (weight, times, values, interpolation) in enumerate(parts):
+        gltf.animation(pointer(f"/nodes/0/weights/{weight}"), times, values, interpolation)
+        if k:
+            other = gltf.json["animations"].pop()
+            channel = other["channels"][0] | {"sampler": k}
+            gltf.json["animations"][0]["channels"].append(channel)
+            gltf.json["animations"][0]["samplers"] += other["samplers"]
+    return load_scene(gltf.save(tmp_path))
+
+
+def test_single_weights_become_one_channel(tmp_path: Path) -> None:
+    """The others rest at the node's weights; LINEAR keys at other times are joined exactly."""
+    (only,) = single_weights(tmp_path, (1, [0, 1], [0.25, 1], "STEP"), weights=[0.5, 0, 0.75]).channels
+    assert (only.path, only.interpolation) == ("weights", "STEP")
+    assert only.values.tolist() == [[0.5, 0.25, 0.75], [0.5, 1, 0.75]]
+    (both,) = single_weights(tmp_path, (0, [0, 2], [0, 1], None), (2, [0, 1], [1, 0], None)).channels
+    assert both.times.tolist() == [0, 1, 2] and both.values.tolist() == [[0, 0, 1], [0.5, 0, 0], [1, 0, 0]]
+    (cubic,) = single_weights(tmp_path, (1, [0, 1], np.arange(6), "CUBICSPLINE"), weights=[0.5, 0, 0]).channels
+    assert cubic.values[0].tolist() == [[0, 0, 0], [0.5, 1, 0], [0, 2, 0]]
+
+
+def test_single_weights_that_cannot_be_joined_are_noted(tmp_path: Path) -> None:
+    scene = single_weights(tmp_path, (0, [0, 2], [0, 1], "STEP"), (2, [0, 1], [1, 0], "LINEAR"))
+    (channel,) = scene.channels
+    assert channel.values.tolist() == [[0, 0, 0], [1, 0, 0]] and notes_about(scene, "weights/2")
+
+
+def test_single_weight_of_a_file(data: Path) -> None:
+    scene = load_scene(data / "reports4" / "gltf" / "pointer_single_weight.gltf")
+    assert [sample(scene, t).weights[0].tolist() for t in (0.0, 0.5, 1.0)] == [[0, 0], [0.5, 0], [1, 0]]
+
+
+@pytest.mark.parametrize(("dtype", "normalized", "scale"), [("u2", False, 1), ("u2", True, 65535), ("i1", False, 1)])
+def test_integers_of_a_pointer(tmp_path: Path, dtype: str, normalized: bool, scale: int) -> None:
+    gltf = lights()
+    gltf.extension("KHR_animation_pointer")
+    gltf.animation(pointer(f"{LIGHT}/intensity"), [0, 1], [3, 100], dtype=dtype, normalized=normalized)
+    (channel,) = load_scene(gltf.save(tmp_path)).channels
+    np.testing.assert_allclose(channel.values.ravel(), np.array([3, 100]) / scale, rtol=1e-6)
+
+
+def test_integers_of_a_pointer_of_a_file(data: Path) -> None:
+    scene = load_scene(data / "reports4" / "keys" / "pointer-ushort-intensity.glb")
+    (channel,) = (c for c in scene.channels if c.path == "intensity")
+    assert channel.values.dtype == np.float64 and np.all(channel.values == channel.values.round())
+    assert channel.values.max() > 1
 
 
 def test_animated_visibility(tmp_path: Path) -> None:

@@ -111,6 +111,14 @@ def test_instancing(tmp_path: Path) -> None:
     np.testing.assert_allclose(instances[1] @ [1, 0, 0, 1], [4, 7, 6, 1], atol=1e-6)
 
 
+def test_instances_of_a_skinned_node_are_noted(tmp_path: Path) -> None:
+    gltf = skinned([[1, 0, 0, 0]] * 3)
+    gltf.extension("EXT_mesh_gpu_instancing")
+    attributes = {"TRANSLATION": gltf.accessor([[1, 2, 3], [4, 5, 6]])}
+    gltf.json["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    assert notes_about(load_scene(gltf.save(tmp_path)), "EXT_mesh_gpu_instancing") == ["/nodes/0"]
+
+
 def test_skin_without_inverse_bind_matrices(tmp_path: Path) -> None:
     scene = load_scene(skinned([[1, 0, 0, 0]] * 3, skeleton=1).save(tmp_path))
     np.testing.assert_array_equal(scene.skins[0].inverse_bind, np.tile(np.eye(4), (2, 1, 1)))

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from gltf_files import Gltf
 
 import taubench_gl
-from taubench_gl.apps.cli import cli, main
 from taubench_gl.errors import SceneError
 from taubench_gl.settings import Settings
 
@@ -28,19 +25,16 @@ def departed(tmp_path: Path) -> Path:
     ["inspect", "evaluate --out OUT", "export --format npz --out OUT", "cost --out OUT",
      "reuse evaluate --methods none --out OUT", "stress --out OUT.glb", "reference render --out OUT"],
 )  # fmt: skip
-def test_commands(
-    departed: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str], lighting_defaults: Any
-) -> None:
+def test_commands(departed: Path, tmp_path: Path, command: str, taubench) -> None:
     words = command.replace("OUT", str(tmp_path / "out")).split()
     names = 2 if words[0] in ("reuse", "reference") else 1
-    with lighting_defaults(light="auto"), pytest.raises(SystemExit) as ended:
-        main([*words[:names], str(departed), *words[names:], "--strict"])
-    assert ended.value.code == 2 and "/nodes/0/rotation" in capsys.readouterr().err
+    code, _, err = taubench(*words[:names], departed, *words[names:], "--strict")
+    assert code == 2 and "/nodes/0/rotation" in err
 
 
-def test_inspect_notes_the_repair(departed: Path) -> None:
-    result = CliRunner().invoke(cli, ["inspect", str(departed)])
-    assert result.exit_code == 0 and "rotation of another length" in " ".join(result.output.split())
+def test_inspect_notes_the_repair(departed: Path, taubench) -> None:
+    code, out, err = taubench("inspect", departed)
+    assert code == 0 and "rotation of another length" in " ".join((out + err).split())
 
 
 def test_api(departed: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from gltf_files import Gltf
 
 from taubench_gl import evaluate
@@ -14,7 +15,6 @@ from taubench_gl.effects.path_tracing import left_out
 from taubench_gl.evaluation.appearance import transparency_notes
 from taubench_gl.frame.materials import with_blend
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 SIZE = (160, 90)
 SMALL = {"size": "160x90", "columns": "frustum,position,normal", "camera": "0"}
@@ -140,9 +140,9 @@ def test_note_of_an_extension_has_its_share(tmp_path: Path) -> None:
     text = note_of(run, "KHR_materials_transmission")
     assert "1 of 1 objects" in text and "Glass" in text and " % of pixels" in text
     scene = load_scene(path)
-    (note,) = left_out(scene, Settings(light="auto"))
+    (note,) = left_out(scene, fixed_settings(light="auto"))
     assert not scene.notes and (note.kind, note.count, note.materials) == ("glass", 1, frozenset({0}))
-    assert not left_out(scene, Settings(light="path-traced"))
+    assert not left_out(scene, fixed_settings(light="path-traced"))
 
 
 def test_required_appearance_extension(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import obj_files
 import pytest
+from fixed import fixed_settings
 from frame_tools import still_camera
 
 from taubench_gl.conventions import NO_HISTORY, Reason
@@ -45,7 +46,7 @@ def pairs_of(scene, **options):
 def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypatch):
     monkeypatch.setattr(
         f"{__name__}.SETTINGS",
-        Settings(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
+        fixed_settings(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
     )
     scene = sequence(tmp_path)
     assert len(scene.replacements) == 1
@@ -71,7 +72,7 @@ def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypa
 def test_cut_at_half_the_frame_rate(gpu, tmp_path, monkeypatch):
     """At half the rate the change is in exactly one pair."""
     monkeypatch.setattr(
-        f"{__name__}.SETTINGS", Settings(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
+        f"{__name__}.SETTINGS", fixed_settings(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
     )
     run, _ = pairs_of(sequence(tmp_path, (*FACES[:2], *FACES[2:], FACES[-1])))
     assert [row["cut"] > 0 for row in run.frames] == [True, False]

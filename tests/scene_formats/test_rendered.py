@@ -18,6 +18,8 @@ from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
 
+pytestmark = pytest.mark.usefixtures("fixed_light")
+
 WORLD = """
 v
 from 0 1 7

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import pytest
 
-from taubench_gl.apps import cli
 from taubench_gl.selftest import camera
 from taubench_gl.selftest.case import REGISTRY, Case, Outcome
 from taubench_gl.selftest.runner import run_case
 
 
 @pytest.fixture
-def run(capsys):
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as exit_:
-            cli.main(["selftest", *arguments])
-        out, err = capsys.readouterr()
-        return exit_.value.code, out, err
-
-    return run
+def run(taubench):
+    return partial(taubench, "selftest")
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 from viewer_tools import DEMO, QUIET, Driven
 
 from taubench_gl.settings import Settings
+
+sys.path.append(str(Path(__file__).parents[1] / "pathtraced"))  # foreign_frames
 
 
 @pytest.fixture

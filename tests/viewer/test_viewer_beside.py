@@ -7,6 +7,7 @@ import os
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 from references.display import color_scale
 from viewer_tools import DEMO, QUIET, SIZE, pixels
 
@@ -23,12 +24,11 @@ from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import DISCARDS, display
 from taubench_gl.reuse.references import emitting
 from taubench_gl.reuse.runner import MethodRunner
-from taubench_gl.settings import Settings
 from taubench_gl.viewer import comparisons
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
-LIT = Settings(width=48, height=28, indirect="none", exposure=1.0)
+LIT = fixed_settings(width=48, height=28, indirect="none", exposure=1.0)
 SMALL = LIT.replace(width=24, height=14)
 
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from references.display import channel_rgb, color_scale
 from viewer_tools import QUIET, evaluated
 
 from taubench_gl.animation import View
 from taubench_gl.scene.model import Camera
-from taubench_gl.settings import Settings
 from taubench_gl.viewer.comparisons import frame_offset
 from taubench_gl.viewer.feeds import Shot
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
-LIT = Settings(width=48, height=27, columns=("direct", "color", "position"), indirect="none", exposure=1.0)
+LIT = fixed_settings(width=48, height=27, columns=("direct", "color", "position"), indirect="none", exposure=1.0)
 
 
 def headlight(driven, *, previous: bool = False) -> np.ndarray:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from viewer_tools import DEMO, QUIET, ROOT, evaluated, pixels
 
 from taubench_gl.conventions import FRUSTUM, Reason, Visibility
@@ -15,6 +17,7 @@ from taubench_gl.evaluation.explain import in_words
 from taubench_gl.glossary import label_of
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.model import LiveTimer
@@ -197,7 +200,7 @@ def test_reasons_in_words(word, reasons):
     ids=["geometry", "light"],
 )
 def test_every_visualization_can_be_shown(drive, columns, least):
-    driven = drive(light=True, settings=Settings(width=32, height=18, indirect="none", columns=columns))
+    driven = drive(light=True, settings=fixed_settings(width=32, height=18, indirect="none", columns=columns))
     driven.run("frame 6")
     assert len(driven.state.channels) >= least
     for name in driven.state.channels:
@@ -302,3 +305,27 @@ def test_exact_reasons_need_positions_of_32_bits(drive):
     driven = drive(settings=QUIET.replace(storage="half"))
     driven.run("frame 5\nset exact on\nwait 1")
     assert not driven.state.exact and driven.state.message
+
+
+def test_vectors_of_files_are_shown_beside_those_of_positions(drive, tmp_path):
+    """Vectors with the wrong sign: channel, arrows and probe show them, those of positions are the right ones."""
+    from foreign_frames import MAPPING, passes_of, write_frames
+
+    def flip(channels, frame):
+        return channels | {name: -values for name, values in channels.items() if name.startswith("Velocity")}
+
+    folder, mapping = write_frames(tmp_path / "f", change=flip), tmp_path / "m.json"
+    mapping.write_text(json.dumps(MAPPING))
+    options = PathTracedOptions(camera_file=folder / "camera.json", mapping=mapping)
+    driven = drive(f"exr:{folder}", Settings(), options=options)
+    driven.run("frame 2\nset channel vectors\nset probe 24,16\nset probe_pinned on\nwait 1")
+    passes = passes_of(2)
+    wall, stored = passes["wall"], -passes["motion"]
+    assert wall[16, 24]
+    assert driven.engine.explain(driven.state).vector_px == pytest.approx(tuple(stored[16, 24]), abs=1e-4)
+    length = np.linalg.norm(stored, axis=-1).max()
+    assert driven.state.display_range == pytest.approx((0.0, length), rel=1e-3)
+    camera = driven.engine.motion()[16, 24]
+    driven.run("set reprojection motion\nwait 1")
+    np.testing.assert_allclose(driven.engine.motion()[~passes["sky"]], stored[~passes["sky"]], atol=1e-4)
+    assert np.abs(camera - stored[16, 24]).max() > 1.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from viewer_tools import evaluated
 
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.settings import Settings
 from taubench_gl.viewer.light import COARSE
 
-LIT = Settings(width=48, height=28, indirect="none", exposure=1.0)
+LIT = fixed_settings(width=48, height=28, indirect="none", exposure=1.0)
 
 
 def test_geometry_is_exact_and_light_coarse_while_playing(drive):
@@ -174,7 +174,9 @@ def test_path_traced_light_with_more_noise_than_the_light_method_has_error_is_no
     ball.write_text(
         "v\nfrom 0 0 4\nat 0 0 0\nup 0 1 0\nangle 45\nhither 1\nresolution 64 64\nf 0.8 0.8 0.8 1 0 1 0 0\ns 0 0 0 1\n"
     )
-    settings = Settings(width=24, height=14, exposure=1.0, light="raster", indirect="none", environment=(1.0, 1.0, 1.0))
+    settings = fixed_settings(
+        width=24, height=14, exposure=1.0, light="raster", indirect="none", environment=(1.0, 1.0, 1.0)
+    )
     driven = drive(scene=ball, settings=settings, light=True)
     driven.run("set overlays off\nset channel color\nset samples 16\nwait 30\nexpect light.traced == 16")
     driven.run("expect light.samples == 0")

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import Run
-from taubench_gl.settings import Settings
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.actions import (
     ACTIONS,
@@ -273,7 +273,7 @@ def test_thresholds_of_a_run_are_in_meters_for_any_unit_scale(tmp_path):
     stored = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
     run = Run({"scene": {"path": str(tmp_path)}, "settings": stored}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
-        _, found = scene_of(run, OpenRequest("run", Settings(unit_scale=100.0), given=given))
+        _, found = scene_of(run, OpenRequest("run", fixed_settings(unit_scale=100.0), given=given))
         assert found.metrics.unit_scale == scale
         assert (found.metrics.thresholds["position"], found.metrics.thresholds["normal"]) == (0.25, 0.25)
         assert found.metrics.threshold("position") == 0.25 * scale
@@ -335,7 +335,7 @@ def test_a_feed_of_the_viewer_resolves_its_lighting(gpu):
     demo = ASSETS / "demo.glb"
 
     auto = {"exposure": "auto", "light_unit": "auto", "environment": "auto"}
-    feed = SceneFeed(gpu, load_scene(demo), Settings(width=64, height=36, frames=(0, 3), **auto), PassTimer(gpu))
+    feed = SceneFeed(gpu, load_scene(demo), fixed_settings(width=64, height=36, frames=(0, 3), **auto), PassTimer(gpu))
     lighting = feed.settings.lighting
     assert lighting.resolved and lighting.light_unit == "candela" and lighting.exposure != 1.0
     assert set(feed.lighting) == set(auto)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from references.display import channel_rgb
 from viewer_tools import DEMO, QUIET, SIZE
 
 from taubench_gl.frame.targets import raw_image
-from taubench_gl.settings import Settings
 from taubench_gl.viewer.names import light_shares
 
 
@@ -136,7 +136,7 @@ def inside(layout, rect) -> bool:
 
 @pytest.mark.parametrize("window", [(1280, 720), (1920, 1080)])
 def test_no_control_is_cut_off(drive, window):
-    settings = Settings(width=48, height=27, indirect="none")
+    settings = fixed_settings(width=48, height=27, indirect="none")
     driven = drive(DEMO, settings, window=window, light=True)
     driven.run("frame 8\nset comparison split\nset section.time on\nset probe 20,14\nset probe_pinned on\nwait 1")
     panels, layout = driven.viewer.panels, driven.viewer.layout

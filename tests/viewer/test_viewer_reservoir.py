@@ -6,14 +6,14 @@ import re
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from viewer_tools import DEMO
 
-from taubench_gl.settings import Settings
 from taubench_gl.viewer import comparisons
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
-LIT = Settings(width=24, height=14, indirect="none", exposure=1.0)
+LIT = fixed_settings(width=24, height=14, indirect="none", exposure=1.0)
 
 
 def test_the_probe_shows_the_reservoir(drive, monkeypatch):

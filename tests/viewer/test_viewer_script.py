@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from viewer_tools import DEMO, ROOT, pixels
 
 from taubench_gl.errors import SettingsError
@@ -63,7 +64,7 @@ def test_every_control_of_a_section_has_a_widget(drive):
 
 
 def test_toggling_an_effect_by_mouse_and_by_key(drive):
-    driven = drive(settings=Settings(width=48, height=27, indirect="none"), light=False)
+    driven = drive(settings=fixed_settings(width=48, height=27, indirect="none"), light=False)
     driven.run(
         "expect effect.direct == 0\nset effect direct\nkey ENTER\nexpect effect.direct == 1\nexpect overlay.direct >= 0"
     )

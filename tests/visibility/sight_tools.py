@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from fixed import fixed_settings
 from ray_caster import gather
 from references.visibility import PreviousSurfaces, visibility
 
@@ -14,7 +15,6 @@ from taubench_gl.frame.passes.pathtracing import pixel_footprint
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.settings import Settings
 
 Array = np.ndarray
 CHANNELS = ("prev_visibility", "prev_position", "ids", "geometric_normal")
@@ -36,7 +36,7 @@ class Sight:
 
 def look(gpu: Gpu, scene, camera, size, frame=1, *, fps=24.0, **settings) -> Sight:
     """The pair (frame - 1, frame)."""
-    settings = Settings(
+    settings = fixed_settings(
         width=size[0], height=size[1], fps=fps, columns=("frustum", "position"), reprojection="motion", **settings
     )
     with RasterSource(gpu, AnimatedScene(scene, camera), settings, extra=CHANNELS) as source:

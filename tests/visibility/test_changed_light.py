@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.conventions import CHANGED_LIGHT, Visibility
 from taubench_gl.evaluation import plan_scene
@@ -17,7 +18,6 @@ from taubench_gl.metrics.exact_rates import light_reasons
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.scene.builder import SceneBuilder, quad, sphere, turn_x, turn_y
 from taubench_gl.scene.model import Light
-from taubench_gl.settings import Settings
 
 SIZE = (96, 64)
 VIEW, LIT, DARK = Visibility.VIEW_DEPENDENT, Visibility.BRIGHTENED, Visibility.DARKENED
@@ -28,7 +28,7 @@ class Pair:
 
     def __init__(self, gpu, scene, frame=1, *, noise=False, **more):
         own = {"width": SIZE[0], "height": SIZE[1], "fps": 4.0, "columns": ("frustum", "direct"), "shadow_lights": 0}
-        given = plan_scene(scene, Settings(**(own | {"reprojection": "motion"} | more)))
+        given = plan_scene(scene, fixed_settings(**(own | {"reprojection": "motion"} | more)))
         with gpu, GpuOwner(gpu) as owner:
             source = owner.open_source(given.animated, given.settings, extra=exact_channels())
             exact = ExactReasons(partial(owner.open_source, given.animated), given.settings, source.radiance)

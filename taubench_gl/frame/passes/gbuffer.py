@@ -75,9 +75,9 @@ def geometry_pass(name: str, fragment: str, slots: Sequence[str] = SLOTS) -> Ras
     """A pass that draws the scene's geometry with ``fragment``, which may sample material ``slots``."""
     numbers = [f"const int SLOT_{slot.upper()} = {i};" for i, slot in enumerate(SLOTS)]
     p = RasterPass(name, ("gbuffer/gbuffer.vert.glsl", fragment)).glsl(FRAME, MATERIAL, *numbers)
-    p.use(Use(CONSTANTS, "F", FRAME.name, given=True), Use(CONSTANTS, "material", MATERIAL.name, given=True))
+    p.use(Use(CONSTANTS, "F", FRAME.name, filled=True), Use(CONSTANTS, "material", MATERIAL.name, filled=True))
     for slot in slots:
-        p.texture(f"{slot}_map", given=True)
+        p.texture(f"{slot}_map", filled=True)
     return p
 
 

@@ -230,7 +230,7 @@ class Declarations:
     def voxels(self, name: str) -> RasterPass:
         """Occupancy bits, set by fragments, of what no animation moves (voxels_fixed) or of the rest."""
         p = geometry_pass("indirect", "indirect/voxelize.frag.glsl", ()).glsl(INDIRECT, f"const int GRID = {GRID};")
-        p.use(Use(CONSTANTS, "P", INDIRECT.name, given=True))
+        p.use(Use(CONSTANTS, "P", INDIRECT.name, filled=True))
         p.buffer("voxels", "uint", access=UPDATE, resource=name)
         p.drawn += [_voxel_variant(posed)[0] for posed in sorted({posed for posed, _ in self._spec.draw_kinds})]
         return p.allocate(Resource.buffer(name, GRID**3 // 8, label=_LABEL))
@@ -262,9 +262,9 @@ class Declarations:
         p = (
             self._compute("vpl")
             .define(PROBES=self.probes)
-            .buffer("texels", "uvec4", given=True)
-            .buffer("faces", FACE, resource="rsm_faces", given=True)
-            .texture("light_table", given=True)
+            .buffer("texels", "uvec4", filled=True)
+            .buffer("faces", FACE, resource="rsm_faces", filled=True)
+            .texture("light_table", filled=True)
             .image("vpl_out", access=WRITE, resource="vpls")
             .allocate(self._vpl_texture())
             .dispatch(self.count - 2 * self.patch_count, WIDE)
@@ -282,15 +282,15 @@ class Declarations:
             self._compute("patches")
             .define(PROBES=self.probes)
             .glsl(PATCH)
-            .buffer("patches", PATCH, given=True)
-            .buffer("patch_lights", LIGHT, given=True)
+            .buffer("patches", PATCH, filled=True)
+            .buffer("patch_lights", LIGHT, filled=True)
             .image("vpls", access=UPDATE)
             .dispatch(2 * self.patch_count, NARROW)
         )
         if not self.mapped:
             p.allocate(self._vpl_texture())
         return (
-            p.buffer("faces", FACE, resource="rsm_faces", given=True).image("bricks", "rgba32ui") if self.probes else p
+            p.buffer("faces", FACE, resource="rsm_faces", filled=True).image("bricks", "rgba32ui") if self.probes else p
         )
 
     def visibility(self) -> ComputePass:
@@ -311,7 +311,7 @@ class Declarations:
         )
         if not self.mapped:
             return p
-        p.buffer("texels", "uvec4", given=True).buffer("faces", FACE, resource="rsm_faces", given=True)
+        p.buffer("texels", "uvec4", filled=True).buffer("faces", FACE, resource="rsm_faces", filled=True)
         for channel in ("position", "normal"):
             p.texture(channel, resource=f"rsm_{channel}")
         return p

@@ -110,7 +110,7 @@ def _shadowed(spec: FrameSpec, p: ComputePass, taps: int) -> ComputePass:
         p.texture("shadow_atlas")
     if {"sky", "glossy"} <= spec.enabled:
         table = Resource.texture("albedo_table", (ALBEDO_TABLE, ALBEDO_TABLE), label="albedo table")
-        p.texture("albedo_table", given=True).allocate(table)
+        p.texture("albedo_table", filled=True).allocate(table)
     if "sky" in spec.enabled:
         declare_environment(p, spec.environment, lobes=True, owned=True)
     return p
@@ -128,7 +128,7 @@ def light_lists(spec: FrameSpec) -> Sequence[Pass]:
         _lit(spec, "light lists", "lighting/cull.comp.glsl")
         .define(SHADOWED_UNROLLED=bool(_unrolled(spec).rows))
         .use(*spec.channels("position", "base_color", "material", *("normal",) * ("glossy" in spec.enabled)))
-        .image("light_table", given=True)
+        .image("light_table", filled=True)
         .buffer("tile_counts", "uint", access=WRITE)
         .buffer("tile_lists", "uint", access=WRITE)
         .allocate(Resource.buffer("tile_counts", 4 * tiles, label="light lists"))
@@ -151,7 +151,7 @@ def direct_light(spec: FrameSpec) -> Sequence[Pass]:
         .define(UNROLLED_LIGHTS=len(unrolled.rows), LOOPED_LIGHTS=len(unrolled.rows) < lights)
         .glsl(unrolled.glsl)
         .use(*spec.channels(*SURFACE))
-        .image("light_table", given=True)
+        .image("light_table", filled=True)
         .use(*spec.outputs("direct", *(LOBES if lobes else ())))
         .dispatch(invocations(spec.shading.rate, spec.size), spec.tuning.shading_group)
     )
@@ -163,7 +163,7 @@ def direct_light(spec: FrameSpec) -> Sequence[Pass]:
             faces = max(len(spec.light_faces(1)), 1)
             p.constants("unrolled_faces", FACE, lambda frame: frame.tables["shadow_face_rows"], count=faces)
     elif shadows:
-        p.texture("shadow_faces", given=True)
+        p.texture("shadow_faces", filled=True)
     if tiled:
         p.buffer("tile_counts", "uint").buffer("tile_lists", "uint")
     return (p,)
@@ -195,13 +195,13 @@ def stochastic_light(spec: FrameSpec) -> Sequence[Pass]:
         .define(SHADOW_RANDOM=bilinear, INDIRECT=indirect, SPLIT_LOBES=lobes)
         .constants("S", STOCHASTIC, values)
         .use(*spec.channels(*SURFACE))
-        .texture("light_table", given=True)
-        .buffer("light_choice", "vec2", given=True)
+        .texture("light_table", filled=True)
+        .buffer("light_choice", "vec2", filled=True)
         .use(*spec.outputs("direct", *(LOBES if lobes else ())))
         .dispatch(invocations(shading.rate, spec.size), spec.tuning.shading_group)
     )
     if p.defines["SHADOWS"]:
-        p.texture("shadow_faces", given=True)
+        p.texture("shadow_faces", filled=True)
     if indirect:
         p.glsl(VPL, f"const int VPL_ROW = {VPL_ROW};").image("vpls")
         p.use(*spec.outputs("indirect", *(INDIRECT_LOBES if lobes else ())))

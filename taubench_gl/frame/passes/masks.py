@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypedDict, Unpack
 
 import numpy as np
 
@@ -46,6 +46,17 @@ class ComparedSource(Protocol):
     radiance: tuple[str, ...]
     others: tuple[str, ...]
     cuts: bool
+
+
+class Comparison(TypedDict, total=False):
+    """Keywords of ``MaskPass.for_source`` that evaluators of pairs pass on."""
+
+    reprojection: str | None  # camera | motion; None: that of the source
+    radiance: tuple[str, ...] | None  # light features to compare; None: those of the source
+    images: bool  # mask and motion are written, False
+    distances: bool  # also the distances of every pixel, False
+    absent: bool  # surfaces that ``ids`` mark as ABSENT are CUT, False
+    both: bool  # the other reprojection is counted too, False
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,14 +109,17 @@ def _each_value(features: Sequence[Feature]) -> str:
     )
 
 
-def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False) -> ComputePass:
-    """``images``: read geometry channels, of 32-bit floats, as images."""
+def mask_pass(
+    options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False, vectors: bool = False
+) -> ComputePass:
+    """``images``: read geometry channels, of 32-bit floats, as images; ``vectors``: motion reprojection samples history
+    where the texture ``vectors`` points, that of stored motion."""
     group, each = tuning.mask_group
     features = [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
     geometry = options.geometry()
     p = (
         ComputePass("masks", ("masks/masks.comp.glsl",))
-        .define(MOTION=options.reprojection == "motion", BOTH=options.both)
+        .define(MOTION=options.reprojection == "motion", BOTH=options.both, VECTORS=vectors)
         .define(BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
         .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion)
         .define(WRITE_DISTANCES=options.write_distances, **tuning.defines)
@@ -119,16 +133,18 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         .glsl(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
         .constants("parameters", REPROJECTION, lambda record: record)
         .use(*(replace(use, form=IMAGE, type="rgba32f") for use in geometry) if images else geometry)
-        .buffer("mask_histogram", "uint", access=UPDATE, given=True)
-        .buffer("histograms", "uint", access=UPDATE, given=True)
+        .buffer("mask_histogram", "uint", access=UPDATE, filled=True)
+        .buffer("histograms", "uint", access=UPDATE, filled=True)
         .dispatch(size, group, each)
     )
     for name in dict.fromkeys(f.channel for f in options.values):
         p.texture(name).texture(f"history_{name}", resource=name, history=True)
     if options.both:
-        p.buffer("other_histogram", "uint", access=UPDATE, given=True)
+        p.buffer("other_histogram", "uint", access=UPDATE, filled=True)
     if options.cuts:
         p.texture("ids", "usampler2D")
+    if vectors:
+        p.texture("vectors")
     if options.write_mask:
         p.image("mask_out", "r32ui", access=WRITE, resource="mask")
     if options.write_motion:
@@ -160,7 +176,7 @@ class MaskPass(Owner):
         super().__init__()
         self._context, self._size, self.options = context, size, options
         self._tuning = Tuning(context.gpu.software)
-        self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
+        self._compiled: dict[tuple[bool, bool], CompiledCompute] = {}  # by ``images`` and ``vectors`` of ``mask_pass``
         ctx = context.gpu.ctx
         sizes = [4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS] + [4 * MASK_WORDS] * options.both
         self._counters, self._zeros = (tuple(self.own(ctx.buffer(bytes(n))) for n in sizes) for _ in range(2))
@@ -180,20 +196,11 @@ class MaskPass(Owner):
         context: GpuContext,
         source: ComparedSource,
         settings: Settings,
-        *,
-        reprojection: str | None = None,
-        radiance: tuple[str, ...] | None = None,
-        images: bool = False,
-        distances: bool = False,
-        absent: bool = False,
-        both: bool = False,
+        **asked: Unpack[Comparison],
     ) -> MaskPass:
-        """The mask pass of ``source`` with the metric of ``settings``.
-
-        ``reprojection``, ``radiance``: None: those of the source; ``images``: mask and motion are written, with
-        ``distances`` also the distances of every pixel; ``absent``: surfaces that ``ids`` mark as ABSENT are CUT;
-        ``both``: the other reprojection is counted too.
-        """
+        """The mask pass of ``source`` with the metric of ``settings``; ``asked``: what differs from its defaults."""
+        reprojection, radiance = asked.get("reprojection"), asked.get("radiance")
+        images, absent = asked.get("images", False), asked.get("absent", False)
         options = MaskOptions(
             reprojection=source.reprojection if reprojection is None else reprojection,
             sampling=settings.metrics.sampling,
@@ -201,10 +208,10 @@ class MaskPass(Owner):
             others=source.others,
             cuts=source.cuts or absent,
             absent=absent,
-            both=both,
+            both=asked.get("both", False),
             write_mask=images,
             write_motion=images,
-            write_distances=distances,
+            write_distances=asked.get("distances", False),
         )
         return cls(context, source.size, options)
 
@@ -241,10 +248,11 @@ class MaskPass(Owner):
         # A pass has eight images at most.
         dtypes = {resources[use.key].dtype for use in self.options.geometry()}
         images = not self.options.write_distances and self._tuning.mask_images(dtypes)
-        if images not in self._compiled:  # textures of a source are known only now
-            declaration = mask_pass(self.options, self._size, self._tuning, images=images)
-            self._compiled[images] = self.own(self._context.compute(declaration))
-        self._compiled[images].run(record, resources)
+        key = images, "vectors" in current and (self.options.both or self.options.reprojection == "motion")
+        if key not in self._compiled:  # textures of a source are known only now
+            declaration = mask_pass(self.options, self._size, self._tuning, images=images, vectors=key[1])
+            self._compiled[key] = self.own(self._context.compute(declaration))
+        self._compiled[key].run(record, resources)
         self._context.gpu.hazards.publish()
         for target, counter in zip(self._copies[self._runs % 2], self._counters, strict=True):
             copy(target, counter)

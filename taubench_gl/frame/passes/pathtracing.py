@@ -206,11 +206,11 @@ def _tile_pass(spec: FrameSpec, name: str) -> ComputePass:
     p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
     p.define(EXACT_PUNCTUAL=exact_punctual(spec), **spec.glass).constants("P", PATH, _constants(spec))
     spec.declare_directions(p)
-    p.image("path_state", access=UPDATE, given=True)
-    p.buffer("path_counts", "uint", access=UPDATE, given=True)
+    p.image("path_state", access=UPDATE, filled=True)
+    p.buffer("path_counts", "uint", access=UPDATE, filled=True)
     p.define(PIXEL_LIST=spec.pixel_list, **lobe_macros(path_lobes(spec)))
     if spec.pixel_list:
-        p.buffer("pixel_list", "uvec4", given=True)
+        p.buffer("pixel_list", "uvec4", filled=True)
     p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
     return p.dispatch(tile, spec.tuning.shading_group)
 
@@ -248,8 +248,8 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
         p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
     p.use(lookup(spec, "sample_table", "rgba32ui"))
     if "punctual" in sources:
-        p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
-        p.buffer("light_cells", "int", given=True).buffer("light_entries", "vec2", given=True)
+        p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", filled=True)
+        p.buffer("light_cells", "int", filled=True).buffer("light_entries", "vec2", filled=True)
     if image:
         declare_environment(p, spec.environment, lobes=False, owned=False)
         p.use(lookup(spec, "environment_choice", "rg32f"))
@@ -271,7 +271,7 @@ def _share_state(spec: FrameSpec, passes: dict[str, ComputePass]) -> None:
     for name, words in {"going_on": 2 * paths, "going_on_counts": 8 * path_lists(spec)}.items():
         start.allocate(Resource.buffer(name, 4 * words, label="paths"))
         for p in filter(None, (start, passes.get("extend"))):
-            p.buffer(name, "uint", access=UPDATE, given=True).glsl(sizes)
+            p.buffer(name, "uint", access=UPDATE, filled=True).glsl(sizes)
     if _environment_image(spec):
         maps = ComputePass("", ())
         declare_environment(maps, spec.environment, lobes=False, owned="color" not in spec.enabled)
@@ -282,7 +282,7 @@ def _share_state(spec: FrameSpec, passes: dict[str, ComputePass]) -> None:
     if spec.pixel_list:
         for name, entry in (("pixel_list", 16), ("listed_light", 3 * 16 * len(path_lobes(spec)))):
             start.allocate(Resource.buffer(name, entry * paths, label="paths"))
-        passes["resolve"].buffer("listed_light", "vec4", access=UPDATE, given=True)
+        passes["resolve"].buffer("listed_light", "vec4", access=UPDATE, filled=True)
     size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
     start.allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
 
@@ -312,8 +312,8 @@ def _resolve(spec: FrameSpec) -> ComputePass:
 def lookup(spec: FrameSpec, name: str, form: str = "rgba32f") -> Use:
     """A table read texel by texel: an image on llvmpipe, where that costs half; else a texture, which are many."""
     if spec.tuning.software:
-        return Use(IMAGE, name, form, READ, given=True)
-    return Use(TEXTURE, name, "usampler2D" if form.endswith("ui") else "sampler2D", READ, given=True)
+        return Use(IMAGE, name, form, READ, filled=True)
+    return Use(TEXTURE, name, "usampler2D" if form.endswith("ui") else "sampler2D", READ, filled=True)
 
 
 def cell_rows(spec: FrameSpec) -> int:
@@ -339,6 +339,7 @@ def hit_options(spec: FrameSpec) -> HitOptions:
         alpha_test="alpha_mask" in spec.enabled,
         dielectrics=spec.glass["DIELECTRICS"],
         transmission=spec.glass["TRANSMISSION"],
+        surfaces=bool(vertices(spec)) or spec.bidirectional or spec.glass["DIELECTRICS"],
     )
 
 

@@ -66,7 +66,7 @@ def declaration(spec: FrameSpec) -> ComputePass:
     p.glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
     p.glsl(f"const uint SIDE_CULLED = {SIDE_CULLED}u, SIDE_FLIPPED = {SIDE_FLIPPED}u, SIDE_ABSENT = {SIDE_ABSENT}u;")
     p.constants("V", PARAMETERS, values).use(*spec.channels("position", "prev_position", "ids"))
-    p.buffer("draw_sides", "uint", given=True).use(*spec.outputs(CHANNEL))
+    p.buffer("draw_sides", "uint", filled=True).use(*spec.outputs(CHANNEL))
     return p.dispatch(spec.size, spec.tuning.shading_group)
 
 

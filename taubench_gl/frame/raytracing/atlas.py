@@ -81,11 +81,12 @@ def reduced_pixels(pixels: Array, size: tuple[int, int], *, color: bool) -> Arra
     """
     if pixels.shape[1::-1] == size:
         return pixels
-    values = pixels.astype(np.float32) / 255.0
-    if color:
-        values[..., :3] = srgb_decode(values[..., :3])
-    bands = [PIL.Image.fromarray(values[..., k]).resize(size, PIL.Image.Resampling.BOX) for k in range(4)]
-    out = np.stack([np.asarray(band) for band in bands], axis=-1)
+    values = np.arange(256, dtype=np.float32) / np.float32(255.0)  # of every byte: a lookup instead of a power
+    decoded = srgb_decode(values).astype(np.float32) if color else values
+    out = np.empty((*size[::-1], 4), np.float32)
+    for k in range(4):
+        band = (decoded if k < 3 else values)[pixels[..., k]]
+        out[..., k] = PIL.Image.fromarray(band).resize(size, PIL.Image.Resampling.BOX)
     if color:
         out[..., :3] = srgb_encode(np.clip(out[..., :3], 0.0, 1.0))
     return np.clip(np.rint(out * 255.0), 0, 255).astype(np.uint8)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import texture_of
 from taubench_gl.frame.raytracing import hit_tables
 from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_atlas
@@ -30,7 +31,7 @@ from taubench_gl.frame.raytracing.hit_tables import (
 )  # fmt: skip
 from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.declare import ComputePass, Resource
-from taubench_gl.scene.model import Material
+from taubench_gl.scene.model import Material, Scene
 
 if TYPE_CHECKING:
     import moderngl
@@ -74,14 +75,16 @@ class HitAttributes:
         Raises GraphicsError where the device has no room for the scene.
         """
         self._renderer, self.options = renderer, options
-        gpu, scene, draws = renderer.context.gpu, renderer.scene, renderer.draws
-        images = _images(renderer, options)
+        gpu, scene = renderer.context.gpu, renderer.scene
+        looked_at = options.surfaces or options.emission != "none" or options.alpha_test
+        self._draws = draws = renderer.draws if looked_at else ()
+        images = _images(scene, draws, options)
         sizes = {image: scene.images[image].size for image in images}
         self.atlas = plan_atlas(sizes, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], atlas_bytes)
         states = [renderer.poser.sample(float(t)) for t in bound_times(scene)] if options.emission != "none" else []
         self.emitters = emitter_table(scene, draws, states, options, self._pixels) if states else NO_EMITTERS
         """Rows of the emitter table, ``emitters.EMITTER``."""
-        self._tables = build_tables(scene, draws, _pools(renderer), self.atlas, options, self.emitters)
+        self._tables = build_tables(scene, draws, _pools(renderer, draws), self.atlas, options, self.emitters)
         self._textures: dict[str, moderngl.Texture] = {}
         self._upload(images)
 
@@ -109,7 +112,7 @@ class HitAttributes:
 
     def declare(self, p: ComputePass) -> ComputePass:
         """Add to ``p`` what ``raytracing/surface.glsl``, ``alpha.glsl`` and ``emitters.glsl`` need."""
-        t, posed = self._tables, any(d.posed for d in self._renderer.draws)
+        t, posed = self._tables, any(d.posed for d in self._draws)
         software = self._renderer.context.gpu.software
         p.define(
             HIT_TEXTURES=bool(self.atlas.places), HIT_UV1=t.second_uv, HIT_UV_TRANSFORMS=t.transformed,
@@ -127,19 +130,19 @@ class HitAttributes:
         for name in ("hit_static", "hit_draws"):
             # llvmpipe reads an image for half the price of a texture; GPUs have few units for images.
             if software:
-                p.image(name, "rgba32ui", given=True)
+                p.image(name, "rgba32ui", filled=True)
             else:
-                p.texture(name, "usampler2D", given=True)
+                p.texture(name, "usampler2D", filled=True)
         if self.atlas.places:
-            p.texture("hit_atlas", given=True)
+            p.texture("hit_atlas", filled=True)
         for name in self._posed_buffers:
-            p.buffer(name, "float", given=True)
+            p.buffer(name, "float", filled=True)
         return p
 
     @property
     def _posed_buffers(self) -> dict[str, moderngl.Buffer]:
         """Vertices that the deform pass writes."""
-        if not any(d.posed for d in self._renderer.draws):
+        if not any(d.posed for d in self._draws):
             return {}
         pool, names = self._renderer.buffers.pools[True], ("positions", "normals")
         names += ("tangents",) if self._tables.slots["normal"] else ()
@@ -147,7 +150,7 @@ class HitAttributes:
 
     def update(self, frame: FrameContext) -> None:
         """Take over the transforms and visibility of ``frame``."""
-        if self._tables.draws.place(frame.placement):
+        if self._draws and self._tables.draws.place(frame.placement):
             self._textures["hit_draws"].write(self._tables.draws.image())
 
     @property
@@ -176,21 +179,21 @@ class HitAttributes:
             texture.release()
 
 
-def _images(renderer: Renderer, options: HitOptions) -> dict[int, bool]:
-    """Images that hits need -> whether they are colors."""
-    materials, out = (Material(), *renderer.scene.materials), {}
-    for m in sorted({d.material + 1 for d in renderer.draws}):
+def _images(scene: Scene, draws: tuple[Draw, ...], options: HitOptions) -> dict[int, bool]:
+    """Images that hits on ``draws`` need -> whether they are colors."""
+    materials, out = (Material(), *scene.materials), {}
+    for m in sorted({d.material + 1 for d in draws}):
         for slot in hit_slots(materials[m], options):
             image = texture_of(materials[m], slot).image
             out[image] = out.get(image, False) or slot in COLOR_SLOTS
     return out
 
 
-def _pools(renderer: Renderer) -> dict[bool, dict[str, Array]]:
-    """Attributes of both pools, read back from the GPU.  Positions of the posed pool are those of some frame."""
+def _pools(renderer: Renderer, hit_draws: tuple[Draw, ...]) -> dict[bool, dict[str, Array]]:
+    """Attributes of ``hit_draws`` by pool, read back from the GPU.  Positions of the posed pool are of some frame."""
     out = {}
     for posed, buffers in renderer.buffers.pools.items():
-        draws = [d for d in renderer.draws if d.posed == posed]
+        draws = [d for d in hit_draws if d.posed == posed]
         vertices = max((d.base_vertex + d.vertex_count for d in draws), default=0)
         indices = max((d.first_index + d.index_count for d in draws), default=0)
         out[posed] = {

@@ -63,6 +63,7 @@ class HitOptions:
     alpha_test: bool = True
     dielectrics: bool = False  # more than the common dielectric lobe: color, index of refraction, textures
     transmission: bool = False
+    surfaces: bool = True  # False: of a hit, rays look at nothing but its alpha test
 
     @property
     def slots(self) -> tuple[str, ...]:
@@ -83,7 +84,7 @@ def hit_emission(material: Material, options: HitOptions) -> tuple[float, float,
 
 def hit_slots(material: Material, options: HitOptions) -> tuple[str, ...]:
     """Slots whose textures hits on ``material`` need."""
-    lit = not material.unlit
+    lit = options.surfaces and not material.unlit
     needed = {
         "base_color": lit or (options.alpha_test and tests_alpha(material)),
         "metallic_roughness": lit and options.glossy,

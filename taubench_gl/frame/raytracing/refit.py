@@ -44,19 +44,19 @@ def refit_passes(leaves: int, heights: list[int]) -> list[ComputePass]:
     leaf = (
         ComputePass("refit", ("raytracing/refit_leaves.comp.glsl",))
         .glsl(texels.GLSL)
-        .image("refit_leaves", "rgba32ui", given=True)
-        .image("refit_corners", "rgba32ui", given=True)
+        .image("refit_leaves", "rgba32ui", filled=True)
+        .image("refit_corners", "rgba32ui", filled=True)
         .image("trace_triangles_out", "rgba32ui", access=WRITE, resource="trace_triangles")
         .image("trace_nodes_out", "rgba32ui", access=WRITE, resource="trace_nodes")
-        .buffer("refit_jobs", JOB, given=True)
-        .buffer("position", "float", given=True)
+        .buffer("refit_jobs", JOB, filled=True)
+        .buffer("position", "float", filled=True)
         .dispatch(leaves, GROUP)
     )
     inner = [
         ComputePass("refit", ("raytracing/refit_inner.comp.glsl",))
         .glsl(texels.GLSL)
-        .image("refit_inner", "rgba32ui", given=True)
-        .image("trace_nodes", "rgba32ui", access=UPDATE, given=True)
+        .image("refit_inner", "rgba32ui", filled=True)
+        .image("trace_nodes", "rgba32ui", access=UPDATE, filled=True)
         .dispatch(count, GROUP)
         for count in heights
     ]

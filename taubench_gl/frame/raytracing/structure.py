@@ -13,6 +13,7 @@ numbers in all pixels and 15 % slower with independent ones, on llvmpipe.)  ``ra
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +40,9 @@ MAX_STEPS = 16_384
 TRIANGLE_BYTES = 350
 """Memory that a triangle takes while its tree is built: corners in float64 and float32, boxes, nodes and texels."""
 
+AT_ONCE = 1 << 18
+"""Triangles whose texels are made at a time."""
+
 HINT = "leave out --light path-traced, or simplify the scene"
 
 
@@ -46,8 +50,26 @@ def trace_uses(*, software: bool) -> list[Use]:
     """What ``raytracing/trace.glsl`` reads and counts.  llvmpipe reads images faster, GPUs have few of them."""
     names = ("trace_nodes", "trace_triangles", "trace_instances")
     form, kind = (IMAGE, "rgba32ui") if software else (TEXTURE, "usampler2D")
-    images = [Use(form, name, kind, given=True) for name in names]
-    return [*images, Use(BUFFER, "trace_overflow", "uint", access=UPDATE, given=True)]
+    images = [Use(form, name, kind, filled=True) for name in names]
+    return [*images, Use(BUFFER, "trace_overflow", "uint", access=UPDATE, filled=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Triangles of one draw that have only finite corners."""
+
+    vertices: Array  # (V, 3) float64, in the space of the tree
+    triangles: Array  # (T, 3)
+    number: Array  # (T,) uint32: triangle of the primitive
+    draw: int = 0  # what hits name, of merged draws
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Low and high corner (3,) of at least one triangle."""
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.triangles] = True
+        corners = self.vertices[used]
+        return corners.min(axis=0), corners.max(axis=0)
 
 
 class SceneStructure:
@@ -86,8 +108,7 @@ class SceneStructure:
         for row in self.table.rigid.tolist():
             key = self._draws[row].mesh, self._draws[row].primitive
             if key not in made:
-                corners, triangle = self._corners(row)
-                made[key] = self._tree(corners, triangle, np.zeros(len(corners), np.uint32), self._alpha[row])
+                made[key] = self._tree([self._part(row)], self._alpha[[row]])
             trees.append(made[key])
         for posed in self._posed:
             posed.place(self._nodes, self._triangles)
@@ -97,12 +118,11 @@ class SceneStructure:
         images = {"trace_nodes": self._nodes, "trace_triangles": self._triangles}
         images["trace_instances"] = Texels(INSTANCE_TEXELS * (self.table.count + 1) * self._moments)
         for name, part in images.items():
-            rows = part.rows()
-            size = rows.shape[1], rows.shape[0]
-            resource = Resource.texture(name, size, dtype="u4", what="the acceleration structure", hint=HINT)
+            resource = Resource.texture(name, part.size, dtype="u4", what="the acceleration structure", hint=HINT)
             self.resources[name] = self._context.allocate(resource)
-            self.resources[name].write(rows.tobytes())
             self.memory[name] = resource.bytes
+            for at, rows in part.taken():
+                self._write(name, at, rows)
         self.resources["trace_overflow"] = self._gpu.ctx.buffer(bytes(4))
         for posed in self._posed if len(self.table.posed) else ():
             posed.upload(self._context)
@@ -118,39 +138,44 @@ class SceneStructure:
         posed = self._moments * self.table.posed.tolist()
         return sum(self._draws[row].index_count // 3 for row in (*merged, *primitives.values(), *posed))
 
-    def _corners(self, row: int) -> tuple[Array, Array]:
-        """Corners (T, 3, 3) of a draw's triangles in its own space, float64, and their numbers (T,); finite ones."""
+    def _part(self, row: int) -> _Part:
+        """The triangles of a draw in its own space."""
         draw = self._draws[row]
         primitive = self._scene.meshes[draw.mesh].primitives[draw.primitive]
-        corners = primitive.positions.astype(np.float64)[primitive.triangles]
-        keep = np.flatnonzero(np.isfinite(corners).all(axis=(1, 2)))
-        return corners[keep], keep.astype(np.uint32)
+        vertices, triangles = primitive.positions.astype(np.float64), primitive.triangles
+        finite = np.isfinite(vertices).all(axis=1)
+        number = np.flatnonzero(finite[triangles].all(axis=1)).astype(np.uint32)
+        return _Part(vertices, triangles[number], number)
 
     def _merged_tree(self, draws: Array, origin: Array) -> PlacedTree:
-        corners, triangles, rows = [], [], []
+        parts = []
         for row in draws.tolist():
-            local, triangle = self._corners(row)
-            world = self.table.world[row]
-            corners.append(local @ world[:3, :3].T + (world[:3, 3] - origin))
-            triangles.append(triangle)
-            rows.append(np.full(len(local), row, np.uint32))
-        rows = np.concatenate(rows)
-        return self._tree(np.concatenate(corners), np.concatenate(triangles), rows, self._alpha[rows])
+            part, world = self._part(row), self.table.world[row]
+            vertices = part.vertices @ world[:3, :3].T + (world[:3, 3] - origin)
+            parts.append(_Part(vertices, part.triangles, part.number, row))
+        return self._tree(parts, self._alpha[draws])
 
-    def _tree(self, corners: Array, triangle: Array, draw: Array, alpha: Array | bool) -> PlacedTree:
-        """Build the tree over ``corners`` (T, 3, 3) and append its nodes and triangles."""
-        from taubench_gl.frame.raytracing.bvh import build
+    def _tree(self, parts: list[_Part], alpha: Array) -> PlacedTree:
+        """Build the tree over the triangles of ``parts`` and append its nodes and triangles; ``alpha`` (parts,)."""
+        from taubench_gl.frame.raytracing.bvh import build_over
 
-        if not len(corners):
+        counts = [len(part.triangles) for part in parts]
+        if not sum(counts):
             return PlacedTree(0, 0, np.zeros(3), np.zeros(3), Grid.around(np.zeros(3), np.zeros(3)))
-        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-        grid = Grid.around(low, high)
-        corners = ((corners - grid.center) * grid.scale).astype(np.float32)
-        tree = build(corners.min(axis=1), corners.max(axis=1))
-        flags = np.broadcast_to(np.asarray(alpha, np.uint32), len(corners))
-        o = tree.order
-        at = self._triangles.add(texels.triangle_texels(corners[o], triangle[o], draw[o], flags[o]))
-        first = self._nodes.add(texels.node_texels(tree, at // texels.TRIANGLE_TEXELS))
+        boxes = [part.box for part in parts if len(part.triangles)]
+        low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+        grid, corners, end = Grid.around(low, high), np.empty((sum(counts), 3, 3), np.float32), 0
+        for part, count in zip(parts, counts, strict=True):
+            vertices = ((part.vertices - grid.center) * grid.scale).astype(np.float32)
+            corners[end : end + count], end = vertices[part.triangles], end + count
+        number, draw = np.concatenate([p.number for p in parts]), np.repeat(np.uint32([p.draw for p in parts]), counts)
+        flags = np.repeat(alpha.astype(np.uint32), counts)
+        del parts
+        tree = build_over(corners)
+        first = self._nodes.add(texels.node_texels(tree, self._triangles.count // texels.TRIANGLE_TEXELS))
+        for at in range(0, len(corners), AT_ONCE):
+            o = tree.order[at : at + AT_ONCE]
+            self._triangles.add(texels.triangle_texels(corners[o], number[o], draw[o], flags[o]))
         return PlacedTree(first, len(tree), low, high, grid)
 
     # --- every frame

@@ -13,6 +13,7 @@ Instance   four texels: the rows of grid_from_relative, float32; first node, num
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -90,9 +91,13 @@ def last_words(tree: Tree, first_triangle: int) -> Array:
 
 def node_texels(tree: Tree, first_triangle: int) -> Array:
     """Nodes of ``tree``, whose boxes are in grid units.  (N, 4) uint32."""
-    down = np.clip(np.floor(tree.low), -32768, 32767).astype(np.int16).view(np.uint16).astype(np.uint32)
-    up = np.clip(np.ceil(tree.high), -32768, 32767).astype(np.int16).view(np.uint16).astype(np.uint32)
-    return np.column_stack([down | up << 16, last_words(tree, first_triangle)])
+    out = np.empty((len(tree), 4), np.uint32)
+    for axis in range(3):
+        down = np.clip(np.floor(tree.low[:, axis]), -32768, 32767).astype(np.int16).view(np.uint16)
+        up = np.clip(np.ceil(tree.high[:, axis]), -32768, 32767).astype(np.int16).view(np.uint16)
+        out[:, axis] = down | up.astype(np.uint32) << 16
+    out[:, 3] = last_words(tree, first_triangle)
+    return out
 
 
 def triangle_texels(corners: Array, triangle: Array, draw: Array, flags: Array) -> Array:
@@ -123,12 +128,22 @@ class Texels:
         self.count += len(self.parts[-1])
         return first
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of an image of all texels, the last row filled up."""
+        return 1 << ROW_BITS, max(-(-self.count >> ROW_BITS), 1)
+
+    def taken(self) -> Iterator[tuple[int, Array]]:
+        """Every part with the number of its first texel; a part that was taken is no longer held here."""
+        at = 0
+        while self.parts:
+            part = self.parts.pop(0)
+            yield at, part
+            at += len(part)
+
     def rows(self) -> Array:
         """(rows, 2^ROW_BITS, 4) uint32, the last row filled up."""
-        width = 1 << ROW_BITS
-        out = np.zeros((max(-(-self.count // width), 1) * width, 4), np.uint32)
-        at = 0
-        for part in self.parts:
-            out[at : at + len(part)] = part
-            at += len(part)
-        return out.reshape(-1, width, 4)
+        width, height = self.size
+        out = np.zeros((height * width, 4), np.uint32)
+        np.concatenate(self.parts, out=out[: self.count], casting="unsafe")
+        return out.reshape(height, width, 4)

@@ -13,14 +13,17 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.blender.glb import Glb
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
 from taubench_gl.scene import CONVERTIBLE
+from taubench_gl.scene.files import require_content
 
 LIGHTING_MODE = "SPEC"
 """Mode of Blender's exporter: candela and lux at 683 lumens per watt, what ``light_unit`` expects of its files."""
 
-VERSION = 1
+VERSION = 2
 """Version of the files that a conversion writes: those of another version are not reused."""
 
-_BINARY_FBX = b"Kaydara FBX Binary"
+WITH_TAKES = (".fbx", ".blend")
+"""Suffixes of files with takes: of FBX files their takes, of .blend files their actions."""
+
 _MAX_LOST = 40
 MAX_BYTES = 4 << 30
 """Limit on a file that Blender has written: the largest binary glTF file."""
@@ -44,22 +47,28 @@ class Conversion:
 
 
 def convert(
-    source: str | Path, target: str | Path, *, take: str | None = None, python: str | None = None
+    source: str | Path,
+    target: str | Path,
+    *,
+    take: str | None = None,
+    up_axis: str | None = None,
+    python: str | None = None,
 ) -> Conversion:
     """Write ``source`` as the .glb file ``target``, atomically: motion, cameras, and lights in candela and lux.
 
-    ``take``: of an FBX file, None: its first; of a .blend file the action to play, None: the scene as it is.  The world
-    becomes an environment image beside ``target`` where it is not one color.  Raises SceneError for a file that Blender
+    ``take``: of an FBX file, None: its first; of a .blend file the action to play, None: the scene as it is.
+    ``up_axis``: "Y" or "Z" (None: Z) of a PLY or STL file, which names none.  The world becomes an environment image
+    beside ``target`` where it is not one color.  Raises SceneError for a file that Blender
     cannot read, PathTracedError without Blender, OutputError.
     """
     source, target, python = Path(source), Path(target), python or blender_python()
-    _check(source, target, take)
+    _check(source, target, take, up_axis)
     require_blender(python)
     with tempfile.TemporaryDirectory(prefix="taubench-") as name:
         folder = Path(name)
         glb_file, image = folder / "scene.glb", folder / "environment.exr"
         job = {"source": str(source.resolve()), "target": str(glb_file), "environment": str(image),
-               "lights": LIGHTING_MODE, "take": take}  # fmt: skip
+               "lights": LIGHTING_MODE, "take": take, "up_axis": up_axis}  # fmt: skip
         event = _run(python, job, folder, source)
         environment = _environment(event, image, target)
         data = _finished(read_bytes(glb_file, max_bytes=MAX_BYTES), event, source, environment)
@@ -71,7 +80,7 @@ def convert(
     return Conversion(event["blender"], counts, tuple(event["lost"]), event["fps"], (first, last), environment)
 
 
-def _check(source: Path, target: Path, take: str | None) -> None:
+def _check(source: Path, target: Path, take: str | None, up_axis: str | None) -> None:
     """Raises SceneError for files that cannot be converted."""
     suffix = source.suffix.lower()
     if suffix not in CONVERTIBLE:
@@ -80,29 +89,25 @@ def _check(source: Path, target: Path, take: str | None) -> None:
         raise SceneError("does not exist", where=str(source))
     if target.suffix.lower() != ".glb":
         raise SceneError("can only be written as .glb", where=str(target), hint="give a name that ends in .glb")
-    if suffix not in (".fbx", ".blend") and take is not None:
+    if suffix not in WITH_TAKES and take is not None:
         raise SceneError("has no takes", where=str(source), hint="only FBX and .blend files have: omit --take")
+    if suffix not in (".ply", ".stl") and up_axis is not None:
+        raise SceneError("names its up axis", where=str(source), hint="only PLY and STL files do not: omit --up-axis")
     with opened(source, SceneError) as file:
         start = file.read(512)
+    require_content(start, source)
     if suffix == ".stl" and not start.lstrip().startswith(b"solid"):
         # Blender reads the triangles of any bytes: an 80-byte header, their number, 50 bytes each.
         count = int.from_bytes(start[80:84], "little")
         if len(start) < 84 or source.stat().st_size < 84 + 50 * count:
             raise SceneError(f"ends before its {count} triangles", where=str(source), hint="is it a complete STL file?")
-    ascii_fbx = not start.startswith(_BINARY_FBX) and (b"FBX" in start or start.lstrip().startswith(b";"))
-    if suffix == ".fbx" and ascii_fbx:
-        raise SceneError(
-            "is an ASCII FBX file, which Blender's importer does not read",
-            where=str(source),
-            hint="export it again as binary FBX, glTF or USD, or convert it with Autodesk's FBX Converter",
-        )
 
 
 def _run(python: str, job: dict[str, Any], folder: Path, source: Path) -> dict[str, Any]:
     events: dict[str, dict[str, Any]] = {}
     failure = run_script(python, "convert_script.py", job, folder, lambda event: events.update({event["event"]: event}))
     if "failed" in events:
-        raise SceneError(f"Blender cannot read it: {events['failed']['why']}", where=str(source))
+        raise SceneError(events["failed"]["why"], where=str(source))
     if "done" not in events:
         raise SceneError(failure or "Blender stopped without a result", where=str(source))
     return events["done"]
@@ -129,6 +134,8 @@ def _finished(
     glb.match_intensities()
     glb.drop_still_channels()
     glb.hide(event["visible"], event["fps"])
+    for animation in glb.root.get("animations", ()):
+        animation["name"] = event.get("take") or animation.get("name", "Scene")
     first, last = event["frames"]
     note = f"converted from {source.name} by Blender {event['blender']}"
     if last > first:

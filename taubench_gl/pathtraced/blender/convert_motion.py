@@ -40,18 +40,27 @@ class Deformed:
         self.keys = keys if keys is not None and keys.use_relative else None
         self.values = []  # of the key blocks at each frame
 
+    @property
+    def bytes(self):
+        """Bytes of the shapes that are kept."""
+        return sum(shape.nbytes for shape in self.shapes)
+
+    def keep_first(self, frames):
+        """Forget every shape but the first, at all ``frames``."""
+        del self.shapes[1:]
+        self.at, self.keys = [0] * len(frames), None
+
     def record(self, depsgraph):
-        """-> bytes that were kept."""
+        """Add the shape of the frame at which ``depsgraph`` is evaluated."""
         points, topology = vertices_of(self.item, depsgraph)
         self.topologies.add(topology)
         if self.keys is not None:
             self.values.append([0.0 if k.mute else k.value for k in self.keys.key_blocks])
         if self.shapes and self.shapes[-1].shape == points.shape and np.array_equal(self.shapes[-1], points):
             self.at.append(len(self.shapes) - 1)
-            return 0
+            return
         self.shapes.append(points)
         self.at.append(len(self.shapes) - 1)
-        return points.nbytes
 
 
 def vertices_of(item, depsgraph):
@@ -79,16 +88,18 @@ def bake_motion(scene, losses):
     armatures = detach_armatures(scene)
     deformed = [Deformed(item) for item in scene.objects if is_deformed(item)]
     switched = {o: [] for o in scene.objects if is_animated(o, "hide_render")}
-    instances, shown, recorded_bytes = Instances(), set(), 0
+    instances, shown, recorded = Instances(), set(), list(deformed)
     bpy.context.view_layer.update()
     for frame in frames:
         scene.frame_set(frame)
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        for item in list(deformed):
-            recorded_bytes += item.record(depsgraph)
-            if recorded_bytes > MAX_BYTES:
-                losses.add("deforming meshes beyond 2 GiB keep their shape of one frame", [item.item.name])
-                item.at = item.at[:1] * len(frames)
+        for item in recorded:
+            item.record(depsgraph)
+        while recorded and sum(item.bytes for item in recorded) > MAX_BYTES:
+            largest = max(recorded, key=lambda item: item.bytes)
+            losses.add("deforming meshes beyond 2 GiB keep their first shape", [largest.item.name])
+            largest.keep_first(frames)
+            recorded.remove(largest)
         for item, states in switched.items():
             states.append(not item.hide_render)
         shown |= instances.record(depsgraph, frame, losses)

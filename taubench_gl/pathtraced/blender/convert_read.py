@@ -3,13 +3,15 @@
 import math
 
 import bpy
+from convert_dae import import_dae
+from convert_usd import import_usd
 from script_shared import fcurves_of
-
-NAME_LIMIT = 60  # Blender 4 cuts names at 63 bytes
 
 
 def read(job, losses):
-    """Open or import ``job["source"]``; the scene's frame range is then that of its animation."""
+    """Open or import ``job["source"]``; the scene's frame range is then that of its animation.  -> the take's name."""
+    take = job["take"]
+    axes = {"forward_axis": "NEGATIVE_Z", "up_axis": "Y"} if job["up_axis"] == "Y" else {}
     source = job["source"]
     suffix = source.lower().rsplit(".", 1)[-1]
     if suffix == "blend":
@@ -22,30 +24,32 @@ def read(job, losses):
         if job["take"]:
             play_action(job["take"])
         note_unplayed(losses)
-        return
+        return take
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if suffix == "fbx":
-        bpy.ops.import_scene.fbx(filepath=source, anim_offset=0.0)  # the default is one frame late
-        choose_take(source, job["take"], losses)
+        if "fbx_import" not in dir(bpy.ops.wm):
+            raise RuntimeError("Blender before 4.5 has no importer for all FBX files; use bpy 4.5")
+        bpy.ops.wm.fbx_import(filepath=source, anim_offset=0.0)  # the default is one frame late
+        take = choose_take(take, losses)
     elif suffix in ("usd", "usda", "usdc", "usdz"):
-        bpy.ops.wm.usd_import(filepath=source, import_all_materials=False)
+        import_usd(source, losses)
     elif suffix == "abc":
         bpy.ops.wm.alembic_import(filepath=source, as_background_job=False, set_frame_range=True)
         cameras = [item.name for item in bpy.data.objects if item.type == "CAMERA"]
         if cameras:
             losses.add("the animation of lenses in Alembic files: that of the first frame is kept", cameras)
     elif suffix == "ply":
-        bpy.ops.wm.ply_import(filepath=source)
+        bpy.ops.wm.ply_import(filepath=source, **axes)
+        note_ply_texture(source, losses)
     elif suffix == "stl":
-        bpy.ops.wm.stl_import(filepath=source)
+        bpy.ops.wm.stl_import(filepath=source, **axes)
     elif suffix == "dae":
-        if not hasattr(bpy.ops.wm, "collada_import") or "collada_import" not in dir(bpy.ops.wm):
-            raise RuntimeError("Blender 5 does not read Collada; use bpy 4.5")
-        bpy.ops.wm.collada_import(filepath=source)
+        import_dae(source, losses)
     if not bpy.data.objects:
         raise RuntimeError("nothing was imported")
     if suffix != "abc" and not suffix.startswith("usd"):
         range_of_actions(bpy.context.scene)
+    return take
 
 
 def play_action(name):
@@ -80,7 +84,7 @@ def note_unplayed(losses):
         played |= {animation.action, *(strip.action for strip in strips if not strip.mute)}
     left = [action.name for action in bpy.data.actions if action not in played]
     if left:
-        losses.add("actions that are not played in the scene (--take plays one)", left)
+        losses.add("actions that are not played in the scene (--take in convert, else --animation, plays one)", left)
 
 
 def owners_of_actions():
@@ -90,51 +94,47 @@ def owners_of_actions():
     ]  # fmt: skip
 
 
-def choose_take(source, requested, losses):
-    """Give every object its action of one take: ``requested``, else the first of the file.
+def choose_take(requested, losses):
+    """Give every object its part of one take: ``requested``, else the first of the file.  -> its name.
 
-    The importer names actions ``object|take|layer`` and gives each object the first one that it finds, whatever its
-    take.
+    The importer makes an action of each take, in the order of the file, with a slot for each object; it gives every
+    object the first take that moves it.
     """
-    takes = [take for take in takes_of(source) if any(f"|{take}"[:NAME_LIMIT] in a.name for a in bpy.data.actions)]
-    if requested and requested not in takes:
+    takes = sorted(bpy.data.actions, key=lambda action: action.session_uid)
+    names = [take.name for take in takes]
+    if requested and requested not in names:
         raise RuntimeError(
-            f"the file has no take {requested!r}; it has {', '.join(map(repr, takes)) or 'no animation'}"
+            f"the file has no take {requested!r}; it has {', '.join(map(repr, names)) or 'no animation'}"
         )
     if not takes:
-        return
-    selected = requested or takes[0]
-    others = [take for take in takes if take != selected]
+        return None
+    selected = bpy.data.actions[requested or names[0]]
+    others = [name for name in names if name != selected.name]
     if others:
-        losses.add(f"take {selected!r} is played, others are left out (--take)", others)
-    longest_first = sorted(takes, key=len, reverse=True)
+        losses.add(
+            f"take {selected.name!r} is played, others are left out (--take in convert, else --animation)", others
+        )
     for owner in owners_of_actions():
         if owner.animation_data is None:
             continue
-        actions = []
-        for action in bpy.data.actions:
-            starts = (f"{owner.name}|{take}" for take in longest_first)
-            at = next((k for k, start in enumerate(starts) if action.name.startswith(start[:NAME_LIMIT])), None)
-            if at is not None and longest_first[at] == selected:
-                actions.append(action)
-        if len(actions) > 1:
-            losses.add("animation layers above the first are left out", [owner.name])
-        owner.animation_data.action = actions[0] if actions else None
-        if actions and hasattr(owner.animation_data, "action_slot") and actions[0].slots:
-            owner.animation_data.action_slot = actions[0].slots[0]
-    for action in list(bpy.data.actions):
-        if action.users == action.use_fake_user:
-            bpy.data.actions.remove(action)
+        slots = {(slot.target_id_type, slot.name_display): slot for slot in selected.slots}
+        slot = slots.get((owner.id_type, owner.name))
+        owner.animation_data.action = selected if slot else None
+        if slot:
+            owner.animation_data.action_slot = slot
+    for name in others:
+        bpy.data.actions.remove(bpy.data.actions[name])
+    return selected.name
 
 
-def takes_of(source):
-    """Names of the animation stacks of a binary FBX file, in its order."""
-    from io_scene_fbx import parse_fbx
-
-    root, _ = parse_fbx.parse(source)
-    objects = [element for element in root.elems if element is not None and element.id == b"Objects"]
-    stacks = [e for part in objects for e in part.elems if e is not None and e.id == b"AnimationStack"]
-    return list(dict.fromkeys(stack.props[1].split(b"\0")[0].decode("utf-8", "replace") for stack in stacks))
+def note_ply_texture(source, losses):
+    """Record the texture that the header of a PLY file names, which Blender does not read."""
+    with open(source, "rb") as file:
+        for line in iter(lambda: file.readline(4096), b""):
+            if line.startswith(b"comment TextureFile"):
+                losses.add("the texture of PLY files", [line.split(None, 2)[2].decode("utf-8", "replace").strip()])
+            if line.strip() == b"end_header":
+                return
 
 
 def range_of_actions(scene):

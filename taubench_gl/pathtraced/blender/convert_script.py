@@ -7,8 +7,8 @@ Reports events as lines that start with ``@tb `` and hold one JSON object.  All 
 
 import bpy
 from convert_light import bake_world, replace_area_lights
-from convert_losses import Losses
-from convert_motion import bake_motion
+from convert_losses import NO_FORM, Losses
+from convert_motion import CONVERTED, bake_motion
 from convert_read import read
 from script_shared import read_job, report, stop
 
@@ -19,13 +19,16 @@ def main():
     job = read_job()
     losses = Losses()
     try:
-        read(job, losses)
+        take = read(job, losses)
     except Exception as error:  # an importer raises any type of exception for broken files
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         named = [line for line in lines if line.startswith("Error")] or lines[-1:] or [type(error).__name__]
-        report(event="failed", why=named[-1].removeprefix("Error:").strip())
+        report(event="failed", why=f"Blender cannot read it: {named[-1].removeprefix('Error:').strip()}")
         stop(3)
     scene = bpy.context.scene
+    if empty := what_is_left(scene):
+        report(event="failed", why=f"has nothing to draw, only {empty}")
+        stop(3)
     counts = {kind: sum(o.type == kind for o in scene.objects) for kind in KINDS}
     actions = len(bpy.data.actions)
     losses.of_scene(scene)
@@ -38,6 +41,7 @@ def main():
         blender=bpy.app.version_string,
         counts=counts,
         actions=actions,
+        take=take,
         lost=losses.lines(),
         fps=scene.render.fps / scene.render.fps_base,
         # The exporter multiplies the rate by fps_base where it should divide.
@@ -49,6 +53,20 @@ def main():
         environment=environment,
     )
     stop(0)
+
+
+def what_is_left(scene):
+    """What a file holds that has nothing to draw, no camera and no light; None for any other."""
+    types = {item.type for item in scene.objects}
+    meshes = [item for item in scene.objects if item.type == "MESH"]
+    drawn = any(item.data.polygons or item.modifiers for item in meshes) or bool(scene.world)
+    if drawn or types & (CONVERTED - {"MESH"} | NO_FORM | {"CAMERA", "LIGHT"}):
+        return None
+    if any(item.instance_type != "NONE" for item in scene.objects):
+        return None
+    if meshes:
+        return "points without faces"
+    return "an armature and its animation" if "ARMATURE" in types else "empty objects"
 
 
 def export(job, scene, animated):

@@ -154,7 +154,7 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Pa
     ``frames``: the frames to key, with the neighbors of the rendered ones; frame f is sampled at f / fps seconds.
     Raises SceneError for files other than glTF.
     """
-    if scene.path is None or scene.path.suffix.lower() not in (".gltf", ".glb"):
+    if scene.path is None or scene.path.suffix.lower() not in (".gltf", ".glb", ".vrm"):
         raise SceneError("only glTF files can be rendered with Blender", where=str(scene.path or scene.name))
     root, chunk = _read(scene.path)
     _strip(root, scene)

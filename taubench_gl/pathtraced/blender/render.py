@@ -21,7 +21,7 @@ from taubench_gl.animation import CameraTrack, View
 from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, PathTracedError
 from taubench_gl.folder_lock import FolderLock
-from taubench_gl.outputs import cannot_write, log_file, make_folders, write_atomically
+from taubench_gl.outputs import cannot_write, log_file, write_atomically
 from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text, read_camera_file
@@ -109,46 +109,6 @@ def render_reference(
     if lost:
         raise PathTracedError(f"Blender did not write frame {lost[0]}", where=str(out / LOG_FILE))
     return notes
-
-
-def render_seeds(
-    scene: Scene,
-    camera: CameraTrack,
-    frames: range,
-    out: Path,
-    seeds: range,
-    *,
-    fps: float,
-    size: tuple[int, int],
-    quality: Quality,
-    python: str | None = None,
-) -> dict[tuple[int, int], float]:
-    """Render ``frames`` once with each of ``seeds``, in one process: ``out``/seed_NNNN/frame_NNNN.exr, camera.json.
-
-    -> (seed, frame) -> CPU seconds of all threads, with the synchronization of the scene.  Nothing is resumed; the seed
-    of ``quality`` is not used.  Raises PathTracedError as ``render_reference``.
-    """
-    job, views, _ = make_job(scene, camera, frames, fps, size, quality)
-    python = python or blender_python()
-    require_blender(python)
-    folders = [out / f"seed_{seed:04d}" for seed in seeds]
-    seconds: dict[tuple[int, int], float] = {}
-
-    def on_event(event: dict[str, Any]) -> None:
-        if event["event"] == "frame":
-            seconds[seeds[len(seconds) // len(frames)], event["frame"]] = event["cpu_seconds"]
-
-    with FolderLock(out), _job_folder(out) as job_folder:
-        for folder in folders:
-            make_folders(folder)
-            _merge_cameras(folder, views, fps, size)
-        path = write_resampled(scene, range(frames[0] - 1, frames[-1] + 2), fps, job_folder)
-        job |= {"scene": str(path), "folders": [str(f.resolve()) for f in folders], "seeds": list(seeds)}
-        with log_file(out / LOG_FILE) as log:
-            failure = run_script(python, "render_script.py", job, job_folder, on_event, log.write)
-    if failure is not None:
-        raise PathTracedError(failure, where=str(out / LOG_FILE))
-    return seconds
 
 
 def _prepare(out: Path, key: str) -> None:

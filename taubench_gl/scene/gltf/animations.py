@@ -38,6 +38,7 @@ _CAMERA = {f"perspective/{p}": p for p in ("yfov", "znear", "zfar")} | {
 _LIGHT = {"color": ("color", 3), "intensity": ("intensity", 1), "range": ("range", 1),
           "spot/innerConeAngle": ("inner_cone", 1), "spot/outerConeAngle": ("outer_cone", 1)}  # fmt: skip
 _LIGHTS = re.escape(f"/extensions/{LIGHTS}/lights/")
+_ONE_WEIGHT = re.compile(r"weights/(0|[1-9]\d{0,4})")
 _POINTER = re.compile(rf"(/nodes/|/cameras/|/meshes/|{_LIGHTS})(0|[1-9]\d{{0,8}})/(.+)")
 
 
@@ -56,15 +57,15 @@ def _resolve(
     if owner == "/nodes/":
         if not document.has("nodes", index, pointer, "channel-ignored"):
             return []
-        if path == "weights" and weight_count(index):
-            return [Target("node", index, "weights", weight_count(index))]
+        if targets := _weights(path, index, weight_count):
+            return targets
         return [Target("node", index, *_NODE[path])] if path in _NODE else []
     if owner == "/meshes/":
         if not document.has("meshes", index, pointer, "channel-ignored"):
             return []
         # A node with weights does not use those of its mesh.
         users = [i for i, n in enumerate(document.root.nodes or []) if n.mesh == index and n.weights is None]
-        return [Target("node", i, "weights", weight_count(i)) for i in users if path == "weights" and weight_count(i)]
+        return [target for i in users for target in _weights(path, i, weight_count)]
     if owner == "/cameras/":
         if not document.has("cameras", index, pointer, "channel-ignored"):
             return []
@@ -77,6 +78,14 @@ def _resolve(
     if path in CONES and means_blender(document):
         return [Target("light", index, path, 1)]
     return [Target("light", index, *_LIGHT[path])] if path in _LIGHT else []
+
+
+def _weights(path: str, node: int, weight_count: Callable[[int], int]) -> list[Target]:
+    """The target of ``weights``, or of one weight, ``weights/2``, of a node; empty for a weight that it lacks."""
+    count, single = weight_count(node), _ONE_WEIGHT.fullmatch(path)
+    if single is not None:
+        return [Target("node", node, path, 1)] if int(single[1]) < count else []
+    return [Target("node", node, "weights", count)] if path == "weights" and count else []
 
 
 PATHS = {"translation": 3, "rotation": 4, "scale": 3}
@@ -125,8 +134,45 @@ class AnimationReader:
                     self.document.repair("channel-ignored", message, f"{where}/target")
                     continue
                 channel_of_target[key] = k
-                channels.append(self._channel(sampler, target, at))
-        return Animation(animation.name, tuple(channels))
+                channels.append(self._channel(sampler, target, at, POINTER in channel.target.extensions))
+        return Animation(animation.name, tuple(self._joined_weights(channels, pointer)))
+
+    def _joined_weights(self, channels: list[Channel], pointer: str) -> list[Channel]:
+        """``channels`` with one channel for all single weights of a node; the other weights of the node rest.
+
+        Weights of another interpolation, or of other key times unless all are LINEAR, than the first are left out with
+        a note.
+        """
+        singles: dict[int, list[Channel]] = {}
+        out = [c for c in channels if not _ONE_WEIGHT.fullmatch(c.path)]
+        whole = {c.index for c in out if c.path == "weights"}
+        for c in (c for c in channels if _ONE_WEIGHT.fullmatch(c.path)):
+            first = singles.setdefault(c.index, [c])[0]
+            same = np.array_equal(c.times, first.times) or c.interpolation == "LINEAR"
+            if c.index in whole or c.interpolation != first.interpolation or not same:
+                self.document.remark("not-animated", pointer, detail=c.path)
+            elif c is not first:
+                singles[c.index].append(c)
+        for node, parts in singles.items():
+            if node in whole:
+                continue
+            rest = np.zeros(self._weight_count(node))
+            given = self.document.root.nodes[node].weights
+            own = self.meshes[self.document.root.nodes[node].mesh].weights if given is None else given[: len(rest)]
+            rest[: len(own)] = own
+            times = parts[0].times
+            if not all(np.array_equal(times, c.times) for c in parts):
+                times = np.unique(np.concatenate([c.times for c in parts]))
+            cubic = parts[0].interpolation == "CUBICSPLINE"
+            values = np.zeros((len(times), 3, len(rest))) if cubic else np.tile(rest, (len(times), 1))
+            if cubic:
+                values[:, 1] = rest
+            for c in parts:
+                column = int(c.path.rpartition("/")[2])
+                same = len(times) == len(c.times)
+                values[..., column] = c.values[..., 0] if same else np.interp(times, c.times, c.values[:, 0])
+            out.append(Channel("node", node, "weights", parts[0].interpolation, times, values))
+        return out
 
     def _targets(self, channel: schema.Channel, pointer: str) -> list[Target]:
         """Targets of a channel: none (with a note), one property, or one per node for the weights of a mesh."""
@@ -184,12 +230,12 @@ class AnimationReader:
         self.document.repair("interpolation", message, f"{pointer}/interpolation", hint)
         return "LINEAR"
 
-    def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
+    def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str, by_pointer: bool) -> Channel:
         interpolation = self._interpolation(sampler, pointer)
         times, repeated = self._key_times(sampler.input, f"{pointer}/input")
         if repeated:
             self.document.remark("repeated-key", f"{pointer}/input", repeated)
-        values = self._values(sampler, target, interpolation, f"{pointer}/output")
+        values = self._values(sampler, target, interpolation, f"{pointer}/output", by_pointer)
         return Channel(target.kind, target.index, target.path, interpolation, times, values)
 
     def _key_times(self, index: int, pointer: str) -> tuple[Array, int]:
@@ -207,8 +253,13 @@ class AnimationReader:
             self._times[index] = times, int((steps == 0).sum())
         return self._times[index]
 
-    def _values(self, sampler: schema.AnimationSampler, target: Target, interpolation: str, pointer: str) -> Array:
-        """(K, n) float64, for CUBICSPLINE (K, 3, n); channels with a common sampler share the array."""
+    def _values(
+        self, sampler: schema.AnimationSampler, target: Target, interpolation: str, pointer: str, by_pointer: bool
+    ) -> Array:
+        """(K, n) float64, for CUBICSPLINE (K, 3, n); channels with a common sampler share the array.
+
+        Numbers of a pointer to a float property can be integers, which are converted unless they are normalized.
+        """
         document, accessors = self.document, self.accessors
         keys = len(self._times[sampler.input][0])
         accessor = accessors.get(sampler.output, pointer)
@@ -217,9 +268,8 @@ class AnimationReader:
         if target.path == "visible":
             fits = accessor.component_type == 5121 and not accessor.normalized and interpolation == "STEP"
         else:
-            integers = (
-                accessor.normalized and accessor.component_type in SMALL and target.path in ("rotation", "weights")
-            )
+            normalized = accessor.normalized and target.path in ("rotation", "weights")
+            integers = accessor.component_type in SMALL and (normalized or by_pointer)
             fits = accessor.component_type == FLOAT or integers
         if accessor.type != kind or not fits:
             raise document.error(

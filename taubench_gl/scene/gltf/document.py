@@ -199,6 +199,7 @@ OBJECT_BYTES = 400
 """Memory of one object of the JSON, about."""
 
 _decoder = msgspec.json.Decoder(schema.Root)
+_VERSION_1 = re.compile(rb'"asset"\s*:\s*\{[^{}]*"version"\s*:\s*"(1(?:\.\d+)?)"')
 
 
 def open_document(path: Path, strict: bool = False) -> Document:
@@ -241,6 +242,7 @@ def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.
             raw = Lenient(notes, "").conform(_integral(msgspec.json.decode(data)), schema.Root)
             return msgspec.convert(raw, schema.Root), msgspec.json.encode(raw)
     except msgspec.ValidationError as e:
+        _refuse_version_1(data, path)
         message, pointer = explain(e)
         hint = "glTF forbids empty arrays: omit the property" if "length >= 1" in message else None
         raise SceneError(message, where=f"{path.name}#{pointer}", hint=hint) from None
@@ -248,6 +250,14 @@ def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.
         raise SceneError("JSON is nested too deeply", where=path.name) from None
     except (ValueError, UnicodeError) as e:
         raise SceneError(f"is not valid JSON{_line_column(str(e), data)}: {e}", where=path.name) from None
+
+
+def _refuse_version_1(data: bytes | memoryview, path: Path) -> None:
+    """Raise SceneError for a file of glTF 1.0, whose collections are objects."""
+    match = _VERSION_1.search(bytes(data))
+    if match is not None:
+        message = f"is glTF {match[1].decode()}, only 2.0 is supported"
+        raise SceneError(message, where=path.name, hint="convert it to glTF 2.0")
 
 
 def _utf8(data: bytes | memoryview, path: Path, notes: Notes) -> bytes | memoryview:

@@ -297,8 +297,9 @@ class MeshReader:
         if "POSITION" not in names:
             document.remark("primitive-without-positions", pointer)
             return None
-        count = self.accessors.get(names["POSITION"], pointer).count
         draco = self._draco(primitive, pointer)
+        positions = draco.attributes.get("POSITION")
+        count = self.accessors.get(names["POSITION"], pointer).count if positions is None else len(positions)
         arrays = {name: self._attribute(name, index, count, draco, f"{pointer}/attributes/{name}")
                   for name, index in names.items() if not name.startswith("_")}  # fmt: skip
         triangles = self._triangles(primitive, count, draco, pointer)
@@ -390,9 +391,10 @@ class MeshReader:
     def _attribute(self, name: str, index: int, count: int, draco: DracoData, pointer: str) -> Array:
         """One vertex attribute, (V, n): uint32 for joints, float32 otherwise."""
         accessor = self.accessors.get(index, pointer)
-        if accessor.count != count:
-            raise self.document.error(f"has {accessor.count} elements; POSITION has {count}", pointer)
         unpacked = draco.attributes.get(name)
+        elements = accessor.count if unpacked is None else len(unpacked)
+        if elements != count:
+            raise self.document.error(f"has {elements} elements; POSITION has {count}", pointer)
 
         def make() -> Array:
             if name.startswith("JOINTS"):
@@ -527,8 +529,10 @@ class MeshReader:
                 raise self.document.error(f"the Draco data has no attribute with id {unique_id}", at)
             accessor = self.accessors.get(primitive.attributes[semantic], at)
             expected = self.accessors.shape(accessor)
-            if array.shape != expected:
+            if array.shape[1] != expected[1]:
                 raise self.document.error(f"decodes to {array.shape}; the accessor declares {expected}", at)
+            if len(array) != expected[0] and semantic == "POSITION":
+                self.document.remark("draco-vertices", pointer, detail=f"{len(array)} for {expected[0]}")
             if not np.all(np.isfinite(array)):
                 raise self.document.error("decodes to NaN or infinity", at)
             attributes[semantic] = array.astype(self.accessors.dtype(accessor))

@@ -318,6 +318,8 @@ def read_nodes(document: Document, accessors: Accessors, parent: Array, in_scene
             if key not in shared:
                 shared[key] = _instances(document, accessors, instancing, where)
             new.instances = shared[key]
+            if new.skin >= 0:
+                document.remark("instances-skinned", pointer)
     return out.nodes()
 
 

@@ -53,6 +53,8 @@ def read_gltf(
     skins = read_skins(document, accessors, parent)
     cameras, lights = read_cameras(document), read_lights(document)
     nodes = read_nodes(document, accessors, parent, in_scene, NodeTargets(meshes, skins, lights))
+    if cameras and not (nodes.in_scene & (nodes.camera >= 0)).any():
+        document.remark("camera-unused", "/cameras", len(cameras))
     animations_of_file = AnimationReader(document, accessors, meshes).read()
     animations = tuple(replace(a, channels=light_keys(document, a.channels, lights)) for a in animations_of_file)
     channels, playing = choose_animations(document, animations, animation)

@@ -6,6 +6,7 @@ fails, the lines are searched one by one for the error.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from taubench_gl.errors import SceneError
 from taubench_gl.scene.files import read_any_text
 from taubench_gl.scene.notes import Notes
 from taubench_gl.scene.polygons import cut_polygons
+from taubench_gl.srgb import srgb_decode
 
 Array = np.ndarray
 
@@ -25,7 +27,11 @@ MISSING = -1
 """Index of a corner without texture coordinate or normal."""
 
 COUNTS = {b"v": (3, 4, 6, 7, 8), b"vt": (1, 2, 3), b"vn": (3,)}
-"""Allowed counts of numbers per line; the weight or color of v is ignored."""
+"""Allowed counts of numbers per line; the weight of v is ignored."""
+COLORED = (6, 7)
+"""Counts of numbers of a v that has a color, sRGB, behind its position."""
+NAMED = (b"o", b"g", b"usemtl", b"mtllib")
+"""Statements whose text can hold a ``#`` inside a word."""
 STATES = (b"o", b"g", b"usemtl")
 IGNORED = (b"s", b"vp", b"mg", b"lod", b"bevel", b"c_interp", b"d_interp", b"shadow_obj", b"trace_obj", b"maplib",
            b"usemap")  # fmt: skip
@@ -49,6 +55,7 @@ class ObjFile:
     path: Path
     data: bytes
     v: Array  # (V, 3) float64
+    colors: Array | None  # (V, 3) float64, linear; None: no vertex has one
     vt: Array  # (T, 2) float64, v upwards as in the file
     vn: Array  # (N, 3) float64, not normalized
     parts: list[Part]
@@ -77,6 +84,11 @@ class _Lines:
             marks = np.flatnonzero(data == ord("#"))
             first = np.unique(np.searchsorted(ends, marks), return_index=True)
             for line, at in zip(first[0].tolist(), marks[first[1]].tolist()):
+                text = data[starts[line] : ends[line]].tobytes()
+                if text.split(None, 1)[0] in NAMED and (comment := re.search(rb"(?<=\s)#", text)) is not None:
+                    at = starts[line] + comment.start()
+                elif text.split(None, 1)[0] in NAMED:
+                    continue
                 data[at : ends[line]] = SPACE
         data[(data < SPACE) & (data != NEWLINE)] = SPACE
         blank = data <= SPACE
@@ -195,7 +207,20 @@ class _Lines:
                 self.repair("library-name", np.array([row]), "mtllib without a file name")
                 continue
             libraries.append((names, self.where(row)))
-        return ObjFile(self.path, raw, v, vt, vn, self._parts(v, len(vt), len(vn)), libraries, undrawn)
+        parts = self._parts(v, len(vt), len(vn))
+        return ObjFile(self.path, raw, v, self._colors(), vt, vn, parts, libraries, undrawn)
+
+    def _colors(self) -> Array | None:
+        """Colors behind positions as linear RGB (V, 3), white for a vertex without; None where no vertex has one."""
+        rows = self.rows(b"v")
+        colored = np.isin(self.count[rows] - 1, COLORED)
+        if not np.any(colored):
+            return None
+        colors = np.where(colored[:, None], self.numbers(b"v", 6)[:, 3:], 1.0)
+        outside = np.any((colors < 0.0) | (colors > 1.0), axis=1)
+        if np.any(outside):
+            self.repair("color-range", rows[outside], "a vertex color is outside 0..1")
+        return srgb_decode(np.clip(colors, 0.0, 1.0))
 
     def _check_kinds(self) -> None:
         keywords = {b"v", b"vt", b"vn", b"f", b"l", b"p", b"mtllib", *STATES, *IGNORED}
@@ -247,6 +272,7 @@ class _Lines:
     def _corners(self, rows: Array, sizes: Array) -> Array:
         """(corners, 3) int64 as in the file: 0 for a missing index."""
         word = np.repeat(self.first[rows] + 1, sizes) + _counting(sizes)
+        self._without_last_slashes(np.repeat(rows, sizes), word)
         slashes = np.flatnonzero(self.data == SLASH)
         low, high = np.searchsorted(slashes, self.words[word]), np.searchsorted(slashes, self.word_ends[word])
         count = high - low
@@ -267,6 +293,22 @@ class _Lines:
         out[has_t, 1] = values[at[has_t] + 1]
         out[two, 2] = values[at[two] + 2]
         return out
+
+    def _without_last_slashes(self, owner: Array, word: Array) -> None:
+        """Blank the slashes that end corners, ``1//`` and ``1/1/``.  ``owner``: used line of each corner."""
+        trailing = self.data[self.word_ends[word] - 1] == SLASH
+        if not np.any(trailing):
+            return
+        first = word[np.argmax(trailing)]
+        text = self.text[self.words[first] : self.word_ends[first]].decode("utf-8", errors="replace")
+        self.repair(
+            "corner-slash", owner[trailing], f"corner {text[:40]!r} ends in a slash", "v, v/vt, v//vn or v/vt/vn"
+        )
+        while np.any(trailing):
+            self.word_ends[word[trailing]] -= 1
+            self.data[self.word_ends[word[trailing]]] = SPACE
+            trailing = self.data[self.word_ends[word] - 1] == SLASH
+        self.text = self.data.tobytes()
 
     def _bad_corner(self, rows: Array) -> SceneError:
         for row in rows.tolist():

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.conventions import FILE_NUMBER
 from taubench_gl.errors import SceneError
 from taubench_gl.math3d import normalize
 from taubench_gl.memory_budget import require
@@ -66,10 +67,10 @@ def find_frames(text: str) -> tuple[list[Path], float, list[str]]:
     folder, place = (path, None) if path.is_dir() else (path.parent, _PLACE.search(path.name))
     if place is None and folder != path:
         raise SceneError("is neither a folder nor a pattern", where=text, hint="use name%04d.obj or name*.obj")
-    pattern = re.compile(r"(.*?)(\d+)(\D*\.obj)", re.IGNORECASE)
+    pattern = re.compile(rf"(.*?)({FILE_NUMBER})(\D*\.obj)", re.IGNORECASE)
     if place is not None:
         before, after = (re.escape(part) for part in (path.name[: place.start()], path.name[place.end() :]))
-        pattern = re.compile(rf"({before})(\d+)({after})")
+        pattern = re.compile(rf"({before})({FILE_NUMBER})({after})")
     try:
         names = sorted(p.name for p in folder.iterdir())
     except OSError as e:
@@ -85,9 +86,13 @@ def find_frames(text: str) -> tuple[list[Path], float, list[str]]:
         raise SceneError(f"{len(matches)} files, more than {MAX_FRAMES}", where=text)
     matches.sort(key=lambda m: (int(m[2]), m[2]))
     numbers = [int(m[2]) for m in matches]
+    twice = next((i for i in range(1, len(numbers)) if numbers[i] == numbers[i - 1]), None)
+    if twice is not None:
+        message = f"{matches[twice - 1][0]} and {matches[twice][0]} have the same number {numbers[twice]}"
+        raise SceneError(message, where=text, hint="write all numbers with as many digits")
     warnings = []
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-        warnings.append("the file numbers have gaps or repeat: frames are the files in order")
+        warnings.append("the file numbers have gaps: frames are the files in order")
     return [folder / m[0] for m in matches], fps, warnings
 
 
@@ -99,6 +104,7 @@ class Shape:
     corners: tuple[Array, ...]  # per material (T, 3, 3) int64
     fans: tuple[Array, ...]  # per material (F, 3, 3) int64: the faces of the file, however they are cut
     v: Array  # (n, 3) the object's range of the positions
+    colors: Array | None  # (n, 3) linear
     vt: Array
     vn: Array
 
@@ -132,7 +138,9 @@ def _shape(file: ObjFile, parts: list[Part]) -> Shape:
         tuple(np.where(triangles == MISSING, MISSING, triangles - low) for triangles in kind)
         for kind in ([p.corners for p in parts], [p.fans for p in parts])
     )
-    return Shape(tuple(p.material for p in parts), corners, fans, *arrays)
+    v, vt, vn = arrays
+    colors = None if file.colors is None else file.colors[low[0] : low[0] + len(v)]
+    return Shape(tuple(p.material for p in parts), corners, fans, v, colors, vt, vn)
 
 
 MORPHED_BYTES, WEIGHT_BYTES = 72, 8
@@ -310,6 +318,7 @@ class _Assembly:
             material=self.library.use(material),
             normals=None if normals is None else normals.astype(np.float32),
             texcoords=(texcoords, None),
+            colors=None if base.colors is None else np.insert(base.colors[v], 3, 1.0, axis=1).astype(np.float32),
             targets=targets,
         )
 

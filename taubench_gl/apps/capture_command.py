@@ -1,0 +1,174 @@
+"""``taubench-gl capture``: recorded games -> glTF, what is in them, and new recordings."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from taubench_gl.apps.options import AS_JSON, Commands, command
+from taubench_gl.apps.screen import note, show_json, show_notes, show_pairs
+from taubench_gl.errors import SettingsError
+from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
+
+DATA = setting(
+    Path("/usr/share/games/openarena/baseoa"), "Folder of the game's data files (.pk3)", flag="--data", metavar="DIR"
+)
+SECONDS = setting(6.0, "Length of a window", above_zero("seconds above 0"), unit="s")
+BEST = "best"
+
+
+@click.group(
+    cls=Commands,
+    default="run",
+    epilog="""\b
+Examples:
+  taubench-gl capture info game.dm_71
+  taubench-gl capture game.dm_71 --start best --out scene.glb
+  taubench-gl capture record --map oa_shouse --bots 14 --out game.dm_71""",
+)
+def capture() -> None:
+    """Make scenes of recorded games, as the paper captures its scenes: 'capture GAME.dm_71 --out OUT.glb'.
+
+    GAME is a demo of the Quake 3 family (Quake 3, OpenArena: .dm_68, .dm_70, .dm_71).  Maps, models and images come
+    from the game's data files.  A scene made of them is a derived work: OpenArena's are GPL 2.
+    """
+
+
+@command(
+    epilog="""\b
+Examples:
+  taubench-gl capture run game.dm_71 --start 12 --out scene.glb
+  taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
+\b
+An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 1.5 to 3.5 points of
+frustum and over 4 of position and normal.  docs/capture.md says what is in a scene."""
+)
+@click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
+def run(
+    game: Path,
+    *,
+    data: Path = DATA,
+    start: str = setting(
+        BEST, "Second of the recording, or best: the window with the most rotation in which the player lives",
+        metavar="SECOND|best",
+    ),
+    seconds: float = SECONDS,
+    fps: float = setting(60.0, "Rate of the keys; frames at 24 fps have keys too", at_least(1, most=1000)),
+    view_weapon: bool = setting(True, "The weapon in the player's hands", flag="--view-weapon/--no-view-weapon"),
+    roll: bool = setting(True, "Lean of the view by walking and running", flag="--roll/--no-roll"),
+    lights: str = setting("game", "Suns, light entities, shots and explosions, or none", one_of(("game", "none"))),
+    out: Path = setting(REQUIRED, "File of the scene", metavar="OUT.glb"),
+) -> None:  # fmt: skip
+    """Write a part of a recorded game as a glTF scene.
+
+    World, doors, items, missiles, players and their lights move as the game moves them, and the camera is the player's
+    eye.  32 units are a meter.  What the game draws and the file has not is listed.
+    """
+    from taubench_gl.capture.quake3.demo import read_demo
+    from taubench_gl.capture.quake3.paks import Paks
+    from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
+    from taubench_gl.capture.recording import best_window
+
+    demo = read_demo(game)
+    paks = Paks(data)
+    recording = as_recording(demo)
+    first = best_window(recording, seconds).start if start == BEST else _second(start)
+    choice = Choice(first, seconds, fps, view_weapon, roll, lights == "game")
+    file = build_scene(demo, paks, choice, out)
+    show_notes(recording.notes)
+    listed = ", ".join(f"{number:,} {kind}" for kind, number in file.counts.items())
+    click.echo(f"{demo.map_name}, {first:g} to {first + seconds:g} s: {listed}")
+    click.echo(f"{out}: {out.stat().st_size:,} bytes; {file.writer.gltf.asset.copyright}")
+    click.echo(f"Tables 1 to 4: taubench-gl evaluate {out} --fps {fps:g}")
+
+
+def _second(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingsError(f"start is {text!r:.60}", hint="give seconds from the first snapshot, or best") from None
+
+
+@command(
+    epilog="""\b
+Examples:
+  taubench-gl capture info game.dm_71
+  taubench-gl capture info game.dm_71 --json"""
+)
+@click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
+def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bool = AS_JSON) -> None:
+    """Show map, players, when the recording player lives, and the windows of a recording by rotation.
+
+    Needs only the recording; --data says which archives hold the map.
+    """
+    from taubench_gl.capture.quake3.demo import read_demo
+    from taubench_gl.capture.quake3.scene import as_recording
+    from taubench_gl.capture.recording import RULE, STEP, stretches, windows
+
+    recording = as_recording(read_demo(game))
+    ranked = sorted(windows(recording, seconds), key=lambda window: (not window.alive, -window.rotation))
+    alive = stretches(recording.eye.times, recording.eye.alive)
+    facts = {
+        "game": recording.game,
+        "map": recording.map_name,
+        "map in": _holders(recording.map_name, data),
+        "seconds": round(recording.seconds, 3),
+        "players": ", ".join(recording.players),
+        "lives (s)": ", ".join(f"{a:.2f} to {b:.2f}" for a, b in alive) or "never",
+        **{kind: len(times) for kind, times in recording.counts.items()},
+    }
+    if as_json:
+        show_json({**facts, "windows": [asdict(window) for window in ranked], "notes": recording.notes})
+        return
+    show_pairs(f"Recording {game.name}", facts)
+    show_notes(recording.notes)
+    click.echo(f"Windows of {seconds:g} s, one every {STEP:g} s, by rotation; 'best' is {RULE}:")
+    for window in ranked:
+        events = ", ".join(f"{number} {kind}" for kind, number in window.counts.items())
+        lives = "lives" if window.alive else "dies or watches"
+        rates = f"{window.rotation:6.1f} deg/s  {window.moved:5.2f} m/s  {lives}"
+        click.echo(f"  --start {window.start:<5g} {rates}, {window.jumps} jumps, {events}")
+
+
+def _holders(map_name: str, data: Path) -> str:
+    """Archives that hold a map, or what to install."""
+    from taubench_gl.capture.quake3.paks import Paks
+    from taubench_gl.errors import SceneError
+
+    try:
+        holders = Paks(data).holders(f"maps/{map_name}.bsp")
+    except SceneError as error:
+        return str(error)
+    names = ", ".join(path.name for path in holders)
+    return names or f"none of {data}; OpenArena's maps: apt-get install openarena openarena-oacmp1"
+
+
+@command(
+    epilog="""\b
+Examples:
+  taubench-gl capture record --map oa_shouse --bots 14 --seconds 24 --out game.dm_71
+\b
+Needs ioquake3 and OpenArena (apt-get install ioquake3 openarena), no screen and no GPU.  Two recordings differ: the
+file, not the command, is the source of a scene."""
+)
+def record(
+    *,
+    map_name: str = setting(REQUIRED, "Map", flag="--map", metavar="NAME"),
+    bots: int = setting(8, "Players, all of them bots", at_least(1, most=20)),
+    seconds: float = setting(24.0, "Length of the recording at least", above_zero("seconds above 0"), unit="s"),
+    rockets: bool = setting(False, "Rocket launchers only"),
+    limit: float = setting(300.0, "The game is killed after this time, and tried again", above_zero(), unit="s"),
+    out: Path = setting(REQUIRED, "File of the recording", metavar="OUT.dm_71"),
+) -> None:
+    """Record a match between bots, seen by one of them, at a snapshot every 16 ms."""
+    from taubench_gl.capture.quake3.record import record as record_game
+
+    demo = record_game(map_name, bots, seconds, out, rockets=rockets, limit=limit)
+    click.echo(f"{out}: {demo.map_name}, {demo.seconds:.1f} s, {len(demo.snapshots)} snapshots")
+    note(f"its windows: taubench-gl capture info {out}")
+
+
+for member in (run, info, record):
+    capture.add_command(member)

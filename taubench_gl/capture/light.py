@@ -1,0 +1,35 @@
+"""The light of games in one unit.
+
+Sun, surfaces, light entities and dynamic lights keep the ratios that the map compiler of Quake 3 (q3map) and the game
+give them: a byte of a lightmap is irradiance, so each can be written as one.  One factor is free, LUX; the exposure of
+an evaluation cancels it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+LUX = 10.0
+"""Lux per unit of irradiance, of which 255 saturates a lightmap: 2,550 lx, an overcast day."""
+FULL_BRIGHT = 255 * LUX / np.pi
+"""Luminance, cd/m^2, of white that the game draws without light: a white wall in irradiance of 255."""
+
+
+def sun_lux(intensity: float) -> float:
+    """Illuminance of ``q3map_sun``."""
+    return intensity * LUX
+
+
+def entity_candela(light: float, meters: float) -> float:
+    """Intensity of a light entity: its irradiance at d units is 7500 times ``light`` / d^2; ``meters`` per unit."""
+    return 7500 * light * LUX * meters**2
+
+
+def surface_luminance(light: float) -> float:
+    """Luminance, cd/m^2, of ``q3map_surfacelight``: q3map sends a quarter of it per unit of area, with both cosines."""
+    return light / 4 * LUX
+
+
+def dynamic_candela(radius: np.ndarray | float, meters: float) -> np.ndarray | float:
+    """Intensity of a light that the game adds while it runs: 16 units of irradiance at its radius, in units."""
+    return 16 * np.asarray(radius, dtype=float) ** 2 * LUX * meters**2

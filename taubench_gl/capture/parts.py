@@ -1,0 +1,182 @@
+"""The glTF file of a captured scene: what moves, appears and shines over the times of its keys.
+
+Readers give world axes with +Z up in units of the game, and triangles clockwise or not; the file has meters and +Y up.
+A jump gets a second key one float32 step before it, so that nothing moves through the space between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.errors import SettingsError
+from taubench_gl.math3d import normalize, quat_from_mat3
+from taubench_gl.scene.gltf.container import add_facts
+
+Array = np.ndarray
+
+Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""Axes of the file from those of the game."""
+FIELD_OF_VIEW = 90.0
+"""Degrees across an image of 16:9, as the games' default."""
+
+
+def y_up(vectors: Array) -> Array:
+    """(..., 3) from +Z up to +Y up."""
+    return np.asarray(vectors, dtype=float) @ Y_UP.T
+
+
+def rotations(axes: Array) -> Array:
+    """(n, 3, 3) rows forward, left, up of models -> (n, 4) quaternions of their nodes, continuous in sign."""
+    q = quat_from_mat3(Y_UP @ np.swapaxes(axes, -1, -2) @ Y_UP.T)
+    return continuous(q)
+
+
+def view_rotations(axes: Array) -> Array:
+    """(n, 3, 3) rows forward, left, up -> (n, 4) quaternions of nodes that look along their -Z, as cameras do."""
+    forward, left, up = np.moveaxis(y_up(axes), 1, 0)
+    return continuous(quat_from_mat3(np.stack([-left, up, -forward], -1)))
+
+
+def continuous(q: Array) -> Array:
+    """Quaternions with the sign that is nearest to the one before."""
+    flips = np.where(np.einsum("ij,ij->i", q[1:], q[:-1]) < 0, -1.0, 1.0)
+    return q * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where something is at each key.  ``places``: (n, 3) units; ``axes``: (n, 3, 3); the others (n,), None: not."""
+
+    places: Array
+    axes: Array | None = None
+    shown: Array | None = None
+    scale: Array | None = None
+    jumps: Array | None = None
+
+
+class SceneFile:
+    """A scene under construction.  ``times``: (n,) seconds of the keys; ``unit``: meters per unit of the game."""
+
+    def __init__(self, times: Array, unit: float, license_text: str):
+        self.times, self.unit = np.asarray(times, "f4"), unit
+        self.writer = Writer(license_text, "taubench-gl capture", share=True)
+        self.counts: dict[str, int] = {}
+        self._tracks: list[tuple] = []
+
+    def count(self, kind: str, number: int = 1) -> None:
+        self.counts[kind] = self.counts.get(kind, 0) + number
+
+    # -------------------------------------------------------------------------------------------------------- surfaces
+    def primitive(
+        self, places: Array, normals: Array, uvs: Array, triangles: Array, material: int, frames: tuple = ()
+    ) -> Any:
+        """Counter-clockwise ``triangles`` of vertices in units; ``frames``: (places, normals) of each morph target."""
+        first = y_up(places) * self.unit, y_up(normals)
+        shape = {"POSITION": first[0], "NORMAL": normalize(first[1]), "TEXCOORD_0": uvs, "indices": triangles}
+        targets = [{"POSITION": y_up(p) * self.unit - first[0], "NORMAL": y_up(n) - first[1]} for p, n in frames]
+        return self.writer.primitive(shape, material, targets)
+
+    def emissive(self, name: str, color: Array, luminance: float, texture: int | None = None, **rest: Any) -> int:
+        """A material that sends ``luminance``, cd/m^2, of a color, and reflects nothing unless it has a texture."""
+        color = np.asarray(color, dtype=float)
+        color = color / max(color.max(), 1e-9) if texture is None else np.ones(3)
+        strength = {"emissiveStrength": float(luminance)}
+        extensions = {self.writer.uses("KHR_materials_emissive_strength"): strength}
+        info = {} if texture is None else {"emissiveTexture": {"index": texture}}
+        base = (0.0, 0.0, 0.0) if texture is None else (1.0, 1.0, 1.0)
+        return self.writer.material(
+            name, base, texture=texture, emissiveFactor=color.tolist(), extensions=extensions, **info, **rest
+        )
+
+    # ---------------------------------------------------------------------------------------------------------- motion
+    def place(self, name: str, motion: Motion, weights: Array | None = None, **properties: Any) -> int:
+        """A node, such as of ``mesh=``, that moves as a model.  ``weights``: (n, targets) of its morph targets."""
+        node = self._node(name, motion, None if motion.axes is None else rotations(motion.axes), properties)
+        if weights is not None and weights.shape[1]:
+            self._animate(node, "weights", weights, motion.jumps)
+        return node
+
+    def camera(self, motion: Motion, near: float, far: float = 1000.0) -> int:
+        """The recording player's camera.  ``near``, ``far``: meters."""
+        height = 2 * np.arctan(np.tan(np.radians(FIELD_OF_VIEW / 2)) * 9 / 16)
+        lens = self.writer.camera("player", float(height), near, far)
+        return self._node("player camera", motion, view_rotations(motion.axes), {"camera": lens})
+
+    def point_light(self, name: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None) -> None:
+        """A point light whose intensity changes in steps; not written where it is never on."""
+        if np.max(candela) <= 0:
+            return
+        light = {"type": "point", "color": [float(c) for c in color], "intensity": float(candela[0]), "name": name}
+        extensions = self.writer.light(**light)
+        self._node(name, Motion(places, jumps=jumps), None, {"extensions": extensions})
+        number = extensions["KHR_lights_punctual"]["light"]
+        if len(candela) > 1 and (candela != candela[0]).any():
+            pointer = f"/extensions/KHR_lights_punctual/lights/{number}/intensity"
+            self._tracks.append((pointer, "pointer", *self._steps(np.asarray(candela, "f4")), "STEP"))
+
+    def sun(self, toward: Array, color: tuple, lux: float) -> None:
+        """A directional light that shines from the direction ``toward``, (3,)."""
+        light = {"type": "directional", "color": [float(c) for c in color], "intensity": float(lux), "name": "sun"}
+        up = [0.0, 0, 1] if abs(toward[2]) < 0.99 else [1.0, 0, 0]
+        left = normalize(np.cross(up, -toward))
+        axes = np.stack([-toward, left, np.cross(-toward, left)])[None]
+        self.writer.node("sun", rotation=view_rotations(axes)[0].tolist(), extensions=self.writer.light(**light))
+
+    def _node(self, name: str, motion: Motion, quats: Array | None, properties: dict[str, Any]) -> int:
+        places = y_up(motion.places) * self.unit
+        node = self.writer.node(name, translation=places[0].tolist(), **properties)
+        item = self.writer.gltf.nodes[node]
+        self._animate(node, "translation", places, motion.jumps)
+        if quats is not None:
+            item.rotation = quats[0].tolist()
+            self._animate(node, "rotation", quats, motion.jumps)
+        if motion.scale is not None:
+            item.scale = [float(motion.scale[0])] * 3
+            self._animate(node, "scale", np.repeat(motion.scale[:, None], 3, 1), None)
+        if motion.shown is not None:
+            visible = {"visible": bool(motion.shown[0])}
+            item.extensions = {**item.extensions, self.writer.uses("KHR_node_visibility"): visible}
+            if not (motion.shown == motion.shown[0]).all():
+                pointer = f"/nodes/{node}/extensions/KHR_node_visibility/visible"
+                self._tracks.append((pointer, "pointer", *self._steps(motion.shown), "STEP"))
+        return node
+
+    def _animate(self, node: int, path: str, values: Array, jumps: Array | None) -> None:
+        """A linear track, without keys between equal ones; none where nothing moves."""
+        times, values = self.times, np.asarray(values, "f4")
+        if len(times) < 2 or np.abs(values - values[0]).max() < 1e-7:
+            return
+        if jumps is not None and jumps[1:].any():
+            at = np.flatnonzero(jumps[1:]) + 1
+            times = np.insert(times, at, np.nextafter(times[at], np.float32(-1)))
+            values = np.insert(values, at, values[at - 1], axis=0)
+        same = (values[1:] == values[:-1]).all(1)
+        keep = np.concatenate([[True], ~(same[:-1] & same[1:]), [True]])
+        self._tracks.append((node, path, times[keep], values[keep], "LINEAR"))
+
+    def _steps(self, values: Array) -> tuple[Array, Array]:
+        """Times and values where they change."""
+        keep = np.concatenate([[True], values[1:] != values[:-1]])
+        return self.times[keep], values[keep]
+
+    # ------------------------------------------------------------------------------------------------------------ file
+    def save(self, path: Path, name: str, note: str, lost: list[str]) -> None:
+        """Write the scene as .glb.  ``note`` and ``lost``: what every evaluation of it says.  Raises OutputError."""
+        if path.suffix.lower() != ".glb":
+            raise SettingsError(f"{path.name} does not end in .glb", hint="captured scenes are written as one file")
+        w = self.writer
+        if self._tracks:
+            last = float(self.times[-1])
+            if not any(float(track[2][-1]) == last for track in self._tracks):  # the file lasts as long as the window
+                self._tracks.append((0, "translation", self.times[[0, -1]], [w.gltf.nodes[0].translation] * 2, "STEP"))
+            w.animation("game", *self._tracks)
+        root = {"asset": {}}
+        add_facts(root, {"name": name, "note": note, "lost": lost})
+        w.gltf.asset.extras = root["asset"]["extras"]
+        w.gltf.scenes[0].name = name
+        w.save(path)

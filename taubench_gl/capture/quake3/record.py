@@ -1,0 +1,103 @@
+"""Records demos of matches between bots with ioquake3 and OpenArena, without a screen and faster than real time."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from pathlib import Path
+
+from taubench_gl.capture.quake3.demo import Demo, read_demo
+from taubench_gl.data_files import opened
+from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.outputs import copy_atomically, write_atomically
+
+INSTALL = "apt-get install ioquake3 openarena"
+FOLDERS = (Path("/usr/lib/openarena"), Path("/usr/share/games/openarena"))
+"""Where Debian's packages put the game."""
+BOTS = (
+    "angelyss", "arachna", "ayumi", "beret", "gargoyle", "grism", "grunt", "jenna", "kyonshi", "liz", "major", "merman",
+    "murielle", "neko", "penguin", "rai", "sarge", "sergei", "skelebot", "smarine",
+)  # fmt: skip
+STEP = 16
+"""Milliseconds of the game per frame, and from snapshot to snapshot."""
+TRIES = 4
+_SETTINGS = {
+    "com_basegame": "baseoa", "com_homepath": ".openarena", "com_legacyprotocol": 71, "com_protocol": 71, "vm_game": 0,
+    "vm_cgame": 0, "vm_ui": 0, "r_mode": -1, "r_customwidth": 64, "r_customheight": 48, "r_fullscreen": 0,
+    "s_initsound": 0, "sv_fps": 60, "snaps": 60, "rate": 90000, "sv_maxclients": 24, "g_gametype": 0, "fraglimit": 0,
+    "timelimit": 0, "com_maxfps": 1000, "sv_pure": 0, "com_hunkmegs": 512,
+}  # fmt: skip
+
+
+def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool = False, limit: float = 300.0) -> Demo:
+    """Record at least ``seconds`` of a match between bots, seen by the first, to ``out``, and return it decoded.
+
+    ``rockets``: rocket launchers only; ``limit``: seconds after which an attempt is killed.  One start of the engine in
+    about ten hangs: it is tried TRIES times.  Raises SettingsError without the game, SceneError if nothing is recorded.
+    """
+    engine = shutil.which("ioquake3", path=f"{os.environ.get('PATH', '')}:/usr/lib/ioquake3")  # Debian's
+    folder = next((folder for folder in FOLDERS if (folder / "baseoa").is_dir()), None)
+    if engine is None or folder is None:
+        raise SettingsError("ioquake3 and OpenArena are not installed", hint=INSTALL)
+    if not map_name.replace("_", "").replace("-", "").isalnum():
+        raise SettingsError(f"{map_name!r:.60} is no name of a map", setting="map")
+    waits = 2 * seconds * 1000 / STEP  # the engine counts a wait twice per frame
+    settling = 600  # while the map loads, waits are counted as well
+    for _ in range(TRIES):
+        with tempfile.TemporaryDirectory() as home:
+            made = _play(
+                [engine, *_arguments(folder, map_name, rockets)], Path(home), bots, (settling, round(waits)), limit
+            )
+            demo, settling = None if made is None else read_demo(made), 2 * settling
+            if demo is not None and demo.seconds < seconds - 0.1:
+                waits *= 1.05 * seconds / max(demo.seconds, 0.1)
+            elif demo is not None:
+                with opened(made, SceneError) as file:
+                    copy_atomically(file, out)
+                return demo
+    raise SceneError(
+        f"ioquake3 recorded too little in {TRIES} attempts of at most {limit:g} s",
+        where=map_name,
+        hint="is it a map of the installed packages? else raise --limit",
+    )
+
+
+def _arguments(folder: Path, map_name: str, rockets: bool) -> list[str]:
+    values = _SETTINGS | {"fs_basepath": folder, "g_rockets": int(rockets)}
+    settings = [word for name, value in values.items() for word in ("+set", name, str(value))]
+    after = ["+set", "r_norefresh", "1", "+set", "fixedtime", str(STEP), "+exec", "record.cfg"]
+    return [*settings, "+devmap", map_name, *after]
+
+
+def _play(command: list[str], home: Path, bots: int, waits: tuple[int, int], limit: float) -> Path | None:
+    """Run the engine; the demo that it wrote, None if it did not come up or was killed at the limit.
+
+    ``waits``: of the engine, before the recording and during it.
+    """
+    data = home / ".openarena" / "baseoa"
+    data.mkdir(parents=True)
+    lines = [f"wait {waits[0]}", *(f"addbot {BOTS[i % len(BOTS)]} 5" for i in range(bots)), "wait 60", "team s"]
+    lines += ["wait 1200", "follow 1", "wait 60", "record made", f"wait {waits[1]}", "stoprecord", "wait 10", "quit"]
+    write_atomically(data / "record.cfg", "\n".join(lines) + "\n")
+    display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
+    process = subprocess.Popen(
+        command,
+        env={**os.environ, **display, "HOME": str(home)},
+        cwd=home,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        process.wait(limit)
+    except subprocess.TimeoutExpired:
+        return None
+    finally:
+        if process.poll() is None:  # it may ignore SIGTERM
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    return next(iter(sorted(data.glob("demos/made.dm_*"))), None)

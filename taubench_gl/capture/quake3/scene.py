@@ -1,0 +1,128 @@
+"""A part of a demo as a glTF scene, and a demo as a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.capture.parts import Motion, SceneFile
+from taubench_gl.capture.quake3 import things
+from taubench_gl.capture.quake3.bsp import Bsp
+from taubench_gl.capture.quake3.demo import Demo
+from taubench_gl.capture.quake3.paks import Paks
+from taubench_gl.capture.quake3.players import add_players
+from taubench_gl.capture.quake3.surfaces import Surfaces
+from taubench_gl.capture.quake3.timeline import FIRE, IMPACTS, MISSILE_KIND, UNIT, Timeline
+from taubench_gl.capture.recording import EXACT_RATE, RATE, Recording, key_times
+from taubench_gl.errors import SceneError, SettingsError
+
+MAX_SECONDS = 3600.0
+NEAR = 4.0
+"""Units from the eye to the near plane, as in the engine."""
+LICENSE = "derived from the game's maps, models and images; those of OpenArena: GPL-2.0, by the OpenArena team"
+_LEFT_OUT = (
+    "triangles of additive surfaces", "triangles of sprites", "surfaces of models that are additive surfaces",
+    "surfaces of models that are sprites", "animated textures, which stand still", "flares", "bullet marks",
+    "lightning bolts", "rail trails", "sprites of shots", "explosion sprites and marks",
+)  # fmt: skip
+"""Kinds of ``SceneFile.counts`` that the game draws and the file has not."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first snapshot."""
+
+    start: float
+    seconds: float = 6.0
+    fps: float = 60.0
+    view_weapon: bool = True
+    roll: bool = True
+    lights: bool = True
+
+
+def as_recording(demo: Demo) -> Recording:
+    """The demo for ``info`` and the search for windows.  Raises SceneError for one of more than an hour."""
+    if demo.seconds > MAX_SECONDS:
+        raise SceneError(f"lasts {demo.seconds:.0f} s", where=demo.name, hint=f"at most {MAX_SECONDS:.0f} s are read")
+    timeline = Timeline(demo, np.arange(int(demo.seconds * RATE + 1e-6) + 1) / RATE)
+    first = demo.snapshots[0].time
+    missiles: dict[tuple[float, ...], int] = {}
+    for (number, weapon, time), track in timeline.tracks(MISSILE_KIND, ("weapon", "time")).items():
+        missiles[number, weapon, time] = int(timeline.ms[np.argmax(track.present)])
+    times = {
+        "shots": [event.time for event in timeline.events if event.kind == FIRE],
+        "missiles": list(missiles.values()),
+        "explosions": [event.time for event in timeline.events if event.kind in IMPACTS and event.number >= 0],
+    }
+    counts = {kind: (np.array(sorted(found), dtype=float) - first) / 1000 for kind, found in times.items()}
+    clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < 64}
+    names = (demo.player_info(client).get("n", "") for client in sorted(clients))
+    notes = []
+    if demo.truncated:
+        notes.append("the file ends inside a message; what comes before is used")
+    if demo.starts > 1:
+        notes.append(f"{demo.starts} maps were started; the last is used")
+    if demo.invalid:
+        notes.append(f"{demo.invalid} snapshots count from one that was not received, and are left out")
+    eye = timeline.eye()
+    return Recording(
+        "Quake 3", demo.map_name, demo.seconds, UNIT, eye, tuple(filter(None, names)), counts, tuple(notes)
+    )
+
+
+def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile:
+    """Write the scene to ``path`` (.glb).  Raises SceneError for damaged files, SettingsError for an empty part."""
+    if not 0 <= choice.start < demo.seconds or choice.start + choice.seconds > demo.seconds + 1e-6:
+        part = f"{choice.start:g} to {choice.start + choice.seconds:g} s"
+        hint = f"it lasts {demo.seconds:g} s"
+        raise SettingsError(f"{part} is not inside the recording", where=demo.name, hint=hint)
+    times = key_times(choice.seconds, choice.fps)
+    timeline = Timeline(demo, choice.start + times)
+    file = SceneFile(times, UNIT, LICENSE)
+    surfaces = Surfaces(file, paks)
+    bsp = read_map(demo, paks)
+    world = surfaces.brush_mesh(bsp, 0, demo.map_name)
+    file.writer.node("world", **({} if world is None else {"mesh": world}))
+    if choice.lights:
+        surfaces.add_lights(bsp)
+    eye = timeline.eye(choice.roll)
+    file.camera(Motion(eye.places, eye.axes, jumps=eye.jumps), NEAR * UNIT)
+    things.add_movers(timeline, surfaces, bsp)
+    things.add_items(timeline, surfaces)
+    things.add_missiles(timeline, surfaces, choice.lights)
+    things.add_flashes(timeline, surfaces, eye, choice.lights)
+    if choice.view_weapon:
+        things.add_view_weapon(timeline, surfaces, eye)
+    add_players(timeline, surfaces)
+    name = f"{demo.map_name} {choice.start:g} to {choice.start + choice.seconds:g} s"
+    file.save(path, name, _note(choice, eye), left_out(surfaces))
+    return file
+
+
+def read_map(demo: Demo, paks: Paks) -> Bsp:
+    """The map of a demo.  Raises SceneError if no archive holds it, or it is damaged."""
+    name = f"maps/{demo.map_name}.bsp"
+    data = paks.read(name)
+    if data is None:
+        hint = "OpenArena's maps: apt-get install openarena openarena-oacmp1; others: put the map's .pk3 there"
+        raise SceneError(f"has no {name}, the map of {Path(demo.name).name}", where=str(paks.folder), hint=hint)
+    return Bsp(data, paks.where(name))
+
+
+def left_out(surfaces: Surfaces) -> list[str]:
+    """What the game draws and the file has not, with its number."""
+    counts = surfaces.file.counts
+    lines = [f"{counts[kind]:,} {kind}" for kind in _LEFT_OUT if counts.get(kind)]
+    return [*lines, *(f"{what} ({number})" for what, number in surfaces.missing.items()), "fog and marks on walls"]
+
+
+def _note(choice: Choice, eye) -> str:
+    """What every evaluation of the scene says."""
+    weapon = "with the view weapon, which camera reprojection rejects" if choice.view_weapon else "no view weapon"
+    jumps = f"{int(eye.jumps.sum())} jumps of the camera, " if eye.jumps.any() else ""
+    return (
+        f"recorded game: {weapon}, {jumps}{1 / UNIT:g} units are 1 m, keys at {choice.fps:g} and {EXACT_RATE:g} fps; "
+        "the game has no normal maps: the normal column is not comparable with the paper's"
+    )

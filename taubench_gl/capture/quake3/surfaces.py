@@ -1,0 +1,187 @@
+"""Maps, models and their materials in a scene file."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from taubench_gl.capture import light
+from taubench_gl.capture.parts import SceneFile
+from taubench_gl.capture.quake3.bsp import FLARE, Bsp
+from taubench_gl.capture.quake3.md3 import Md3
+from taubench_gl.capture.quake3.paks import Paks
+from taubench_gl.capture.quake3.shaders import Look, describe, number, read_scripts
+from taubench_gl.errors import SceneError
+from taubench_gl.srgb import srgb_decode
+
+Array = np.ndarray
+
+TEXTURE = 256
+"""Most pixels a side of a texture."""
+MIRROR = [0, 2, 1]
+"""The game's triangles are clockwise, the file's are not."""
+_WHITE = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Surfaces:
+    """What a scene is drawn with.  ``missing``: names of images and models that no archive has."""
+
+    def __init__(self, file: SceneFile, paks: Paks):
+        self.file, self.paks = file, paks
+        self.missing: Counter[str] = Counter()
+        self._scripts = read_scripts(paks)
+        self._materials: dict[str, int | None] = {}
+        self._textures: dict[tuple[str, bool], tuple[int, Array]] = {}
+        self._models: dict[str, Md3 | None] = {}
+        self._meshes: dict[str, int | None] = {}
+
+    # ------------------------------------------------------------------------------------------------------- materials
+    def look(self, name: str) -> Look:
+        """A shader; a name with the ending of an image means the shader without it, where there is one."""
+        stem = name.rpartition(".")[0] if name.endswith((".tga", ".jpg", ".png")) else name
+        return describe(name, self._scripts.get(stem) or self._scripts.get(name))
+
+    def material(self, name: str) -> int | None:
+        """The material of a shader; None for what is not drawn or cannot be in the file."""
+        if name not in self._materials:
+            self._materials[name] = self._make_material(name, self.look(name))
+        return self._materials[name]
+
+    def left_out(self, name: str) -> str:
+        """Why a surface that the game draws is not in the file; empty if it is, or the game does not draw it."""
+        look = self.look(name)
+        return look.left_out if look.drawn and not look.sky else ""
+
+    def _make_material(self, name: str, look: Look) -> int | None:
+        if not look.drawn or (look.left_out and not look.sky):
+            return None
+        if look.sky:
+            return self.file.emissive(name, self._color(look), self._sky_luminance(look))
+        image = next(filter(None, map(self.paks.image_name, look.images)), None)
+        rest = {"roughness": 0.9, "doubleSided": look.double_sided or None}
+        if look.animated:
+            self.file.count("animated textures, which stand still")
+        if image is None:
+            self.missing[f"no image of {name}"] += 1
+            return self.file.writer.material(name, (0.5, 0.5, 0.5), **rest)
+        texture, color = self._texture(image, look.alpha != "OPAQUE")
+        if look.alpha != "OPAQUE":
+            rest["alphaMode"] = look.alpha
+        if look.surface_light:
+            self.file.count("emissive materials")
+            luminance = light.surface_luminance(look.surface_light) * (self._color(look) @ _WHITE)
+            return self.file.emissive(name, color, luminance / max(color @ _WHITE, 1e-3), texture, **rest)
+        index = self.file.writer.material(name, texture=texture, **rest)
+        if look.alpha == "MASK":
+            self.file.writer.gltf.materials[index].alphaCutoff = look.cutoff
+        return index
+
+    def _texture(self, image: str, alpha: bool) -> tuple[int, Array]:
+        """An image of the archives, and its mean linear color."""
+        if (image, alpha) not in self._textures:
+            pixels = self._pixels(image)
+            number_ = self.file.writer.texture(pixels if alpha else np.ascontiguousarray(pixels[..., :3]), lossy=True)
+            color = srgb_decode(pixels[..., :3] / 255.0).reshape(-1, 3).mean(0)
+            self._textures[image, alpha] = number_, color
+        return self._textures[image, alpha]
+
+    def _pixels(self, image: str) -> Array:
+        try:
+            return self.paks.image(image, TEXTURE)
+        except SceneError as error:  # one image of a thousand: the game goes on as well
+            self.missing[f"image {image} {error.what}"] += 1
+            return np.full((1, 1, 4), 128, np.uint8)
+
+    def _color(self, look: Look) -> Array:
+        """Color of the light of a surface: the mean of its light image, its largest part 1, as q3map takes it."""
+        names = [name for name in (look.light_image, *look.images) if name]
+        image = next(filter(None, map(self.paks.image_name, names)), None)
+        color = np.ones(3) if image is None else self._pixels(image)[..., :3].reshape(-1, 3).mean(0)
+        return color / max(color.max(), 1e-6) if color.max() > 0 else np.ones(3)
+
+    def _sky_luminance(self, look: Look) -> float:
+        return light.surface_luminance(look.surface_light) if look.surface_light else light.FULL_BRIGHT
+
+    # ------------------------------------------------------------------------------------------------------------- map
+    def brush_mesh(self, bsp: Bsp, model: int, name: str) -> int | None:
+        """A model of the map: 0 is the world, the others are doors and lifts."""
+        primitives = []
+        for shader, mesh in bsp.meshes(model).items():
+            material = self.material(bsp.shaders[shader])
+            if material is None:
+                if reason := self.left_out(bsp.shaders[shader]):
+                    self.file.count(f"triangles of {reason}", len(mesh.triangles))
+                continue
+            self.file.count("triangles of the map", len(mesh.triangles))
+            corners = mesh.triangles[:, MIRROR]
+            primitives.append(self.file.primitive(mesh.places, mesh.normals, mesh.uvs, corners, material))
+        return self.file.writer.mesh(name, *primitives) if primitives else None
+
+    def add_lights(self, bsp: Bsp) -> None:
+        """The suns of the map's shaders, and its light entities; the sky is among the surfaces."""
+        suns = {sun for name in {*bsp.shaders} for sun in self.look(name).suns}
+        for red, green, blue, intensity, yaw, elevation in sorted(suns):
+            y, e = np.radians([yaw, elevation])
+            color = np.array([red, green, blue]).clip(0)
+            toward = np.array([np.cos(y) * np.cos(e), np.sin(y) * np.cos(e), np.sin(e)])
+            self.file.sun(toward, tuple(color / max(color.max(), 1e-6)), light.sun_lux(max(intensity, 0)))
+            self.file.count("suns")
+        for entity in bsp.entities:
+            place = [number(word) for word in entity.get("origin", "").split()]
+            if entity.get("classname") != "light" or len(place) != 3:
+                continue
+            color = np.array([number(w) for w in entity.get("_color", "1 1 1").split()][:3] or [1.0, 1, 1]).clip(0)
+            color = np.ones(3) if len(color) < 3 or color.max() <= 0 else color / color.max()
+            value = number(entity.get("light", "300")) or 300.0
+            candela = light.entity_candela(max(value, 0), self.file.unit)
+            self.file.point_light("light", np.array([place]), tuple(color), np.array([candela]))
+            self.file.count("light entities")
+        flares = int((bsp.surfaces["kind"] == FLARE).sum())
+        if flares:
+            self.file.count("flares", flares)
+
+    # ---------------------------------------------------------------------------------------------------------- models
+    def model(self, path: str) -> Md3 | None:
+        """A model of the archives; None if there is none."""
+        if path not in self._models:
+            data = self.paks.read(path)
+            self._models[path] = None if data is None else Md3(data, self.paks.where(path))
+            if data is None:
+                self.missing[f"no model {path}"] += 1
+        return self._models[path]
+
+    def model_primitives(self, model: Md3, skin: dict[str, str], frames: list[int]) -> list:
+        """Its surfaces in the first of ``frames``, the others as morph targets; ``skin``: surface -> shader."""
+        out = []
+        for surface in model.surfaces:
+            shader = skin.get(surface.name, surface.shader)
+            if not shader or not len(surface.triangles):
+                continue
+            material = self.material(shader)
+            if material is None:
+                self.file.count(f"surfaces of models that are {self.left_out(shader) or 'not drawn'}")
+                continue
+            shapes = [surface.shape(frame) for frame in frames]
+            corners = surface.triangles[:, MIRROR]
+            out.append(self.file.primitive(*shapes[0], surface.uvs, corners, material, tuple(shapes[1:])))
+        return out
+
+    def still_mesh(self, path: str) -> int | None:
+        """The first frame of a model; None if there is nothing to draw."""
+        if path not in self._meshes:
+            model = self.model(path)
+            primitives = [] if model is None else self.model_primitives(model, {}, [0])
+            self._meshes[path] = self.file.writer.mesh(path, *primitives) if primitives else None
+        return self._meshes[path]
+
+    def bolt(self, color: tuple[float, float, float], radius: float) -> int:
+        """An octahedron that shines: the game draws a sprite that faces the camera."""
+        key = f"bolt {color}"
+        if key not in self._meshes:
+            corners = np.concatenate([np.eye(3), -np.eye(3)])
+            faces = np.array([[0, 1, 2], [3, 5, 4], [1, 3, 2], [0, 2, 4], [0, 5, 1], [3, 4, 2], [1, 5, 3], [0, 4, 5]])
+            material = self.file.emissive(key, np.array(color), light.FULL_BRIGHT * 10)
+            shape = self.file.primitive(corners * radius, corners, np.zeros((6, 2)), faces, material)
+            self._meshes[key] = self.file.writer.mesh(key, shape)
+        return self._meshes[key]

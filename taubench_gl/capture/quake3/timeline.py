@@ -1,0 +1,276 @@
+"""States between snapshots: where the recording player's eye and every entity are at given times, by the game's rules.
+
+Interpolation, trajectories, and the eye's height, bob, landing and roll: ioquake3 (``code/cgame/cg_view.c``,
+``cg_ents.c``, ``code/game/bg_misc.c``).  All times are computed together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.capture.quake3.demo import DEAD, ENTITY, PLAYER, SPECTATOR, TELEPORT, Demo, Snapshot, State
+from taubench_gl.capture.recording import Eye
+from taubench_gl.errors import SceneError
+from taubench_gl.memory_budget import require
+
+Array = np.ndarray
+
+UNIT = 1 / 32
+"""Meters per unit: a player of 56 units is 1.75 m tall."""
+GRAVITY = 800.0
+STILL, INTERPOLATED, LINEAR, LINEAR_STOP, SINE, FALLING = range(6)
+FIRST_EVENT = 13
+"""Kind of an entity from which on it is an event, of the number that is added."""
+PLAYER_KIND, ITEM_KIND, MISSILE_KIND, MOVER_KIND = 1, 2, 3, 4
+MAX_PLAYERS = 64
+STEP_EVENTS, LAND_EVENTS, FIRE, IMPACTS = range(6, 10), range(10, 13), 23, range(50, 53)
+_BEFORE = 40
+"""Snapshots before the first time whose events still act."""
+_PLACE, _ANGLES = ("x", "y", "z"), ("pitch", "yaw", "roll")
+_PATHS = {
+    "path": (_PLACE, ("vx", "vy", "vz"), "time", "duration"),
+    "turn_path": (_ANGLES, ("turn_pitch", "turn_yaw", "turn_roll"), "turn_time", "turn_duration"),
+}
+
+
+def axes(angles: Array) -> Array:
+    """(..., 3) pitch (down positive), yaw, roll in degrees -> (..., 3, 3) rows forward, left, up."""
+    p, y, r = np.moveaxis(np.radians(angles), -1, 0)
+    cp, sp, cy, sy, cr, sr = np.cos(p), np.sin(p), np.cos(y), np.sin(y), np.cos(r), np.sin(r)
+    rows = (cp * cy, cp * sy, -sp, sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp,
+            cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)  # fmt: skip
+    return np.stack(rows, -1).reshape(*p.shape, 3, 3)
+
+
+def mix_angles(a: Array, b: Array, share: Array) -> Array:
+    """From ``a`` to ``b`` in degrees by the shorter arc."""
+    return a + share * ((b - a + 180) % 360 - 180)
+
+
+def columns(states: Array, names: tuple[str, ...], table: dict[str, int] = ENTITY) -> Array:
+    return states[..., [table[name] for name in names]]
+
+
+def trajectory(states: Array, times: Array, which: str = "path") -> Array:
+    """(n, 3) places, or with ``turn_path`` angles, of (n, fields) states of entities at (n,) milliseconds."""
+    base, delta, start, duration = _PATHS[which]
+    kind = states[:, ENTITY[which]][:, None]
+    first, delta = columns(states, base), columns(states, delta)
+    lasts = states[:, ENTITY[duration]]
+    seconds = (times - states[:, ENTITY[start]]) / 1000
+    seconds = np.where(kind[:, 0] == LINEAR_STOP, np.clip(seconds, 0, lasts / 1000), seconds)[:, None]
+    sine = np.sin(2 * np.pi * seconds * 1000 / np.where(lasts == 0, 1, lasts)[:, None])
+    out = first + np.where(kind <= INTERPOLATED, 0, delta * np.where(kind == SINE, sine, seconds))
+    out[:, 2] -= np.where(kind[:, 0] == FALLING, GRAVITY / 2 * seconds[:, 0] ** 2, 0)
+    return out
+
+
+@dataclass(frozen=True)
+class Track:
+    """An entity at the n times of a timeline.
+
+    ``states``: of the snapshot at or before each time, held where there is none; ``jumps``: the step to this time is
+    a teleport.
+    """
+
+    number: int
+    states: Array  # (n, fields)
+    present: Array  # (n,) bool
+    places: Array  # (n, 3)
+    angles: Array  # (n, 3) degrees
+    jumps: Array  # (n,) bool
+
+    def column(self, name: str) -> Array:
+        return self.states[:, ENTITY[name]]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened once.  ``number``: of its entity, -1 for the recording player, whose state is there."""
+
+    time: int
+    number: int
+    kind: int
+    state: State
+
+
+class Timeline:
+    """A demo at ``times``, (n,) increasing seconds from its first snapshot.  Raises SceneError."""
+
+    def __init__(self, demo: Demo, times: Array):
+        self.demo, self.times = demo, times
+        self.ms = demo.snapshots[0].time + times * 1000
+        all_times = np.array([s.time for s in demo.snapshots], dtype=float)
+        first = max(int(np.searchsorted(all_times, self.ms[0] + 1e-6, "right")) - 1, 0)
+        last = min(int(np.searchsorted(all_times, self.ms[-1])) + 2, len(all_times))
+        self.snapshots = demo.snapshots[first:last]
+        self._earlier = demo.snapshots[max(first - _BEFORE, 0) : first]
+        self.snapshot_times = all_times[first:last]
+        require(len(times) * 4000, "its frames", SceneError, demo.name)
+        # Times are rounded to a microsecond: 16 ms snapshots and keys meet.
+        self.index = np.searchsorted(self.snapshot_times, self.ms + 1e-3, "right") - 1
+        self.index = self.index.clip(0, len(self.snapshots) - 1)
+        self.next = (self.index + 1).clip(max=len(self.snapshots) - 1)
+        step = self.snapshot_times[self.next] - self.snapshot_times[self.index]
+        self.share = ((self.ms - self.snapshot_times[self.index]) / np.where(step == 0, 1, step)).clip(0, 1)
+        self.players = np.array([s.player for s in self.snapshots], dtype=float)
+        if not np.isfinite(self.players).all():
+            raise SceneError("the player's state has values that are no numbers", where=demo.name)
+        self.events = find_events([*self._earlier, *self.snapshots])
+        self._entities: dict[int, tuple[list[int], list[State]]] | None = None
+
+    # ----------------------------------------------------------------------------------------------- recording player
+    def own(self, name: str) -> Array:
+        """A field of the recording player at each time, of the snapshot at or before it."""
+        return self.players[self.index, PLAYER[name]]
+
+    def blend(self, *names: str) -> Array:
+        """(n, k) fields between snapshots; across a jump those of the snapshot before."""
+        table = columns(self.players, names, PLAYER)
+        return table[self.index] + self._share()[:, None] * (table[self.next] - table[self.index])
+
+    def _share(self) -> Array:
+        flags, client = (self.players[:, PLAYER[name]].astype(int) for name in ("flags", "client"))
+        jump = ((flags[self.index] ^ flags[self.next]) & TELEPORT) | (client[self.index] ^ client[self.next])
+        return np.where(jump != 0, 0.0, self.share)
+
+    def bob(self) -> Array:
+        """Phase of the walk, 0 to 255."""
+        cycle = self.players[:, PLAYER["bob"]]
+        return np.floor(cycle[self.index] + self._share() * ((cycle[self.next] - cycle[self.index]) % 256))
+
+    def alive(self) -> Array:
+        return (self.own("health") > 0) & (self.own("mode") == 0) & (self.own("team") != SPECTATOR)
+
+    def eye(self, roll: bool = True) -> Eye:
+        """The eye; ``roll``: with the lean of the view by bob and running."""
+        places, velocity = self.blend(*_PLACE), self.blend("vx", "vy", "vz")
+        look = columns(self.players, _ANGLES, PLAYER)
+        angles = mix_angles(look[self.index], look[self.next], self._share()[:, None])
+        alive = self.own("health") > 0
+        speed, bob = np.hypot(velocity[:, 0], velocity[:, 1]), self.bob()
+        sine, side = np.abs(np.sin((bob % 128) / 127 * np.pi)), np.where(bob >= 128, -1, 1)
+        forward, left = np.moveaxis(axes(angles), 1, 0)[:2]
+        if roll:
+            lean = np.where(alive, sine * 0.002 * np.maximum(speed, 200), 0)
+            angles[:, 0] += lean + np.where(alive, (velocity * forward).sum(1) * 0.002, 0)
+            angles[:, 2] += lean * side - np.where(alive, (velocity * left).sum(1) * 0.005, 0)
+            dead = [
+                np.full(len(alive), -15.0),
+                self.players[self.index, self.demo.death_yaw],
+                np.full(len(alive), 40.0),
+            ]
+            angles = np.where(alive[:, None] | (self.own("mode") == 2)[:, None], angles, np.stack(dead, 1))
+        height = self.own("view_height") + np.where(alive, np.minimum(sine * speed * 0.005, 6) + self._springs(), 0)
+        places[:, 2] += height
+        flags, client = self.own("flags").astype(int) & TELEPORT, self.own("client")
+        jumps = np.concatenate([[False], (np.diff(flags) != 0) | (np.diff(client) != 0)])
+        return Eye(self.times, places, axes(angles), jumps, self.alive())
+
+    def _springs(self) -> Array:
+        """Height of the eye, in units, by ducking, landing and steps, which it follows late."""
+        out, steps = np.zeros(len(self.ms)), np.zeros(len(self.ms))
+        near = [*self._earlier[-8:], *self.snapshots]
+        heights = np.array([s.player[PLAYER["view_height"]] for s in near])
+        for i in np.flatnonzero(np.diff(heights)):
+            late = self.ms - near[i + 1].time
+            out -= np.where((late >= 0) & (late < 100), (heights[i + 1] - heights[i]) * (100 - late) / 100, 0)
+        for event in self.events:
+            late = self.ms - event.time
+            if event.number < 0 and event.kind in STEP_EVENTS:
+                steps += np.where((late >= 0) & (late < 200), 4 * (event.kind - 5) * (200 - late) / 200, 0)
+            elif event.number < 0 and event.kind in LAND_EVENTS:
+                out -= 8 * (event.kind - 9) * np.interp(late, [0, 150, 450], [0, 1, 0], 0, 0)
+        return out - np.minimum(steps, 32)
+
+    # ------------------------------------------------------------------------------------------------------- entities
+    def tracks(self, kind: int, keys: tuple[str, ...] = ()) -> dict[tuple[int, ...], Track]:
+        """(number, values of the fields ``keys``) -> each entity of a kind; other values make another track."""
+        if self._entities is None:
+            self._entities = {}
+            for i, snapshot in enumerate(self.snapshots):
+                for number, state in snapshot.entities.items():
+                    rows = self._entities.setdefault(number, ([], []))
+                    rows[0].append(i)
+                    rows[1].append(state)
+        out = {}
+        for number, (rows, values) in self._entities.items():
+            states = np.array(values, dtype=float)
+            wanted = states[:, ENTITY["kind"]] == kind
+            if not wanted.any():
+                continue
+            if not np.isfinite(states).all():
+                raise SceneError(f"entity {number} has values that are no numbers", where=self.demo.name)
+            found = columns(states, keys)[wanted]
+            for key in np.unique(found, axis=0) if keys else [()]:
+                chosen = wanted & (columns(states, keys) == np.asarray(key)).all(1)
+                track = self._track(number, np.asarray(rows)[chosen], states[chosen])
+                if track is not None:
+                    out[(number, *(int(value) for value in key))] = track
+        return out
+
+    def _track(self, number: int, rows: Array, states: Array) -> Track | None:
+        """The entity that is in the snapshots ``rows``; None if it is there at no time."""
+        table = np.full(len(self.snapshots), -1)
+        table[rows] = np.arange(len(rows))
+        now, then = table[self.index], table[self.next]
+        present = now >= 0
+        if not present.any():
+            return None
+        held = np.where(present, np.arange(len(now)), -1)
+        held = np.maximum.accumulate(held)
+        held = np.where(held < 0, np.argmax(present), held)
+        a, b = states[now[held]], states[np.where(then >= 0, then, now)[held]]
+        same = (a[:, ENTITY["flags"]].astype(int) ^ b[:, ENTITY["flags"]].astype(int)) & TELEPORT == 0
+        path = a[:, ENTITY["path"]]
+        moves = (path == INTERPOLATED) | ((path == LINEAR_STOP) & (number < MAX_PLAYERS))
+        blended = (same & moves & present & (then >= 0))[:, None]
+        times = np.where(present, self.ms, self.ms[held])
+        ends = self.snapshot_times[self.index], self.snapshot_times[self.next]
+        p, q = trajectory(a, ends[0]), trajectory(b, ends[1])
+        places = np.where(blended, p + self.share[:, None] * (q - p), trajectory(a, times))
+        p, q = (trajectory(x, t, "turn_path") for x, t in zip((a, b), ends, strict=True))
+        angles = np.where(blended, mix_angles(p, q, self.share[:, None]), trajectory(a, times, "turn_path"))
+        flags = a[:, ENTITY["flags"]].astype(int) & TELEPORT
+        jumps = np.concatenate([[False], (np.diff(flags) != 0) | ~present[:-1]])
+        return Track(number, a, present, places, angles, jumps)
+
+    def place(self, track: Track, time: int) -> Array:
+        """Place of a track at a time, of the nearest sample."""
+        return track.places[int(np.abs(self.ms - time).argmin())]
+
+
+def find_events(snapshots: list[Snapshot]) -> list[Event]:
+    """Events in order, each once: an entity keeps one for 300 ms, and two bits of its number change with each.
+
+    The recording player's are numbered, and a snapshot has the last two.
+    """
+    out: list[Event] = []
+    last: dict[int, tuple[int, int]] = {}
+    count = None
+    kind_at, event_at = ENTITY["kind"], ENTITY["event"]
+    ring = PLAYER["event0"], PLAYER["event1"]
+    for s in snapshots:
+        total = int(s.player[PLAYER["events"]])
+        if count is not None:
+            out += [
+                Event(s.time, -1, int(s.player[ring[i & 1]]) & 255, s.player)
+                for i in range(max(count, total - 2), total)
+            ]
+        count = total
+        now = {}
+        for number, state in s.entities.items():
+            kind = int(state[kind_at])
+            now[number] = key = (kind, 0 if kind >= FIRST_EVENT else int(state[event_at]))
+            if last.get(number) != key:
+                event = kind - FIRST_EVENT if kind >= FIRST_EVENT else key[1]
+                if event & 255:
+                    out.append(Event(s.time, number, event & 255, state))
+        last = now
+    return out
+
+
+def is_dead(track: Track) -> Array:
+    return track.column("flags").astype(int) & DEAD != 0

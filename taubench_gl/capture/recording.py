@@ -1,0 +1,111 @@
+"""What recordings of all games have in common: the player's eye over time, events, and the windows worth capturing.
+
+World axes are right-handed with +Z up, in units of the game; a reader of a left-handed game converts.  Times are
+seconds from the first state of the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taubench_gl.errors import SettingsError
+
+Array = np.ndarray
+
+RATE = 60.0
+"""Samples per second of ``Recording``: the rate of the paper's captures."""
+EXACT_RATE = 24.0
+"""Rate whose frames always lie on keys, beside the rate asked: that of the paper's images."""
+RULE = "the window with the most rotation in which the player lives"
+STEP = 1.0
+"""Seconds from the start of one window to that of the next."""
+
+
+@dataclass(frozen=True)
+class Eye:
+    """The recording player's eye at n times.
+
+    ``axes``: rows forward, left, up; ``jumps``: the step to this sample is a teleport or a change of player, not
+    motion; ``alive``: the player is in the game and alive.
+    """
+
+    times: Array  # (n,) seconds
+    places: Array  # (n, 3) units
+    axes: Array  # (n, 3, 3)
+    jumps: Array  # (n,) bool
+    alive: Array  # (n,) bool
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording as ``info`` and the search for windows see it; ``eye`` at RATE.
+
+    ``counts``: kind of event, such as shots -> (m,) seconds; ``unit``: meters per unit.
+    """
+
+    game: str
+    map_name: str
+    seconds: float
+    unit: float
+    eye: Eye
+    players: tuple[str, ...]
+    counts: dict[str, Array]
+    notes: tuple[str, ...] = field(default=())
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a recording.  ``rotation``: degrees per second; ``moved``: meters per second; both without jumps."""
+
+    start: float
+    rotation: float
+    moved: float
+    alive: bool
+    jumps: int
+    counts: dict[str, int]
+
+
+def key_times(seconds: float, fps: float) -> Array:
+    """Times of keys, (n,) seconds from 0: the frames at ``fps`` and those at EXACT_RATE."""
+    frames = [np.arange(int(np.floor(seconds * rate + 1e-6)) + 1) / rate for rate in (fps, EXACT_RATE)]
+    times = np.concatenate(frames)
+    _, first = np.unique(np.round(times * 1e9), return_index=True)
+    return times[first]
+
+
+def windows(recording: Recording, seconds: float) -> list[Window]:
+    """Every window that starts on a multiple of STEP, in the order of time."""
+    eye = recording.eye
+    turned = np.clip((np.einsum("nij,nij->n", eye.axes[1:], eye.axes[:-1]) - 1) / 2, -1, 1)
+    rotation = np.where(eye.jumps[1:], 0.0, np.degrees(np.arccos(turned)))
+    moved = np.where(eye.jumps[1:], 0.0, np.linalg.norm(np.diff(eye.places, axis=0), axis=1) * recording.unit)
+    out = []
+    for k in range(int(np.floor((recording.seconds - seconds) / STEP + 1e-6)) + 1):
+        start = k * STEP
+        first, last = np.searchsorted(eye.times, [start - 1e-6, start + seconds - 1e-6])
+        inside = slice(first, last)
+        counts = {
+            kind: int(((times >= start) & (times < start + seconds)).sum()) for kind, times in recording.counts.items()
+        }
+        alive, jumps = bool(eye.alive[first : last + 1].all()), int(eye.jumps[first + 1 : last + 1].sum())
+        rates = rotation[inside].sum() / seconds, moved[inside].sum() / seconds
+        out.append(Window(start, float(rates[0]), float(rates[1]), alive, jumps, counts))
+    return out
+
+
+def best_window(recording: Recording, seconds: float) -> Window:
+    """The window of RULE.  Raises SettingsError where the player dies in every one."""
+    alive = [window for window in windows(recording, seconds) if window.alive]
+    if not alive:
+        hint = "give --start a time, or fewer --seconds"
+        raise SettingsError(f"no {seconds:g} s of the recording in which the player lives", hint=hint)
+    return max(alive, key=lambda window: window.rotation)
+
+
+def stretches(times: Array, flags: Array) -> Sequence[tuple[float, float]]:
+    """(first, last) time of each run of true ``flags``."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(flags, int), [0]])))
+    return [(float(times[a]), float(times[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]

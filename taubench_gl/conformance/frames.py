@@ -1,0 +1,152 @@
+"""The frames of an engine for one case, from OpenEXR or NPZ files, in the units of the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.conformance.stage import FRAMES
+from taubench_gl.conformance.truth import Truth
+from taubench_gl.data_files import stored_arrays
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.cameras import relative_position
+from taubench_gl.pathtraced.exr import ExrImage
+from taubench_gl.pathtraced.passes import (
+    EXPORT_PRESET,
+    ChannelIndex,
+    PassMap,
+    PathTracedFrame,
+    load_mapping,
+    read_frame,
+)
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+
+Array = np.ndarray
+EXR, NPZ = "exr:", "npz:"
+LETTERS = "XYZW"
+"""Names of the components of an array of an NPZ file, as channels."""
+
+
+@dataclass(frozen=True, slots=True)
+class EngineFrame:
+    """One frame of an engine, row 0 at the top.  None: it has no such pass."""
+
+    sky: Array  # (h, w) bool, no surface
+    motion: Array | None  # (h, w, 2) float64, previous - current, pixels, +x right, +y down, without jitter
+    points: Array | None  # (h, w, 3) float64, surface points relative to the camera of the truth, meters
+    normal: Array | None = None  # (h, w, 3) world
+    rejected: Array | None = None  # (h, w) bool: the engine does not use its history
+    step_px: Array | float = 0.0  # (h, w, 2) half a step of the stored vectors: that of half floats, else 0
+    step_m: Array | float = 0.0  # (h, w) a step of the stored positions
+    exact_zero: bool = True  # files can store vectors that are exactly zero, and vectors contain no jitter
+    world: bool = True  # points come from world positions, not relative ones or depth
+
+    @property
+    def judgeable(self) -> bool:
+        """Whether it shows if the scene was loaded as written."""
+        return self.points is not None or self.normal is not None
+
+
+class EngineFrames:
+    """Frames of all cases in a folder of an engine: CASE/ANYTHING0000.exr or .npz, one number for each frame.
+
+    ``spec``: exr:DIR or npz:DIR.  Raises PathTracedError for another one, and for a mapping that does not exist.
+    """
+
+    def __init__(self, spec: str, mapping: str | Path | None = None, layer: str | None = None):
+        self.kind = next((kind for kind in (EXR, NPZ) if spec.startswith(kind)), "")
+        self.folder = Path(spec.removeprefix(self.kind))
+        if not self.kind or not self.folder.is_dir():
+            raise PathTracedError("is no folder of frames", where=spec, hint="give exr:DIR or npz:DIR")
+        self._named = None if mapping is None else load_mapping(mapping)
+        self._mapping, self._layer = mapping, layer
+
+    def has(self, case: str) -> bool:
+        """Whether there are files of ``case``."""
+        return any((self.folder / case).glob(f"*.{self.kind[:3]}"))
+
+    def read(self, truth: Truth) -> list[EngineFrame]:
+        """The frames of a case.  Raises PathTracedError for damaged files, another number of frames or another size."""
+        folder = self.folder / truth.case.name
+        if self.kind == EXR:
+            sequence = PathTracedSequence.open(folder, mapping=self._mapping, layer=self._layer)
+            mapping, numbers = sequence.mapping, sequence.frames
+            frames = [sequence.read(number, geometry=False) for number in numbers]
+        else:
+            mapping = self._named or load_mapping(EXPORT_PRESET)
+            frames = [_read_npz(path, mapping) for path in sorted(folder.glob("*.npz"))]
+        if len(frames) != FRAMES:
+            raise PathTracedError(f"has {len(frames)} frames, the case has {FRAMES}", where=str(folder))
+        if {frame.size for frame in frames} != {truth.size}:
+            raise PathTracedError("its frames have several sizes", where=str(folder))
+        return [_convert(frame, mapping, truth, k) for k, frame in enumerate(frames)]
+
+    def size(self, case: str) -> tuple[int, int]:
+        """Width and height in pixels of the frames of ``case``.  Raises PathTracedError."""
+        if self.kind == EXR:
+            return PathTracedSequence.open(self.folder / case, mapping=self._mapping, layer=self._layer).size
+        mapping = self._named or load_mapping(EXPORT_PRESET)
+        return _read_npz(min((self.folder / case).glob("*.npz")), mapping).size
+
+
+def half_step(values: Array) -> Array:
+    """Half the distance of neighboring half floats at ``values``, 0 unless all of them are half floats."""
+    finite = values[np.isfinite(values)]
+    with np.errstate(over="ignore"):
+        half = finite.astype(np.float16).astype(np.float64)
+        # in units of a float32 step: a conversion of units rounds
+        stored = np.abs(half - finite) <= 2e-7 * np.abs(finite)
+        if not len(finite) or not stored.all() or not np.any(finite % 1.0):
+            return np.zeros(values.shape)
+        return 0.5 * np.spacing(np.abs(np.nan_to_num(values)).astype(np.float16)).astype(np.float64)
+
+
+def _read_npz(path: Path, mapping: PassMap) -> PathTracedFrame:
+    with stored_arrays(path, PathTracedError) as arrays:
+        values = {name: np.atleast_3d(arrays[name]) for name in arrays.files if np.ndim(arrays[name]) in (2, 3)}
+    sizes = {array.shape[:2] for array in values.values() if min(array.shape[:2]) > 4}  # matrices are smaller
+    if len(sizes) != 1:
+        raise PathTracedError(
+            "has no images of one size", where=str(path), hint="one array (h, w, components) per pass"
+        )
+    height, width = sizes.pop()
+    window = (0, 0, width - 1, height - 1)
+    planes = {f"{name}.{letter}": (array[..., i], window)
+              for name, array in values.items() if array.shape[:2] == (height, width)
+              for i, letter in zip(range(array.shape[2]), LETTERS)}  # fmt: skip
+    image = ExrImage(path, (width, height), planes, window)
+    return read_frame(image, ChannelIndex(image.names, mapping), geometry=False)
+
+
+def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int) -> EngineFrame:
+    view = truth.view(number)
+    points = None
+    if frame.position is not None or frame.depth is not None:
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            points = relative_position(frame, view)[0]
+    sky = frame.sky
+    if points is None and frame.normal is not None:
+        sky = ~np.any(frame.normal, axis=-1)
+    motion, step = frame.motion, 0.0
+    if motion is not None:
+        motion = motion.astype(np.float64)
+        unit = {"px": 1.0, "uv": 1.0, "ndc": 0.5}[mapping.motion.unit] * np.array(
+            (1, 1) if mapping.motion.unit == "px" else frame.size
+        )
+        step = half_step(motion / unit) * unit
+        if mapping.motion.jitter == "included":
+            motion = motion - truth.jitter_motion(number)
+    stored = frame.position if frame.position is not None else frame.depth
+    metric = 0.0
+    if stored is not None:
+        stored = np.abs(np.nan_to_num(stored.astype(np.float64), posinf=0.0, neginf=0.0)) / mapping.meters
+        metric = 2 * half_step(stored) + np.spacing(stored.astype(np.float32))
+        metric = (metric.max(axis=-1) if metric.ndim == 3 else metric) * mapping.meters
+    kept = getattr(frame, "kept", None)
+    return EngineFrame(
+        sky, motion, points, frame.normal, None if kept is None else kept <= 0.0, step, metric,
+        exact_zero=mapping.motion.zero == "0" and mapping.motion.jitter == "excluded",
+        world=frame.position is not None and not frame.relative,
+    )  # fmt: skip

@@ -1,0 +1,208 @@
+"""Scores as plain data (schema ``taubench-gl/conformance/1``), tables, JUnit XML and one HTML page."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from markupsafe import Markup
+
+from taubench_gl import __version__
+from taubench_gl.conformance.cases import CASES
+from taubench_gl.conformance.score import (
+    NOT_JUDGED,
+    RIGHT,
+    WRONG,
+    CaseScore,
+    ClassScore,
+    WorstPixel,
+    precision_recall,
+    text_of,
+)
+from taubench_gl.conformance.truth import Frame, Truth
+from taubench_gl.conventions import DEFINITIONS
+from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.report.page import Page, data_uri, tag, text_lines
+from taubench_gl.report.table import Column, Row, Table, to_html
+
+Array = np.ndarray
+SCHEMA = "taubench-gl/conformance/1"
+SCORE_FILE, JUNIT_FILE, PAGE_FILE = "conformance.json", "junit.xml", "conformance.html"
+EXIT_WRONG, EXIT_NOT_JUDGED = 1, 3
+_SCALE = 4
+"""Pixels of the page per pixel of a frame."""
+
+
+def exit_code(scores: Sequence[CaseScore], allow_unjudged: bool = False) -> int:
+    """1 if a case is wrong, else 3 if one is not judged, else 0; ``allow_unjudged``: 0 in place of 3."""
+    states = {score.status for score in scores}
+    if WRONG in states:
+        return EXIT_WRONG
+    return EXIT_NOT_JUDGED if NOT_JUDGED in states and not allow_unjudged else 0
+
+
+def score_summary(scores: Sequence[CaseScore], about: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain data.  ``about``: engine, frames, mapping and size.  Percentages are of the scored pixels of a class."""
+    states = Counter(score.status for score in scores)
+    causes = Counter(cause for score in scores for cause in score.causes)
+    return {
+        "schema": SCHEMA, **about, "provenance": {"version": __version__, "definitions": DEFINITIONS},
+        "right": states[RIGHT], "wrong": states[WRONG], "not_judged": states[NOT_JUDGED],
+        "causes": [{"text": text, "cases": count} for text, count in causes.most_common()],
+        "cases": [_case_summary(score) for score in scores],
+    }  # fmt: skip
+
+
+def _case_summary(score: CaseScore) -> dict[str, Any]:
+    out: dict[str, Any] = {"name": score.name, "status": score.status, "reason": score.reason or None}
+    out["classes"] = [
+        {
+            "name": each.name, "pixels": each.pixels, "wrong_percent": 100 * each.wrong / each.pixels,
+            "median_px": _number(each.median_px), "p95_px": _number(each.p95_px), "max_px": _number(each.max_px),
+            "missing": each.missing, "cause": text_of(each.cause) if each.failed else None,
+        }
+        for each in score.classes
+    ]  # fmt: skip
+    if score.rejection is not None:
+        precision, recall = precision_recall(score.rejection)
+        out["rejection"] = {"precision": precision, "recall": recall}
+    if score.worst is not None:
+        w = score.worst
+        vectors = {"vector_px": [_number(x) for x in w.vector], "right_px": [_number(x) for x in w.right]}
+        out["worst"] = {"frame": w.frame, "column": w.column, "row": w.row, "class": w.kind} | vectors
+    return out
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def score_tables(summary: Mapping[str, Any]) -> list[Table]:
+    """One row for each case: its verdict, the share of wrong vectors, errors, and why."""
+    columns = (
+        Column("verdict"), Column("wrong", "%", 2, "Vectors off by more than 0.1 px, of the scored pixels"),
+        Column("p95", "px", 3), Column("largest", "px", 2, "The largest error"),
+        Column("precision", "%", 1, "Of rejected pixels, those without history"),
+        Column("recall", "%", 1, "Of pixels without history, those that were rejected"),
+    )  # fmt: skip
+    rows = []
+    for case in summary["cases"]:
+        pixels = sum(each["pixels"] for each in case["classes"])
+        wrong = sum(each["pixels"] * each["wrong_percent"] for each in case["classes"]) / pixels if pixels else None
+        worst = [max((each[key] for each in case["classes"] if each[key] is not None), default=None)
+                 for key in ("p95_px", "max_px")]  # fmt: skip
+        causes = {}
+        for each in case["classes"]:
+            if each["cause"]:
+                causes.setdefault(each["cause"], []).append(each["name"])
+        why = case["reason"] or "; ".join(f"{', '.join(names)}: {cause}" for cause, names in causes.items())
+        rejection = case.get("rejection", {})
+        share = [None if rejection.get(key) is None else 100 * rejection[key] for key in ("precision", "recall")]
+        reasons = {0: why} if why else {}
+        rows.append(Row(case["name"], (case["status"], wrong, *worst, *share), reasons=reasons))
+    counts = f"{summary['right']} cases right, {summary['wrong']} wrong, {summary['not_judged']} not judged"
+    lead = [f"{summary['engine']}: {counts}", *(f"{c['text']}: {c['cases']} cases" for c in summary["causes"])]
+    return [Table("conformance", "Conformance", columns, tuple(rows), lead=tuple(lead))]
+
+
+def junit(summary: Mapping[str, Any]) -> str:
+    """The scores as JUnit XML: wrong cases are failures, cases that are not judged are skipped."""
+    suite = ElementTree.Element("testsuite", name=f"conformance of {summary['engine']}", errors="0",
+                                tests=str(len(summary["cases"])), failures=str(summary["wrong"]),
+                                skipped=str(summary["not_judged"]))  # fmt: skip
+    for case in summary["cases"]:
+        element = ElementTree.SubElement(suite, "testcase", classname="conformance", name=case["name"])
+        failed = [each for each in case["classes"] if each["cause"]]
+        if case["status"] == NOT_JUDGED:
+            ElementTree.SubElement(element, "skipped", message=case["reason"])
+        elif case["status"] == WRONG:
+            text = "; ".join(f"{each['name']}: {each['wrong_percent']:.1f} % wrong, {each['cause']}" for each in failed)
+            ElementTree.SubElement(element, "failure", message=text)
+    ElementTree.indent(suite)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"
+
+
+def save_scores(
+    scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mapping[str, tuple[int, int]], out: Path
+) -> list[Path]:
+    """Write the scores to ``out`` as JSON, JUnit XML and a page; ``sizes``: of each case.  Raises OutputError."""
+    out = output_folder(out)
+    write_atomically(out / SCORE_FILE, json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    write_atomically(out / JUNIT_FILE, junit(summary))
+    write_atomically(out / PAGE_FILE, _page(scores, summary, sizes).html())
+    return [out / name for name in (SCORE_FILE, JUNIT_FILE, PAGE_FILE)]
+
+
+def _page(scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mapping[str, tuple[int, int]]) -> Page:
+    """The page: the worst pixel of the worst case first, then the table, then every other wrong case."""
+    page = Page(f"{summary['engine']}: conformance", kind="conformance suite")
+    wrong = sorted((s for s in scores if s.worst and s.status == WRONG), key=lambda s: -_length(s.worst))
+    for score in wrong[:1]:
+        page.add("worst", f"The worst pixel: case {score.name}", *_shown(score, sizes[score.name]))
+    page.add("cases", "All cases", to_html(score_tables(summary), scroll=True))
+    for score in wrong[1:]:
+        page.add(score.name, f"Case {score.name}", *_shown(score, sizes[score.name]))
+    return page
+
+
+def _length(worst: WorstPixel) -> float:
+    error = math.hypot(worst.vector[0] - worst.right[0], worst.vector[1] - worst.right[1])
+    return error if math.isfinite(error) else math.inf
+
+
+def _shown(score: CaseScore, size: tuple[int, int]) -> list[Markup]:
+    """A wrong case: its causes, its worst pixel in both frames with both vectors, its classes."""
+    truth, w = Truth(CASES[score.name], size), score.worst
+    causes = [f"{', '.join(names)}: {cause}." for cause, names in score.causes.items()]
+    vector, right = (f"({v[0]:+.2f}, {v[1]:+.2f})" if np.isfinite(v).all() else "none" for v in (w.vector, w.right))
+    said = f"Pixel {w.column}, {w.row} of frame {w.frame} ({w.kind}): the vector is {vector} px, right is {right} px."
+    note = (
+        "Left: the frame. Right: the previous one. The pixel is circled; red: where the vector leads, green: where the "
+    )
+    now, before = truth.frame(w.frame), truth.frame(max(w.frame - 1, 0))
+    images = [_svg(now, w, size, False), _svg(before, w, size, True)]
+    table = tag("ul", *(tag("li", _class_line(each)) for each in score.classes if each.failed))
+    return [text_lines([CASES[score.name].text]), text_lines([*causes, said]), tag("div", *images),
+            text_lines([f"{note} surface point was. Shaded by the scorer from the scene file."]), table]  # fmt: skip
+
+
+def _class_line(each: ClassScore) -> str:
+    errors = f"median {each.median_px:.3g}, 95 % within {each.p95_px:.3g}, largest {each.max_px:.3g} px"
+    share = 100 * each.wrong / each.pixels
+    return f"{each.name}: {share:.1f} % of {each.pixels} vectors wrong; errors: {errors}; {text_of(each.cause)}"
+
+
+def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -> Markup:
+    """A frame with the pixel circled and, with ``arrows``, both vectors."""
+    width, height = (n * _SCALE for n in size)
+    x, y = ((n + 0.5) * _SCALE for n in (worst.column, worst.row))
+    parts = [tag("image", href=data_uri(_picture(frame)), width=str(width), height=str(height),
+                 style="image-rendering: pixelated")]  # fmt: skip
+    for (dx, dy), color in ((worst.right, "#009e73"), (worst.vector, "#d00000")) if arrows else ():
+        if math.isfinite(dx) and math.isfinite(dy):
+            end = {"x2": f"{x + _SCALE * dx:.1f}", "y2": f"{y + _SCALE * dy:.1f}"}
+            parts.append(tag("line", x1=str(x), y1=str(y), **end, stroke=color, stroke_width="2"))
+            parts.append(tag("circle", cx=end["x2"], cy=end["y2"], r="3", fill=color))
+    parts.append(tag("circle", cx=str(x), cy=str(y), r=str(2 * _SCALE), fill="none", stroke="#ffffff"))
+    parts.append(tag("circle", cx=str(x), cy=str(y), r=str(2 * _SCALE + 1), fill="none", stroke="#000000"))
+    return tag("svg", *parts, viewBox=f"0 0 {width} {height}", style="max-width: 49%; width: 30rem")
+
+
+def _picture(frame: Frame) -> bytes:
+    """A frame lit from the camera, a color for each object, as PNG."""
+    from PIL import Image
+
+    colors = np.random.default_rng(5).uniform(0.35, 0.95, (int(frame.node.max()) + 2, 3))
+    colors[-1] = (0.62, 0.75, 0.9)  # node -1: sky
+    facing = np.abs(frame.normal @ frame.view.world_from_view[:, 2])
+    shade = np.where(frame.node >= 0, 0.35 + 0.65 * facing, 1.0)
+    data = io.BytesIO()
+    Image.fromarray((255 * colors[frame.node] * shade[..., None]).astype(np.uint8)).save(data, "PNG")
+    return data.getvalue()

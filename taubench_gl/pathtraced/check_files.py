@@ -1,0 +1,223 @@
+"""The files that a check compares, each read once, and what a reading of their conventions makes of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation import View
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced import cameras as cams
+from taubench_gl.pathtraced.cameras import PathTracedCamera, points_at, project
+from taubench_gl.pathtraced.passes import PathTracedFrame, to_y_up
+from taubench_gl.pathtraced.readings import BACKWARDS, Reading, corrected_motion
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+
+Array = np.ndarray
+
+SCENE, PREVIOUS, STILL = BASES = ("the scene", "previous positions", "still surfaces")
+"""What vectors are compared with: the first two know the motion of every surface."""
+
+FEW_PIXELS = 50
+"""Fewest pixels that show anything."""
+
+SAME_POINT = 0.01
+"""Largest distance of a file's surface point from the scene's, relative to its depth."""
+
+_SEARCHED = 300  # pixels of each frame in the search; shares are then counted over all
+
+
+@dataclass(frozen=True, slots=True)
+class SceneTruth:
+    """One frame of the scene file, rasterized.  Arrays (h, w, ...) float64, row 0 at the top; NaN without a surface."""
+
+    position: Array  # (h, w, 3) relative to the camera, world axes, meters
+    motion: Array  # (h, w, 2) pixels, previous - current, +x right, +y down
+    still: Array  # (h, w, 2) what ``motion`` is if the surface does not move
+    sky: Array  # (h, w) bool
+
+
+Truth = Callable[[Collection[int]], Mapping[int, SceneTruth]]
+"""Frame numbers of files -> their truth."""
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Pixels of one file.  Arrays (N, ...) float64, as the mapping reads them; None: no such pass."""
+
+    at: Array  # flat indices into the image
+    pixels: Array  # column, row
+    position: Array | None
+    depth: Array | None
+    prev_position: Array | None
+    motion: Array | None
+
+    @classmethod
+    def of(cls, frame: PathTracedFrame, mask: Array, most: int | None = None) -> Samples:
+        """The pixels of ``mask`` (h, w), at most ``most`` of them, chosen at random with a fixed seed."""
+        at = np.random.default_rng(0).permutation(np.flatnonzero(mask))[:most]
+        named = (frame.position, frame.depth, frame.prev_position, frame.motion)
+        taken = (None if a is None else a.reshape(mask.size, *a.shape[2:])[at].astype(np.float64) for a in named)
+        return cls(at, np.stack([at % frame.size[0], at // frame.size[0]], axis=-1).astype(np.float64), *taken)
+
+
+@dataclass(slots=True)
+class Files:
+    """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well."""
+
+    sequence: PathTracedSequence
+    camera: PathTracedCamera
+    frames: dict[int, PathTracedFrame]
+    truth: Mapping[int, SceneTruth] = field(default_factory=dict)
+    placed: dict[int, Samples] = field(default_factory=dict)
+    every: dict[int, Samples] = field(default_factory=dict)
+    few: dict[int, Samples] = field(default_factory=dict)
+    views: dict[tuple[int, int, Reading], View | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for number, frame in self.frames.items():
+            use = ~frame.sky
+            if frame.position is not None:
+                use = use & np.isfinite(frame.position).all(axis=-1)
+            elif frame.depth is not None:
+                use = use & np.isfinite(frame.depth) & (frame.depth > 0)
+            self.placed[number] = Samples.of(frame, use)
+            if frame.motion is not None:
+                use = use & np.isfinite(frame.motion).all(axis=-1)
+            self.every[number] = Samples.of(frame, use)
+            if frame.prev_position is not None and frame.motion is not None:
+                moving = use & frame.motion.any(axis=-1)  # objects that move before a still camera
+                use = moving if moving.sum() >= FEW_PIXELS else use
+            self.few[number] = Samples.of(frame, use, _SEARCHED)
+
+    @property
+    def some(self) -> PathTracedFrame:
+        """The first file's frame: all files have the same passes."""
+        return next(iter(self.frames.values()))
+
+    @property
+    def geometry(self) -> bool:
+        """Whether surface points are known: there is a position or a depth pass."""
+        return self.some.position is not None or self.some.depth is not None
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the camera is estimated from the files, which shows neither axes nor units."""
+        return isinstance(self.camera, cams.FittedCamera)
+
+    @property
+    def bases(self) -> tuple[str, ...]:
+        """What vectors can be compared with, the best first."""
+        there = {SCENE: bool(self.truth), PREVIOUS: self.some.prev_position is not None, STILL: self.geometry}
+        return tuple(basis for basis in BASES if there[basis])
+
+    def view(self, number: int, reading: Reading) -> View | None:
+        """The camera of file ``number`` by ``reading``; None where the camera file has none for it."""
+        shown = number + {"ahead": -1, "behind": 1}.get(reading.order, 0)
+        if "backwards" in reading.order:
+            shown = self.sequence.frames[0] + self.sequence.frames[-1] - number
+        key = (number, shown, Reading(rows=reading.rows * self.fitted, matrix=reading.matrix, lens=reading.lens))
+        if key not in self.views:
+            try:
+                self.views[key] = self._view(*key)
+            except (PathTracedError, KeyError):
+                self.views[key] = None
+        return self.views[key]
+
+    def _view(self, number: int, shown: int, reading: Reading) -> View | None:
+        if reading.rows and self.view(number, Reading()) is not None:  # one of both row orders is right
+            return None
+        frame = self.frames[number]
+        view = self.camera.view(shown, _flipped(frame) if reading.rows else frame)
+        if reading.matrix:
+            matrix = self.camera.file.matrices[shown]
+            if reading.matrix == "rotation transposed":
+                matrix = math3d.affine(matrix[:3, :3].T, matrix[:3, 3])
+            elif reading.matrix == "y down, z forward":
+                matrix = matrix @ np.diag([1.0, -1.0, -1.0, 1.0])
+            else:
+                matrix = matrix.T if "transposed" in reading.matrix else matrix
+                matrix = np.linalg.inv(matrix) if "inverse" in reading.matrix else matrix
+            view = replace(view, position=matrix[:3, 3].copy(), world_from_view=math3d.orthonormal(matrix[:3, :3]))
+        if reading.lens and view.camera.kind == "perspective":
+            width, height = self.sequence.size
+            yfov = 2.0 * math.atan(math.tan(0.5 * view.camera.yfov) * height / width)
+            view = replace(view, camera=replace(view.camera, yfov=yfov))
+        return view
+
+    def pixels(self, samples: Samples, reading: Reading) -> Array:
+        """Column and row, row 0 at the top, (N, 2)."""
+        # A file whose first row is the bottom one: row r of the array is row height - 1 - r of the image.
+        return samples.pixels * [1, -1] + [0, self.sequence.size[1] - 1] if reading.rows else samples.pixels
+
+    def points(self, samples: Samples, reading: Reading, view: View, position: Array | None) -> Array:
+        """Surface points, relative to the camera of ``view``, world axes, (N, 3) meters; no ``position``: of depth."""
+        mapping = self.sequence.mapping
+        if position is None:
+            depth, kind = samples.depth * reading.factor, reading.depth or self.some.depth_kind
+            offset = self.some.depth_offset
+            return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size, offset)
+        points = position * reading.factor
+        if reading.up:
+            points = points @ to_y_up(np.eye(3), mapping.up).T @ to_y_up(np.eye(3), reading.up)
+        space = reading.positions or mapping.positions
+        if space == "view":
+            return points @ view.world_from_view.T
+        return points - view.position if space == "world" else points
+
+    def misplaced(self, number: int, reading: Reading, *, few: bool = False) -> Array | None:
+        """Projections of the position pass minus their pixels, (N, 2); None without a view or samples."""
+        view, samples = self.view(number, reading), (self.few if few else self.placed)[number]
+        if few and len(samples.at) < FEW_PIXELS:
+            samples = self.placed[number]
+        if view is None or not len(samples.at):
+            return None
+        points = self.points(samples, reading, view, samples.position)
+        return project(view, points, self.sequence.size, relative=True) - self.pixels(samples, reading)
+
+    def pair(self, first: int, reading: Reading) -> tuple[int, int]:
+        """Current and previous file of files ``first`` and ``first + 1``."""
+        return (first, first + 1) if reading.order in BACKWARDS else (first + 1, first)
+
+    def moved(self, first: int, reading: Reading, basis: str, *, few: bool = False) -> Array | None:
+        """Motion of the surface points of a pair by ``basis``, (N, 2) pixels, NaN: unknown; None without views."""
+        current, previous = self.pair(first, reading)
+        samples = (self.few if few else self.every)[current]
+        if basis == SCENE:
+            return self.of_scene("motion", current, samples, reading)
+        return self.seen_from(samples, reading, self.view(current, reading), self.view(previous, reading), basis)
+
+    def of_scene(self, name: str, number: int, samples: Samples, reading: Reading) -> Array | None:
+        """An array of the truth of file ``number`` at ``samples``, (N, ...); None without truth."""
+        if number not in self.truth:
+            return None
+        column, row = self.pixels(samples, reading).astype(int).T
+        return getattr(self.truth[number], name)[row, column]
+
+    def seen_from(
+        self, samples: Samples, reading: Reading, view: View | None, before: View | None, basis: str = STILL
+    ) -> Array | None:
+        """Motion of the points of ``samples`` from camera ``before`` to ``view``, (N, 2); None without both."""
+        if view is None or before is None:
+            return None
+        size, points = self.sequence.size, self.points(samples, reading, view, samples.position)
+        if basis == PREVIOUS:
+            there = self.points(samples, reading, before, samples.prev_position)
+        else:
+            there = points + (view.position - before.position)
+        # Both ends are projected: the samples of a jittered frame are not at the pixel centers.
+        return project(before, there, size, relative=True) - project(view, points, size, relative=True)
+
+    def motion(self, samples: Samples, readings: Sequence[Reading]) -> Array:
+        """The motion pass by each reading, (K, N, 2) pixels."""
+        return corrected_motion(samples.motion, readings, self.sequence.mapping, self.sequence.size)
+
+
+def _flipped(frame: PathTracedFrame) -> PathTracedFrame:
+    """The frame's geometry with its rows in reverse order."""
+    names = [name for name in ("position", "depth", "sky") if getattr(frame, name) is not None]
+    return replace(frame, **{name: getattr(frame, name)[::-1] for name in names})

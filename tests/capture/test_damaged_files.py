@@ -1,0 +1,89 @@
+"""300 damaged demos, maps, models and archives: each is refused in one line or makes a scene, in bounded memory."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+from demo_encoder import game
+from game_files import game_files, room, write_pak
+from test_captured_scene import LIGHTS, states
+
+from taubench_gl.capture.quake3 import demo as wire
+from taubench_gl.capture.quake3.paks import Paks
+from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
+from taubench_gl.errors import TaubenchError
+from taubench_gl.scene import load_scene
+
+EXTREME = (0, 1, 0xFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x7F800000, 0x7FC00000, 65536, 1 << 24)
+SEEDS = {
+    "game.dm_71": 90,
+    "maps/tiny.bsp": 90,
+    "models/players/sarge/lower.md3": 40,
+    "models/weapons2/rocketl/rocketl.md3": 20,
+    "scripts/tiny.shader": 15,
+    "models/players/sarge/animation.cfg": 10,
+    "textures/floor.tga": 10,
+    "textures/wall.jpg": 10,
+    "tiny.pk3": 15,
+}
+"""Damaged files of each kind."""
+
+
+def damaged(data: bytes, rng: random.Random) -> bytes:
+    """One fault: an end, flipped bits, a number that is extreme, or a part that is elsewhere."""
+    out = bytearray(data)
+    kind = rng.randrange(4)
+    if kind == 0:
+        return bytes(out[: rng.randrange(len(out))])
+    if kind == 1:
+        for _ in range(rng.choice((1, 4, 20))):
+            out[rng.randrange(len(out))] ^= 1 << rng.randrange(8)
+    elif kind == 2:
+        near = len(out) if rng.random() < 0.4 else 200
+        at = rng.randrange(max(min(len(out), near) - 4, 1)) & ~3
+        out[at : at + 4] = struct.pack("<I", rng.choice(EXTREME))
+    else:
+        size = rng.randrange(1, min(64, len(out)))
+        a, b = rng.randrange(len(out) - size + 1), rng.randrange(len(out) - size + 1)
+        out[a : a + size] = out[b : b + size]
+    return bytes(out)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return game_files(room(entities=LIGHTS)), game(states(4.0), config={545: "n\\Other\\model\\sarge"})
+
+
+@pytest.mark.parametrize("name", SEEDS)
+def test_damaged_files(name, whole, tmp_path, monkeypatch):
+    monkeypatch.setenv("TAUBENCH_MAX_MEMORY", "256MiB")
+    files, recorded = whole
+    pak, out = tmp_path / "tiny.pk3", tmp_path / "scene.glb"
+    write_pak(pak, files)
+    archive = pak.read_bytes()
+    refused = 0
+    for seed in range(SEEDS[name]):
+        rng = random.Random(f"{name} {seed}")
+        demo_data = damaged(recorded, rng) if name == "game.dm_71" else recorded
+        if name in files:
+            write_pak(pak, files | {name: damaged(files[name], rng)})
+        elif name == "tiny.pk3":
+            pak.write_bytes(damaged(archive, rng))
+        try:
+            demo = wire.decode(demo_data, "game.dm_71")
+            as_recording(demo)
+            build_scene(demo, Paks(tmp_path), Choice(0.5, 2.0, 12.0), out)
+        except TaubenchError as error:
+            refused += 1
+            assert "\n" not in str(error) and error.where
+            assert not out.exists()
+        else:
+            load_scene(out)
+            out.unlink()
+    assert refused or name in ("scripts/tiny.shader", "textures/wall.jpg", "textures/floor.tga")
+
+
+def test_there_are_300():
+    assert sum(SEEDS.values()) == 300
