@@ -35,6 +35,9 @@ FLOOR_QUANTILE = 0.999
 """The error of a distance is at least what one more sample would add that is as far off as this quantile of the pair's
 parts: equal samples do not prove that all others are equal."""
 
+SAME_PX = 1e-3
+"""Distance of two histories, pixels, up to which a pixel is decided once for both: what float32 makes of equal ones."""
+
 AUDITED = (0.02, 0.1)
 """Share of the decided pixels that are traced to the limit all the same; the second one of those that are decided by
 less than twice the distance that CONFIDENCE asks for, where errors are."""
@@ -70,9 +73,10 @@ class PreviewPair:
     def differs(self, other: PreviewPair) -> Array:
         """Pixels that have another history or another word in ``other``, the same pair reprojected otherwise.
 
-        (h, w) bool.
+        (h, w) bool.  Places of still surfaces are equal up to the rounding of float32.
         """
-        moved = (self.at_px != other.at_px).any(axis=-1)
+        nearest = np.floor(self.at_px + 0.5) != np.floor(other.at_px + 0.5)
+        moved = (nearest | (np.abs(self.at_px - other.at_px) > SAME_PX)).any(axis=-1)
         return (moved & (self.traced | other.traced)) | (self.words != other.words)
 
     @property
