@@ -80,6 +80,9 @@ LIGHT_GAP = 1e-5
 LIST_TILE = (256, 64)
 """Columns and rows of path state for a list: samples of its pixels that are traced together."""
 
+LIST_MARGIN = 8
+"""Rows after the last entries of a list that are without pixels: more than those of a work group."""
+
 NO_PIXEL = 0xFFFFFFFF
 """Fills the last part of a pixel list: beyond every image."""
 
@@ -448,13 +451,15 @@ class PathTracing(Owner):
             end = min(done + size, (table.stop - samples.start) * count)
             number, pixel = divmod(np.arange(done, end), count)
             row = self._table_row(first, parts) + number - done // count
-            entries = np.full((size, 4), NO_PIXEL, dtype=np.uint32)
+            rows = -(-(end - done) // self._tile[0])
+            entries = np.full((min(self._tile[0] * (rows + LIST_MARGIN), size), 4), NO_PIXEL, dtype=np.uint32)
             columns = (packed[0][pixel], packed[1][pixel], row, number == 0)
             entries[: end - done] = np.stack(columns, axis=-1)
             self.tables["pixel_list"].write(entries.tobytes())
-            self._trace_entries(frame, exact=done < count)
-            stored = np.frombuffer(self.tables["listed_light"].read(), np.float32).reshape(size, -1, 4)
-            out[done:end] = stored[: end - done, :, :3]
+            self._trace_entries(frame, rows, exact=done < count)
+            listed = self.tables["listed_light"]
+            stored = np.frombuffer(listed.read(listed.size // size * (end - done)), np.float32)
+            out[done:end] = stored.reshape(end - done, -1, 4)[..., :3]
             done = end
         out = out.reshape(len(samples), count, -1, 3).swapaxes(0, 1)
         out[..., : lobes // 2, :] += out[:, :1, lobes:]
@@ -464,16 +469,16 @@ class PathTracing(Owner):
         """Whether all samples of a pixel are equal: direct light of punctual lights alone, without noise."""
         return self._spec.path_traced_sources == {"punctual"} and self._spec.bounces == 1 and frame.exact_light
 
-    def _trace_entries(self, frame: FrameContext, exact: bool) -> None:
-        """One sample of every entry of the list; ``exact``: some have light without noise."""
+    def _trace_entries(self, frame: FrameContext, rows: int, exact: bool) -> None:
+        """One sample of every entry in ``rows`` of the list; ``exact``: some have light without noise."""
         passes, resources = self._passes, frame.resources
-        passes["anchor"].run(frame, resources)
+        passes["anchor"].run(frame, resources, rows=rows)
         for before in self._rays if exact else ():
-            passes["exact"].run(frame, resources, rays_before=before)
+            passes["exact"].run(frame, resources, rows=rows, rays_before=before)
         if "subpath" in passes:
-            passes["subpath"].run(frame, resources)
-        self._trace_paths(frame, resources, samples_before=0)
-        passes["resolve"].run(frame, resources, sample_count=1)
+            passes["subpath"].run(frame, resources, rows=rows)
+        self._trace_paths(frame, resources, rows=rows, samples_before=0)
+        passes["resolve"].run(frame, resources, rows=rows, sample_count=1)
 
     def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
         passes = self._passes
@@ -487,10 +492,12 @@ class PathTracing(Owner):
             self._trace_paths(frame, resources, samples_before=k, **where, sample_row=row)
         passes["resolve"].run(frame, resources, **where, sample_count=self.sample_count)
 
-    def _trace_paths(self, frame: FrameContext, resources: dict, samples_before: int, **where: Any) -> None:
-        """One sample of every path of a tile."""
+    def _trace_paths(
+        self, frame: FrameContext, resources: dict, samples_before: int, rows: int | None = None, **where: Any
+    ) -> None:
+        """One sample of every path of a tile, or of its first ``rows``."""
         where["odd_sample"] = self._odd_sample
-        self._passes["start"].run(frame, resources, samples_before=samples_before, **where)
+        self._passes["start"].run(frame, resources, rows=rows, samples_before=samples_before, **where)
         if self._spec.pattern == "fixed":
             where.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
         for vertex in range(1, vertices(self._spec) + 1):
