@@ -26,7 +26,6 @@ from taubench_gl.pathtraced.readings import GEOMETRY, MOTION
 from taubench_gl.pathtraced.scene_truth import render_truth
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 SIZE = np.array([96, 54])
 FIRST, LAST = 40, 45
@@ -39,7 +38,7 @@ def exported(tmp_path_factory):
     out = tmp_path_factory.mktemp("frames")
     settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]), frames=(FIRST, LAST + 1), light="raster")
     export_scene(ASSETS / "demo.glb", out, settings, ExportOptions("exr", ("gbuffer", "prev_position", "flow")))
-    opened = plan_sequence(f"exr:{out}", Settings(), PathTracedOptions())
+    opened = plan_sequence(f"exr:{out}", fixed_settings(), PathTracedOptions())
     frames = {n: opened.sequence.read(n) for n in opened.sequence.frames}
     return opened.sequence, frames, json.loads((out / "camera.json").read_text())
 
@@ -336,7 +335,7 @@ def test_faults_of_vectors_are_named_or_not_judged(exported, tmp_path, rendered,
 def rendered(exported):
     """The truth of the exported frames, from their scene."""
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings(width=int(SIZE[0]), height=int(SIZE[1]))
+    settings = fixed_settings(width=int(SIZE[0]), height=int(SIZE[1]))
     camera = SceneCamera(scene, choose_camera(scene, settings.sequence.camera, tuple(SIZE)), settings.sequence.fps)
     return render_truth(camera, settings, range(FIRST, LAST + 1))
 

@@ -20,7 +20,6 @@ from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_t
 from taubench_gl.pathtraced.passes import LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import frame_channels
-from taubench_gl.settings import Settings
 
 
 def test_masks_equal_the_float64_reference(renders):
@@ -74,7 +73,7 @@ def test_the_summary_has_the_same_blocks_as_that_of_a_scene(renders):
     sequence, depths = PathTracedSequence.open(renders), []
     for number in (5, 6):  # the first, middle and last evaluated frames are two
         view = view_at(0.3 * number)
-        depth = frame_channels(sequence.read(number), view, view, Settings())["position"][..., 3]
+        depth = frame_channels(sequence.read(number), view, view, fixed_settings())["position"][..., 3]
         depths.append(np.median(depth[depth > 0]))
     assert run.summary["scale"] == {"frames": 2, "median_depth_m": pytest.approx(np.median(depths), rel=1e-6)}
     assert all(entry["mean_percent"] is not None for entry in run.summary["discard"].values())

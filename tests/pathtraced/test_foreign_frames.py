@@ -8,6 +8,7 @@ import json
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from foreign_frames import HEIGHT, MAPPING, SIZE, WIDTH, channels_of, passes_of, view_at, write_frames
 
 from taubench_gl import math3d
@@ -23,9 +24,8 @@ from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_t
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import frame_channels, mixed_pixels
 from taubench_gl.scene.model import Camera
-from taubench_gl.settings import Settings
 
-MOTION = Settings(reprojection="motion")
+MOTION = fixed_settings(reprojection="motion")
 
 
 def mapping_file(folder, without=(), motion=None, **more):
@@ -109,7 +109,7 @@ def test_normals_with_the_axes_of_the_view(tmp_path):
     (folder / "camera.json").write_text(camera_file_text(views, 24.0, SIZE))
     mapping = mapping_file(tmp_path, ("prev_position", "motion"), normals="view")
     frame = read(folder, mapping)
-    arrays = frame_channels(frame, views[1], views[1], Settings())
+    arrays = frame_channels(frame, views[1], views[1], fixed_settings())
     expected = passes_of(1)["normal"] @ turns[1].T
     np.testing.assert_allclose(arrays["normal"], expected, atol=1e-6)
 
@@ -319,10 +319,10 @@ def test_frames_without_a_surface_prove_nothing(tmp_path):
 def test_a_rate_that_does_not_fit_is_refused_with_the_one_that_does(data):
     folder = data / "reports4" / "frames" / "8_wrong_fps"
     options = PathTracedOptions(scene_file=folder / "scene.glb")
-    right = evaluate_path_traced(f"exr:{folder}", Settings(fps=24), options).summary["discard"]
+    right = evaluate_path_traced(f"exr:{folder}", fixed_settings(fps=24), options).summary["discard"]
     assert right["position"]["mean_percent"] == pytest.approx(7.86, abs=0.01)
     with pytest.raises(PathTracedError, match="frame 1") as error:
-        evaluate_path_traced(f"exr:{folder}", Settings(fps=30), options)
+        evaluate_path_traced(f"exr:{folder}", fixed_settings(fps=30), options)
     assert "--fps 24;" in error.value.hint
 
 
@@ -350,7 +350,7 @@ def test_history_is_sampled_where_the_vectors_of_the_files_point(tmp_path, sampl
         return v
 
     folder, mapping = write_frames(tmp_path / "f", change=velocity(noise)), mapping_file(tmp_path, without)
-    settings = Settings(reprojection="motion", sampling=sampling)
+    settings = fixed_settings(reprojection="motion", sampling=sampling)
     _, masks, motion = masks_of(folder, mapping, settings)
     sequence, limits = (
         PathTracedSequence.open(folder, mapping=mapping),
@@ -369,7 +369,7 @@ def test_history_is_sampled_where_the_vectors_of_the_files_point(tmp_path, sampl
 
 def test_vectors_decide_what_can_be_reused(tmp_path):
     """Right vectors, those of the camera alone, and right ones with the wrong sign; camera reprojection beside them."""
-    right = masks_of(write_frames(tmp_path / "a"), mapping_file(tmp_path), Settings())[0].summary["reusable"]
+    right = masks_of(write_frames(tmp_path / "a"), mapping_file(tmp_path), fixed_settings())[0].summary["reusable"]
 
     def camera_only(channels, frame):
         passes, still = passes_of(frame), {}
@@ -378,7 +378,9 @@ def test_vectors_decide_what_can_be_reused(tmp_path):
         return channels | {f"Velocity.{c}": still[..., i].astype(np.float32) for i, c in enumerate("XY")}
 
     without = mapping_file(tmp_path, ("prev_position",))
-    camera = masks_of(write_frames(tmp_path / "b", change=camera_only), without, Settings())[0].summary["reusable"]
+    camera = masks_of(write_frames(tmp_path / "b", change=camera_only), without, fixed_settings())[0].summary[
+        "reusable"
+    ]
     flipped = write_frames(tmp_path / "c", change=velocity(np.negative))
     wrong = masks_of(flipped, without, MOTION)[0].summary["reusable"]
     percent = {name: [block[mode]["surface"]["mean_percent"] for mode in ("camera", "motion")]
