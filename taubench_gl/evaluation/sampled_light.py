@@ -6,9 +6,8 @@ not by a clock.  So results do not depend on speed, on workers or on kills.
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +23,6 @@ from taubench_gl.evaluation.decided_pixels import (
 )
 from taubench_gl.evaluation.histories import chosen_words, merge_histories, of_all, other_decisions
 from taubench_gl.evaluation.owner import GpuOwner
-from taubench_gl.evaluation.pairs import PairEvaluator
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import Counts
@@ -51,99 +49,97 @@ SEED = 20
 
 @dataclass(frozen=True, slots=True)
 class RoundSizes:
-    """How much light a round and a run trace.  Drawing a pair costs as much as deciding some dozen of its pixels."""
+    """How much light a round and a run trace.  Drawing a pair costs as much as deciding a hundred of its pixels."""
 
     pairs: int = 8  # that a round visits
     pixels: int = 128  # of a visit
+    kept_pairs: int = 32  # that a round visits where previews of all pairs are kept; it has half as many pixels
     limit: int = LIMIT  # most samples of a pixel, in each frame
     samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
 
 
 ROUND_SIZES = RoundSizes()
 
-KEPT_BYTES = 256 << 20
-"""Memory for previews that are read while a session draws its pairs: visits of these pairs do not draw them again."""
+KEPT_BYTES, PIXEL_BYTES = 576 << 20, 100
+"""Memory for previews of pairs that the run has drawn, which visits then need not draw again, and of one pixel."""
 
 
-def visit_order(pairs: int, seed: int) -> list[int]:
-    """Rows among ``pairs`` pairs in the order in which rounds visit them."""
-    return np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
+def preview_channels(columns: Collection[str]) -> tuple[str, ...]:
+    """Channels of the preview that decisions of the light ``columns`` read besides those of its masks."""
+    return ("emission",) if "color" in columns else ()
 
 
-def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
-    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair)."""
-    order = visit_order(pairs, seed)
-    size = min(ROUND_SIZES.pairs, pairs)
+def visit_sizes(settings: Settings, pairs: int) -> tuple[int, int]:
+    """Pairs that a round visits of ``pairs`` whose preview is known, and pixels of a visit."""
+    sizes, area = ROUND_SIZES, settings.sequence.width * settings.sequence.height
+    if pairs <= sizes.pairs or pairs * area * PIXEL_BYTES > KEPT_BYTES:
+        return min(sizes.pairs, pairs), sizes.pixels
+    visited = min(max(sizes.pairs, sizes.kept_pairs), pairs)
+    return visited, max(sizes.pairs * sizes.pixels // (2 * visited), 1)
+
+
+def round_of(number: int, pairs: int, seed: int, size: int | None = None) -> list[tuple[int, int]]:
+    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair).
+
+    ``size``: how many; None: as of previews that are not kept.
+    """
+    order = np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
+    size = min(ROUND_SIZES.pairs, pairs) if size is None else size
     every = range(number * size, (number + 1) * size)
     return [(order[k % pairs], k // pairs) for k in every]
 
 
-class KeptPreviews:
-    """Previews of the pairs that rounds visit first, read from the source that draws all pairs of a session."""
+class Previews:
+    """Previews of pairs that ``source`` draws, and by the other reprojection where that is counted too."""
 
-    def __init__(
-        self, owner: GpuOwner, source: RasterSource, settings: Settings, columns: Sequence[str], frames: Sequence[int]
-    ):
-        """``frames``: current frames of all pairs; ``columns``: of light."""
+    def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings, columns: Sequence[str]):
+        """``owner``: frees the evaluators; ``source``: has ``preview_channels``; ``columns``: of light."""
         self._source, self._columns = source, columns
         self._evaluator = owner.open_evaluator(source, settings, timed=False, images=True, distances=True)
         self._other = other_evaluator(owner, source, settings)
-        order = visit_order(len(frames), settings.lighting.seed)
-        size = math.prod(source.size) * 4 * (7 + len(columns) + 12) * (1 + (self._other is not None))
-        self._wanted = {frames[row] for row in order[: KEPT_BYTES // size]}
-        self.pairs: dict[int, tuple[PreviewPair, PreviewPair | None]] = {}  # and by the other reprojection
-
-    def read(self, frame: int, views: Reprojection) -> None:
-        """Keep the pair of ``frame``, which the source has drawn last, if rounds visit it early."""
-        if frame not in self._wanted:
-            return
-        pair, other = (
-            None if evaluator is None else self._read(evaluator, frame, views)
-            for evaluator in (self._evaluator, self._other)
-        )
-        self.pairs[frame] = pair, other
-
-    def _read(self, evaluator: PairEvaluator, frame: int, views: Reprojection) -> PreviewPair:
-        evaluator.submit(views)
-        return read_preview(self._source, evaluator, frame, self._columns)
-
-
-class _Histories:
-    """Pairs of one kind of history, drawn by themselves, and the decisions of their pixels."""
-
-    def __init__(
-        self, owner: GpuOwner, variant: Callable[..., RasterSource], settings: Settings, columns: Sequence[str],
-        lobes: Sequence[str], kept: Mapping[int, tuple[PreviewPair, PreviewPair | None]],
-    ):  # fmt: skip
-        self._columns, self._kept = columns, kept
-        self._owner, self._variant, self._settings = owner, variant, settings
-        self._evaluator: PairEvaluator | None = None
-        self._decided = DecidedPixels(variant, settings, columns, lobes)
-
-    def _open(self) -> None:
-        """Open what draws pairs."""
-        settings = self._settings
-        self._source = self._variant(settings, extra=("emission",) if "color" in self._columns else ())
-        self._evaluator = self._owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
-        self._other = other_evaluator(self._owner, self._source, settings)
+        self._kept: dict[int, tuple[PreviewPair, PreviewPair | None]] = {}
+        self._room = KEPT_BYTES
 
     def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
-        """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
+        """The pair of ``frame``, drawn where it is not kept."""
         if frame in self._kept:
-            self._decided.draw(self._kept[frame][0])
             return self._kept[frame]
-        if self._evaluator is None:
-            self._open()
         self._evaluator.restart()
         if self._source.eye is None:
             self._evaluator.step(frame - 1, False)
         self._evaluator.step(frame)
+        return self._read(frame)
+
+    def keep(self, frame: int, cameras: Reprojection) -> None:
+        """Keep the pair of ``frame`` that the source has drawn last, where there is room for it."""
+        if frame in self._kept or self._room <= 0:
+            return
+        self._evaluator.submit(cameras)
+        self._kept[frame] = pairs = self._read(frame)
+        self._room -= PIXEL_BYTES * pairs[0].words.size
+
+    def _read(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
         pair = read_preview(self._source, self._evaluator, frame, self._columns)
-        self._decided.draw(pair)
         if self._other is None:
             return pair, None
         self._other.submit(self._evaluator.submitted)
-        return pair, read_preview(self._source, self._other, frame, self._columns)
+        return pair, read_preview(self._source, self._other, frame, self._columns, pair)
+
+
+class _Histories:
+    """Pairs of one kind of history, and the decisions of their pixels."""
+
+    def __init__(
+        self, variant: Callable[..., RasterSource], settings: Settings, columns: Sequence[str], lobes: Sequence[str],
+        previews: Previews,
+    ):  # fmt: skip
+        self._previews, self._decided = previews, DecidedPixels(variant, settings, columns, lobes)
+
+    def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
+        """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
+        pair, other = self._previews.draw(frame)
+        self._decided.draw(pair)
+        return pair, other
 
     def decide(self, at: np.ndarray, audit: np.ndarray, pair: PreviewPair | None = None) -> Decisions:
         """Decide the pixels ``at`` (n, 2) of the drawn pair, or of its other ``pair``.
@@ -163,17 +159,19 @@ class LightVisits:
         settings: Settings,
         frames: range,
         estimate: LightEstimate,
-        kept: KeptPreviews | None = None,
+        previews: Previews | None = None,
     ):
         """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run;
-        ``estimate``: whose statistics the visits add up to; ``kept``: previews of this run."""
+        ``estimate``: whose statistics the visits add up to; ``previews``: of pairs that are drawn already."""
         self._gpu, self._settings, self._frames, self._estimate = owner.gpu, settings, frames, estimate
+        self._pixels = visit_sizes(settings, len(sampled_pairs(frames, settings).positions))[1]
         kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
-        kept_pairs = {} if kept is None else kept.pairs
-        self._histories = [
-            _Histories(owner, variant, settings.replace(history=kind), estimate.columns, estimate.lobes, kept_pairs)
-            for kind in kinds
-        ]
+        self._histories = []
+        for given in (settings.replace(history=kind) for kind in kinds):
+            if previews is None or len(kinds) > 1:
+                source = variant(given, extra=preview_channels(estimate.columns))
+                previews = Previews(owner, source, given, estimate.columns)
+            self._histories.append(_Histories(variant, given, estimate.columns, estimate.lobes, previews))
 
     def visit(self, position: int, number: int) -> Visit:
         """The pixels of visit ``number`` of the pair at ``position``."""
@@ -190,7 +188,7 @@ class LightVisits:
         seed = (SEED, self._settings.lighting.seed, frame)
         image = strata_of(words, distances, self._estimate.thresholds, traced, differs)
         strata = PixelStrata.of(image, STRATA, seed)
-        flat, stratum = draw_pixels(strata, number, ROUND_SIZES.pixels)
+        flat, stratum = draw_pixels(strata, number, self._pixels)
         audit = np.random.default_rng([*seed, number]).random(len(flat))
         decisions = self._decide(pairs, flat, audit)
         pixels, samples, of_other = _sampled(words, distances, flat, stratum, decisions), decisions.samples, None
@@ -278,7 +276,8 @@ class SampledLight:
         """The visits of the next round, as (position of the pair, number of its visit)."""
         positions = self.estimate.positions
         seed = self._settings.lighting.seed
-        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed)]
+        size = visit_sizes(self._settings, len(positions))[0]
+        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed, size)]
 
     def add_round(self, visits: Sequence[Visit]) -> None:
         """Add the ``visits`` that ``next_round`` asked for."""
@@ -304,12 +303,10 @@ class SampledLight:
 
     @property
     def state(self) -> str:
-        """The estimates of the columns after the last round, and what is still to decide, in words."""
+        """The estimates of the columns after the last round, in words."""
         named = {at[1]: i for at, i in self._intervals.items() if at[0] == "discard" and at[2] == "mean_percent"}
         text = ", ".join(f"{name} {i.mean:.1f} ±{i.half_width:.1f} %" for name, i in named.items())
-        taken = 100.0 * self.estimate.samples / ROUND_SIZES.samples
-        ends = f"goes on to ±{self._settings.lighting.light_within:g} points, {taken:.0f} % of the most samples taken"
-        return f"round {self.rounds} of path-traced light: {text}; {'enough' if self.done else ends}"
+        return f"round {self.rounds} of path-traced light: {text}"
 
     def finish(self, summary: dict[str, Any], rows: Sequence[dict[str, Any]], frames: range) -> None:
         """Write the estimates into ``summary``, and the counts of the visited pairs into ``rows``."""

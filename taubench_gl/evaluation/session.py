@@ -23,7 +23,7 @@ from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.lighting import LightPlan
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
-from taubench_gl.evaluation.sampled_light import KeptPreviews, LightVisits
+from taubench_gl.evaluation.sampled_light import LightVisits, Previews
 from taubench_gl.evaluation.scale import median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import finish_run
@@ -33,6 +33,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.run_schema import FRAME_COLUMNS, SAMPLED_COLUMNS
@@ -142,7 +143,7 @@ class Session(GpuOwner):
             self.evaluator = self.open_evaluator(
                 self.source, self.settings, images=self._images, distances=distances, both=self.source.other == COUNTED
             )
-        self._previews: KeptPreviews | None = None
+            self._previews = self._open_previews()
         self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
 
@@ -199,10 +200,10 @@ class Session(GpuOwner):
                 # submits the pair of ``frame`` and returns the pair before it.  With images, counts are read at once.
                 view, finished = self.evaluator.step(frame, evaluate)
                 self.drawn.append(view)
-                if evaluate and self._previews is not None:
-                    self._previews.read(frame, self.evaluator.submitted)
                 if evaluate and frame in checked:
                     self._check()
+                if evaluate and self._previews is not None:
+                    self._previews.keep(frame, self.evaluator.submitted)
             yield from self._completed(finished)
         yield from self.finish()
         self._last = (schedule[-1][0], self.drawn[-1]) if schedule else None
@@ -219,20 +220,19 @@ class Session(GpuOwner):
         if sampled is not None and not sampled.done:
             sampled.run(self.open_light().visit, watch)
 
-    def keep_previews(self) -> None:
-        """Before ``pairs``, where ``sample_light`` follows: keep what it needs of the pairs that it visits first."""
-        sampled, metrics = self.tally.sampled, self.settings.metrics
-        if sampled is not None and metrics.samples_per_pixel == 1 and metrics.history == "frame":
-            frames = [frame for frame, evaluate in frame_schedule(self.plan.frames, self.settings) if evaluate]
-            with self.gpu:
-                self._previews = KeptPreviews(self, self.source, self.settings, sampled.estimate.columns, frames)
-
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
             return LightVisits(
                 self, self.variant, self.settings, self.plan.frames, self.tally.sampled.estimate, self._previews
             )
+
+    def _open_previews(self) -> Previews | None:
+        """What keeps previews for ``open_light``; None where no light is sampled or pixels have two histories."""
+        columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
+        if self.plan.light is not LightPlan.SAMPLED or not columns or self.settings.metrics.history == "both":
+            return None
+        return Previews(self, self.source, self.settings, columns)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -295,7 +295,6 @@ def run_session(session: Session, observers: Observers, out: str | Path | None =
         if out is not None and total:
             writer = stack.enter_context(RunWriter(out, session.columns))
             observers = replace(observers, writer=writer)
-        session.keep_previews()
         with session.gpu:
             try:
                 for pair in session.pairs():

@@ -16,12 +16,12 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
 from taubench_gl.evaluation.brightness import Brightness
-from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
-from taubench_gl.evaluation.pairs import PairEvaluator
-from taubench_gl.evaluation.sampled_light import RoundSizes, round_of
+from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, PreviewPair, read_preview
+from taubench_gl.evaluation.sampled_light import RoundSizes, round_of, visit_sizes
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import load_run
+from taubench_gl.settings import Settings
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
 SMALL = {"width": 32, "height": 18, "light": "auto"}
@@ -117,8 +117,8 @@ def test_emitters_are_seen_by_the_estimate_and_not_by_raster_light():
 
 
 def test_a_run_says_what_is_sampled_and_keeps_the_rest(monkeypatch, tmp_path):
-    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64, samples=12_000))
-    settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 24)}, light_within=4.0)
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=24, limit=64))
+    settings = fixed_settings(**DEMO_SETTINGS, light_within=4.0)
     plain = evaluate_scene(DEMO, settings)
     evaluate_scene(DEMO, settings, out=tmp_path / "run", sampled=True)
     run = load_run(tmp_path / "run")  # which checks it
@@ -150,27 +150,6 @@ def test_lobes_are_sampled_too(monkeypatch):
     assert lobe["method"] == "sampled" and lobe["mean_percent"] == pytest.approx(whole["mean_percent"], abs=1.0)
     assert lobe["interval95_percent"][0] <= lobe["mean_percent"] <= lobe["interval95_percent"][1]
     assert summary["lobes"]["volume"]["direct"]["mean_percent"] is None
-
-
-def test_kept_previews_change_nothing(monkeypatch, tmp_path):
-    settings = fixed_settings(**DEMO_SETTINGS, spp=None)
-    drawn = []
-
-    def step(evaluator, frame, evaluate=True, original=PairEvaluator.step):
-        drawn.append(frame)
-        return original(evaluator, frame, evaluate)
-
-    monkeypatch.setattr(PairEvaluator, "step", step)
-    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=4, pixels=16, limit=64, samples=1 << 12))
-    files, counts = [], []
-    for name, kept in (("kept", 1 << 28), ("drawn", 0)):
-        monkeypatch.setattr(sampled_light, "KEPT_BYTES", kept)
-        drawn.clear()
-        run = evaluate_scene(DEMO, settings, out=tmp_path / name, sampled=True)
-        files.append(((tmp_path / name / "frames.csv").read_bytes(), run.summary["sampled_light"]))
-        counts.append(len(drawn))
-    assert files[0] == files[1]
-    assert counts[0] == 6 < counts[1]  # each frame once, and both frames of each visit
 
 
 def test_a_run_within_its_budget_ends(monkeypatch):
@@ -211,6 +190,33 @@ def test_rounds_visit_other_pairs_until_all_had_a_visit():
     assert {row for row, _ in visits[:20]} == set(range(20)) and {number for _, number in visits[:20]} == {0}
     assert visits[:8] != [visit for visit in round_of(0, 20, seed=1)]
     assert round_of(3, 2, seed=0)[0][1] == 3
+
+
+def test_rounds_visit_more_pairs_where_previews_are_kept():
+    """Half as many pixels in all; images that are too large to keep, and few pairs, have rounds of the usual size."""
+    small, large = (Settings(width=w, height=w) for w in (64, 2048))
+    assert visit_sizes(small, 24) == (24, 21) and visit_sizes(small, 200) == (32, 16)
+    assert visit_sizes(large, 24) == visit_sizes(small, 8) == (8, 128) and visit_sizes(small, 6) == (6, 128)
+
+
+def test_kept_previews_are_those_that_visits_draw(monkeypatch):
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=2000))
+    settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 24)})
+    kept = evaluate_scene(DEMO, settings, sampled=True)
+    monkeypatch.setattr(sampled_light.Previews, "keep", lambda *_: None)
+    drawn = evaluate_scene(DEMO, settings, sampled=True)
+    assert kept.summary["sampled_light"]["pairs"] == 3
+    for block in ("discard", "reusable", "sampled_light"):
+        assert kept.summary[block] == drawn.summary[block]
+
+
+def test_reprojections_differ_where_a_pixel_has_another_history():
+    """Not by what float32 makes of one place, unless it lies on the edge of two pixels."""
+    at = np.array([[[3.2, 4.1], [3.2, 4.1], [3.49999, 4.1], [3.2, 4.1]]])
+    other = at + np.array([[[2e-5, 0.0], [2e-3, 0.0], [2e-5, 0.0], [0.0, 0.0]]])
+    words, surface = np.array([[0, 0, 0, 0]], np.uint32), np.full((1, 4), True)
+    first, second = (PreviewPair(1, words, {}, a, (surface, surface), None, None) for a in (at, other))
+    assert first.differs(second).tolist() == [[False, True, True, False]]
 
 
 def test_records_of_visits_keep_every_bit():
