@@ -36,7 +36,7 @@ DECODED_AHEAD = min(os.cpu_count() or 1, 8)
 """Images that are decoded at the same time."""
 
 BLEND_CUTOFF = 0.5
-"""Blended surfaces are present where alpha >= 0.5 and absent elsewhere: Cycles' default for its data passes."""
+"""Blended surfaces are present where alpha >= 0.5 and absent elsewhere, as in Cycles' passes Vector and Normal."""
 
 MATERIAL = Struct(
     "MaterialRecord",

@@ -89,6 +89,18 @@ def test_a_weight_of_history_and_its_errors_by_reason(tmp_path, visibility):
     assert reasons["new"]["false_negative"] == reasons["new"]["pixels"]
 
 
+def test_pixels_of_unknown_history_are_left_out(tmp_path, visibility):
+    def partly(bits):
+        plane = rejected(bits, POSITIVE)["Reject.Y"]
+        plane[:18] = np.nan
+        return {"Reject.Y": plane}
+
+    summary = scored(tmp_path, written(tmp_path, visibility, partly))
+    reasons = summary["tests"]["files"]["strata"]["reason"]
+    assert 0 < sum(r["pixels"] for r in reasons.values()) < summary["pixels"]["surface"]
+    assert all(r["false_positive"] == r["false_negative"] == 0 for r in reasons.values())
+
+
 def test_errors_of_a_user(tmp_path, visibility):
     options = written(tmp_path, visibility, lambda bits: {})
     with pytest.raises(SettingsError, match="rejected or history_weight"):
@@ -96,6 +108,10 @@ def test_errors_of_a_user(tmp_path, visibility):
     options = written(tmp_path, visibility, lambda bits: rejected(bits, POSITIVE))
     with pytest.raises(SettingsError, match="scene"):
         scored(tmp_path, options | {"scene_file": None})
+    shifted = tmp_path / "shifted.toml"
+    shifted.write_text("principal_point = [0, 1]\n" + options["mapping"].read_text())
+    with pytest.raises(PathTracedError, match="shifts"):
+        scored(tmp_path, options | {"mapping": shifted})
     with pytest.raises(PathTracedError, match="frame"):  # the scene's camera at another rate
         scored(tmp_path, options, fps=10.0)
 
