@@ -15,7 +15,7 @@ from taubench_gl.pathtraced.blender.job import Quality, identity, make_job
 from taubench_gl.run import load_run
 from taubench_gl.scene import load_scene
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_light", "coarse_metering")
 
 DEMO = ASSETS / "demo.glb"
 
