@@ -53,7 +53,9 @@ class PathTracedOptions(Checked):
     camera_file: str | Path | None = setting(
         None, "Camera sidecar of the frames", metavar="JSON", shown="that of an export, else estimated"
     )
-    scene_file: str | Path | None = setting(None, "glTF file with the camera of the frames", metavar="SCENE")
+    scene_file: str | Path | None = setting(
+        None, "glTF file with the camera of the frames; check compares their motion with it", metavar="SCENE"
+    )
     mapping: str | Path | None = setting(
         None,
         "Names and conventions of the passes: babylon, blender, eevee, falcor, godot, luxcore, mitsuba, taubench, "

@@ -191,6 +191,11 @@ EVERY = (
     Record("sampled-light", ("docs/images/sampled-light.png",), (DEMO, *FRAME, *RAYS), by.sampled_light),
     Record("speed", ("docs/speed.md",), (DEMO, *FRAME, *RAYS)),  # tools/bench all
     Record("command-times", ("docs/speed.md",), (DEMO, *FRAME, *RAYS, *REUSE), by.command_times),
+    Record(  # tools/engines, then conformance_table.py
+        "conformance", ("docs/conformance.md",),
+        ("taubench_gl/conformance", *(f"tools/engines/conformance_{name}" for name in (
+            "bpy.py", "three.page.mjs", "babylon.page.mjs", "taubench.py"))),
+    ),
     Record("light-agreement", ("docs/light.md",), ("tools/light_scenes.py", *FRAME)),  # tools/light_agreement
     Record(  # tools/light_columns
         "light-columns", ("docs/path-traced.md",), ("taubench_gl/datasets/light_scenes.py", *FRAME, *RAYS),

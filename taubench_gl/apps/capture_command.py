@@ -42,8 +42,8 @@ Examples:
   taubench-gl capture run game.dm_71 --start 12 --out scene.glb
   taubench-gl capture run game.dm_71 --start best --no-view-weapon --out scene.glb
 \b
-An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 1.5 to 3.5 points of
-frustum and over 4 of position and normal.  docs/capture.md says what is in a scene."""
+An object fixed to the camera, as the view weapon, is rejected by camera reprojection: it adds 0.5 to 3.5 points of
+frustum, and 4 to 10 of position and of normal.  docs/capture.md says what is in a scene."""
 )
 @click.argument("game", type=click.Path(path_type=Path), metavar="GAME")
 def run(
@@ -68,8 +68,8 @@ def run(
     """
     from taubench_gl.capture.quake3.demo import read_demo
     from taubench_gl.capture.quake3.paks import Paks
-    from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
-    from taubench_gl.capture.recording import best_window
+    from taubench_gl.capture.quake3.scene import as_recording, build_scene
+    from taubench_gl.capture.recording import Choice, best_window
 
     demo = read_demo(game)
     paks = Paks(data)
@@ -78,8 +78,9 @@ def run(
     choice = Choice(first, seconds, fps, view_weapon, roll, lights == "game")
     file = build_scene(demo, paks, choice, out)
     show_notes(recording.notes)
-    listed = ", ".join(f"{number:,} {kind}" for kind, number in file.counts.items())
-    click.echo(f"{demo.map_name}, {first:g} to {first + seconds:g} s: {listed}")
+    made, lost = (", ".join(f"{n:,} {kind}" for kind, n in c.items() if n) for c in (file.counts, file.lost))
+    click.echo(f"{demo.map_name}, {first:g} to {first + seconds:g} s: {made}")
+    click.echo(f"not in the file: {lost}, fog and marks")
     click.echo(f"{out}: {out.stat().st_size:,} bytes; {file.writer.gltf.asset.copyright}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {out} --fps {fps:g}")
 

@@ -110,6 +110,9 @@ def get(
     from taubench_gl.errors import DatasetError
 
     name, entry = find_entry(_entries(registries), name)
+    if entry.recording is not None:
+        hint = f"evaluate {name}, or scenes make {name} OUT.glb"
+        raise DatasetError(f"{name} is made from a recorded game, not downloaded", hint=hint)
     note(f"{entry.title}, by {entry.authors or 'unknown'}; license: {entry.license or 'not stated'}")
     if not accept_license:
         if not sys.stdin.isatty():

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from taubench_gl.capture.quake3.demo import Demo, decode
 from taubench_gl.capture.quake3.paks import DEBIAN_DATA, Paks
-from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
-from taubench_gl.capture.recording import best_window
+from taubench_gl.capture.quake3.scene import as_recording, build_scene
+from taubench_gl.capture.recording import Choice, best_window
 from taubench_gl.data_files import code_hash, hashed, read_bytes
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.errors import SceneError

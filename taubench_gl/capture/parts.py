@@ -6,6 +6,7 @@ A jump gets a second key one float32 step before it, so that nothing moves throu
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,16 +61,17 @@ class Motion:
 
 
 class SceneFile:
-    """A scene under construction.  ``times``: (n,) seconds of the keys; ``unit``: meters per unit of the game."""
+    """A scene under construction.  ``times``: (n,) seconds of the keys; ``unit``: meters per unit of the game.
+
+    ``counts``: what is in the file by kind; ``lost``: what the game draws and the file has not.
+    """
 
     def __init__(self, times: Array, unit: float, license_text: str):
         self.times, self.unit = np.asarray(times, "f4"), unit
         self.writer = Writer(license_text, "taubench-gl capture", share=True)
-        self.counts: dict[str, int] = {}
+        self.counts: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
         self._tracks: list[tuple] = []
-
-    def count(self, kind: str, number: int = 1) -> None:
-        self.counts[kind] = self.counts.get(kind, 0) + number
 
     # -------------------------------------------------------------------------------------------------------- surfaces
     def primitive(
@@ -165,17 +167,19 @@ class SceneFile:
         return self.times[keep], values[keep]
 
     # ------------------------------------------------------------------------------------------------------------ file
-    def save(self, path: Path, name: str, note: str, lost: list[str]) -> None:
-        """Write the scene as .glb.  ``note`` and ``lost``: what every evaluation of it says.  Raises OutputError."""
+    def save(self, path: Path, name: str, note: str) -> None:
+        """Write the scene, whose first node is the world, as .glb.  Every evaluation of it says ``note`` and what is
+        lost.  Raises OutputError."""
         if path.suffix.lower() != ".glb":
             raise SettingsError(f"{path.name} does not end in .glb", hint="captured scenes are written as one file")
-        w = self.writer
+        w, last = self.writer, float(self.times[-1])
+        if last > 0 and not any(float(track[2][-1]) == last for track in self._tracks):
+            # The file lasts as long as the window, also where nothing moves: the world stays.
+            self._tracks.append((0, "translation", self.times[[0, -1]], np.zeros((2, 3)), "STEP"))
         if self._tracks:
-            last = float(self.times[-1])
-            if not any(float(track[2][-1]) == last for track in self._tracks):  # the file lasts as long as the window
-                self._tracks.append((0, "translation", self.times[[0, -1]], [w.gltf.nodes[0].translation] * 2, "STEP"))
             w.animation("game", *self._tracks)
         root = {"asset": {}}
+        lost = [f"{number:,} {kind}" for kind, number in self.lost.items() if number]
         add_facts(root, {"name": name, "note": note, "lost": lost})
         w.gltf.asset.extras = root["asset"]["extras"]
         w.gltf.scenes[0].name = name

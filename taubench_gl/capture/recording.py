@@ -68,6 +68,18 @@ class Window:
     counts: dict[str, int]
 
 
+@dataclass(frozen=True)
+class Choice:
+    """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first state."""
+
+    start: float
+    seconds: float = 6.0
+    fps: float = 60.0
+    view_weapon: bool = True
+    roll: bool = True
+    lights: bool = True
+
+
 def key_times(seconds: float, fps: float) -> Array:
     """Times of keys, (n,) seconds from 0: the frames at ``fps`` and those at EXACT_RATE."""
     frames = [np.arange(int(np.floor(seconds * rate + 1e-6)) + 1) / rate for rate in (fps, EXACT_RATE)]

@@ -90,8 +90,7 @@ def _turned_eye(stage: Stage, axis: tuple[float, float, float], degrees: Array, 
 @_case("still", "still sky")
 def _still(stage: Stage) -> None:
     """Nothing moves.  Every vector is exactly zero, on surfaces and in the sky: not a small number, zero."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
 
 
 @_case("yaw", "still sky")
@@ -124,8 +123,7 @@ def _dolly(stage: Stage) -> None:
 def _zoom(stage: Stage) -> None:
     """The field of view of the camera narrows by KHR_animation_pointer.  The previous frame has another projection
     matrix: a vector made with one projection for both frames is zero."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     stage.point("/cameras/0/perspective/yfov", np.radians(YFOV - 1.5 * PACE))
 
 
@@ -148,8 +146,7 @@ def _moving(
     stage: Stage, path: str, values: Array, half: tuple[float, float, float] = (0.7, 0.6, 0.6), **fields
 ) -> int:
     """A still camera, the furniture and a box in front of it whose ``path`` has keys.  Returns the box."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     box = stage.box("moving box", fields.pop("at", (0.1, 1.1, 1.0)), half, **fields)
     stage.animate(box, path, values)
     return box
@@ -187,8 +184,7 @@ def _mirror(stage: Stage) -> None:
 def _chain(stage: Stage) -> None:
     """Three boxes, each the child of the one before, turn at their joints: the previous world matrix of a child needs
     the previous matrices of all its ancestors."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     parent, at = None, (-1.2, 0.9, 1.2)
     for k in range(3):
         parent = stage.node(f"pivot {k}", parent=parent, translation=at)
@@ -210,8 +206,7 @@ def _attached(stage: Stage) -> None:
 
 def _strip(stage: Stage, *, skin: bool, morph: bool) -> None:
     """A still camera, the furniture and an upright strip that a skin, a morph target or both deform."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     shape, targets = strip(), None
     if morph:
         bulge = np.sin(np.pi * shape["POSITION"][:, 1] / 2.4)
@@ -260,8 +255,7 @@ def _skin_morph(stage: Stage) -> None:
 def _instances(stage: Stage) -> None:
     """Five instances of one box below a node that turns: previous matrices are those of the node times each
     instance's."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     places = np.array([(-1.4, 0, 0), (-0.6, 0.5, 0.2), (0.1, -0.2, 0.5), (0.8, 0.4, 0.1), (1.5, 0.1, -0.2)])
     attributes = {"TRANSLATION": stage.writer.accessor(places)}
     extensions = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
@@ -271,8 +265,7 @@ def _instances(stage: Stage) -> None:
 
 def _appearing(stage: Stage) -> tuple[int, int]:
     """A still camera, the furniture and two boxes: one is to appear, one to vanish at frame 2."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     return (stage.box("appearing box", (0.9, 0.9, 1.2), (0.5, 0.5, 0.5)),
             stage.box("vanishing box", (-0.7, 0.9, 1.2), (0.5, 0.5, 0.5)))  # fmt: skip
 
@@ -299,8 +292,7 @@ def _teleport(stage: Stage) -> None:
     """A box is at another place from frame 2 on, by STEP keys.  It is the same box: its vectors point to where it
     was."""
     places = np.where(SWITCH[:, None] > 0, (0.8, 1.1, 0.9), (-0.9, 0.9, 1.2))
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     stage.animate(stage.box("hopping box", places[0]), "translation", places, "STEP")
 
 
@@ -360,8 +352,7 @@ def _line(stage: Stage) -> None:
 def _grid(stage: Stage) -> None:
     """A board with holes by an alpha mask moves: in a hole are the vectors of what is behind it, and none of the
     board."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     w = stage.writer
     hole = np.zeros((64, 64, 4), dtype=np.uint8)
     hole[...] = (200, 160, 60, 255)
@@ -377,8 +368,7 @@ def _grid(stage: Stage) -> None:
 @_case("leaf", "still rigid sky")
 def _leaf(stage: Stage) -> None:
     """Double-sided leaves turn over: the back of a leaf is drawn, faces the camera, and has the vectors of the leaf."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     mesh = stage.mesh("leaf", shapes.quad((-0.4, -0.4, 0), (0.8, 0, 0), (0, 0.8, 0)),
                       stage.material((0.2, 0.6, 0.2), doubleSided=True))  # fmt: skip
     for k in range(3):
@@ -395,8 +385,7 @@ def _checkers(stage: Stage) -> int:
 @_case("texture", "still sky", extensions=("KHR_texture_transform", "KHR_animation_pointer"))
 def _texture(stage: Stage) -> None:
     """The texture of a board moves by KHR_texture_transform, the board does not: its vectors are exactly zero."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     material = stage.material(texture=_checkers(stage), doubleSided=True)
     stage.node("board", stage.mesh("board", shapes.quad((-1, 0.4, 1), (2, 0, 0), (0, 1.5, 0)), material))
     texture = stage.writer.gltf.materials[material].pbrMetallicRoughness.baseColorTexture
@@ -409,8 +398,7 @@ def _texture(stage: Stage) -> None:
 def _seam(stage: Stage) -> None:
     """A board whose right half mirrors the texture coordinates of the left one moves: vectors are continuous across the
     seam."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     left = shapes.quad((-1, -0.7, 0), (1, 0, 0), (0, 1.4, 0))
     right = shapes.quad((0, -0.7, 0), (1, 0, 0), (0, 1.4, 0))
     right["TEXCOORD_0"] = right["TEXCOORD_0"] * [-1, 1] + [1, 0]
@@ -468,8 +456,7 @@ def _jitter(stage: Stage) -> None:
 
 def _sunlit(stage: Stage) -> int:
     """A still camera, the furniture and a sun; the node of the sun."""
-    stage.furniture()
-    stage.eye()
+    stage.still_camera()
     light = stage.writer.light(type="directional", intensity=3.0, name="sun")
     return stage.node("sun", rotation=turn((1, 0.4, 0), -50.0), extensions=light)
 

@@ -67,28 +67,40 @@ class EngineFrames:
         """Whether there are files of ``case``."""
         return any((self.folder / case).glob(f"*.{self.kind[:3]}"))
 
-    def read(self, truth: Truth) -> list[EngineFrame]:
-        """The frames of a case.  Raises PathTracedError for damaged files, another number of frames or another size."""
-        folder = self.folder / truth.case.name
+    def open(self, case: str) -> CaseFrames:
+        """The frames of ``case`` as their files have them.
+
+        Raises PathTracedError for damaged files, another number of frames and several sizes.
+        """
+        folder = self.folder / case
         if self.kind == EXR:
             sequence = PathTracedSequence.open(folder, mapping=self._mapping, layer=self._layer)
-            mapping, numbers = sequence.mapping, sequence.frames
-            frames = [sequence.read(number, geometry=False) for number in numbers]
+            frames = [sequence.read(number, geometry=False) for number in sequence.frames]
+            mapping = sequence.mapping
         else:
             mapping = self._named or load_mapping(EXPORT_PRESET)
             frames = [_read_npz(path, mapping) for path in sorted(folder.glob("*.npz"))]
-        if len(frames) != FRAMES:
-            raise PathTracedError(f"has {len(frames)} frames, the case has {FRAMES}", where=str(folder))
-        if {frame.size for frame in frames} != {truth.size}:
-            raise PathTracedError("its frames have several sizes", where=str(folder))
-        return [_convert(frame, mapping, truth, k) for k, frame in enumerate(frames)]
+        if len(frames) != FRAMES or len({frame.size for frame in frames}) != 1:
+            message = f"has {len(frames)} frames of {len({frame.size for frame in frames})} sizes"
+            raise PathTracedError(message, where=str(folder), hint=f"a case has {FRAMES} frames of one size")
+        return CaseFrames(frames, mapping)
 
-    def size(self, case: str) -> tuple[int, int]:
-        """Width and height in pixels of the frames of ``case``.  Raises PathTracedError."""
-        if self.kind == EXR:
-            return PathTracedSequence.open(self.folder / case, mapping=self._mapping, layer=self._layer).size
-        mapping = self._named or load_mapping(EXPORT_PRESET)
-        return _read_npz(min((self.folder / case).glob("*.npz")), mapping).size
+
+@dataclass(frozen=True, slots=True)
+class CaseFrames:
+    """The files of one case, read by ``mapping``."""
+
+    frames: list[PathTracedFrame]
+    mapping: PassMap
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.frames[0].size
+
+    def convert(self, truth: Truth) -> list[EngineFrame]:
+        """The frames in the units of ``truth``, which is of their size."""
+        return [_convert(frame, self.mapping, truth, k) for k, frame in enumerate(self.frames)]
 
 
 def half_step(values: Array) -> Array:

@@ -145,17 +145,11 @@ def _rows(flip: float) -> Callable[[Pair], Array]:
     return lambda pair: (pair.frame.motion[::-1] * [1.0, flip]).reshape(-1, 2)
 
 
-def _rounded(kind: type, relative: bool) -> Callable[[Pair], Array]:
-    """Vectors of positions that are rounded to ``kind``; ``relative``: to the camera of the current frame."""
-
-    def predict(pair: Pair) -> Array:
-        k, view = pair.frame.number, pair.frame.view
-        origin = view.position if relative else np.zeros(3)
-        with np.errstate(over="ignore", invalid="ignore"):
-            now, then = ((pair.points(n) - origin).astype(kind).astype(float) + origin for n in (k, k - 1))
-            return pair.between(view, pair.frame.previous, now if not relative else pair.points(k), then)
-
-    return predict
+def _half_precision(pair: Pair) -> Array:
+    k, frame = pair.frame.number, pair.frame
+    with np.errstate(over="ignore", invalid="ignore"):
+        now, then = (pair.points(number).astype(np.float16).astype(float) for number in (k, k - 1))
+        return pair.between(frame.view, frame.previous, now, then)
 
 
 def _single_slack(pair: Pair) -> Array:
@@ -177,21 +171,13 @@ def _without_near_plane(pair: Pair) -> Array:
     return truth.project(then, before - then.position) - truth.project(now, points - now.position)
 
 
-def _divided_at_vertices(linear: bool) -> Callable[[Pair], Array]:
-    """Previous places on the screen are interpolated, divided at the vertices; ``linear``: on the screen."""
-
-    def predict(pair: Pair) -> Array:
-        k, truth, hits = pair.frame.number, pair.truth, pair.frame.hits
-        now, then = pair.frame.view.centered(), pair.frame.previous.centered()
-        if linear:
-            depth = (truth.vertices(k) - now.position) @ -now.world_from_view[:, 2]
-            weights = hits.weights * depth[truth.triangles[hits.triangle]]
-            hits = replace(hits, weights=weights / np.where(weights.sum(axis=1) == 0, 1, weights.sum(axis=1))[:, None])
-        before = truth.at(hits, truth.project(then, truth.vertices(k - 1) - then.position))
-        out = before - truth.project(now, pair.points(k) - now.position)
-        return np.where(pair.sky[:, None], pair.right, out)
-
-    return predict
+def _divided_at_vertices(pair: Pair) -> Array:
+    """Previous places on the screen, divided at the vertices, are interpolated."""
+    k, truth, then = pair.frame.number, pair.truth, pair.frame.previous.centered()
+    before = truth.at(pair.frame.hits, truth.project(then, truth.vertices(k - 1) - then.position))
+    now = pair.frame.view.centered()
+    out = before - truth.project(now, pair.points(k) - now.position)
+    return np.where(pair.sky[:, None], pair.right, out)
 
 
 def _sky_undivided(pair: Pair) -> Array:
@@ -282,13 +268,11 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     *(Hypothesis("no jitter", "vectors lack the jitter that the mapping takes out", _jittered(-1.0, flip))
       for flip in (1.0, -1.0)),
     Hypothesis("rows", "the first row of the vectors is the bottom one", _rows(1.0)),
-    Hypothesis("rows and y", "the first row of the vectors is the bottom one, and y is up", _rows(-1.0)),
-    Hypothesis("half precision", "world positions are rounded to half precision", _rounded(np.float16, False)),
+    Hypothesis("rows and y", "the first row of the vectors is the bottom one, and y has the wrong sign", _rows(-1.0)),
+    Hypothesis("half precision", "world positions are rounded to half precision", _half_precision),
     Hypothesis("near plane", "points behind the camera are divided by their depth", _without_near_plane),
     Hypothesis("divided at vertices", "previous places are divided at the vertices and then interpolated",
-               _divided_at_vertices(False)),
-    Hypothesis("divided on screen", "previous places are divided at the vertices and interpolated on the screen",
-               _divided_at_vertices(True)),
+               _divided_at_vertices),
     Hypothesis("sky undivided", "the previous direction of the sky is not divided by its depth", _sky_undivided),
     Hypothesis("sky raster", "raster coordinates of the sky are not divided by the depth", _sky_raster_undivided),
     Hypothesis("alpha ignored", "alpha masks are ignored where vectors are drawn", _unmasked),

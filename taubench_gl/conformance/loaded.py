@@ -24,6 +24,7 @@ ENOUGH, ENOUGH_EDGES = 0.98, 0.9
 """Share of pixels that must agree, also to name what differs: away from outlines, and at them where a case is about
 them."""
 
+FEWEST = 50
 NORMAL_COSINE = 0.94
 SAMPLED = 200
 Explanation = tuple[str, Callable[[int], float]]
@@ -77,10 +78,15 @@ def difference(truth: Truth, engine: list[EngineFrame]) -> str:
 
 
 def _share(truth: Truth, number: int, agrees: Array) -> float:
-    """Share of the compared pixels: those away from outlines, or in cases of thin things those at them."""
-    edge = truth.frame(number).edge
-    where = edge if truth.case.edges else ~edge
-    return float(agrees[where].mean()) if where.any() else 1.0
+    """Smallest share of the compared pixels of a class: those away from outlines, or in cases of thin things at them.
+
+    Classes of fewer than ``FEWEST`` pixels count with the others alone.
+    """
+    frame = truth.frame(number)
+    where = frame.edge if truth.case.edges else ~frame.edge
+    of_class = [where & (frame.kind == kind) for kind in np.unique(frame.kind)]
+    counted = [where] * bool(where.any()) + [pixels for pixels in of_class if pixels.sum() >= FEWEST]
+    return min((float(agrees[pixels].mean()) for pixels in counted), default=1.0)
 
 
 def _explanations(truth: Truth, engine: list[EngineFrame], wrong: list[int]) -> Iterator[Explanation]:

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from taubench_gl import __version__
 from taubench_gl.conformance.cases import CASES
 from taubench_gl.conformance.score import (
+    NO_PLACE,
     NOT_JUDGED,
     RIGHT,
     WRONG,
@@ -108,7 +109,7 @@ def score_tables(summary: Mapping[str, Any]) -> list[Table]:
         reasons = {0: why} if why else {}
         rows.append(Row(case["name"], (case["status"], wrong, *worst, *share), reasons=reasons))
     counts = f"{summary['right']} cases right, {summary['wrong']} wrong, {summary['not_judged']} not judged"
-    lead = [f"{summary['engine']}: {counts}", *(f"{c['text']}: {c['cases']} cases" for c in summary["causes"])]
+    lead = [f"{summary['engine']}: {counts}", *(f"{c['text']}: cases {c['cases']}" for c in summary["causes"])]
     return [Table("conformance", "Conformance", columns, tuple(rows), lead=tuple(lead))]
 
 
@@ -154,15 +155,15 @@ def _page(scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mappin
 
 def _length(worst: WorstPixel) -> float:
     error = math.hypot(worst.vector[0] - worst.right[0], worst.vector[1] - worst.right[1])
-    return error if math.isfinite(error) else math.inf
+    return error if math.isfinite(error) else 0.0
 
 
 def _shown(score: CaseScore, size: tuple[int, int]) -> list[Markup]:
     """A wrong case: its causes, its worst pixel in both frames with both vectors, its classes."""
     truth, w = Truth(CASES[score.name], size), score.worst
     causes = [f"{', '.join(names)}: {cause}." for cause, names in score.causes.items()]
-    vector, right = (f"({v[0]:+.2f}, {v[1]:+.2f})" if np.isfinite(v).all() else "none" for v in (w.vector, w.right))
-    said = f"Pixel {w.column}, {w.row} of frame {w.frame} ({w.kind}): the vector is {vector} px, right is {right} px."
+    vector, right = (f"({v[0]:+.2f}, {v[1]:+.2f}) px" if np.isfinite(v).all() else "none" for v in (w.vector, w.right))
+    said = f"Pixel {w.column}, {w.row} of frame {w.frame} ({w.kind}): the vector is {vector}, the right one is {right}."
     note = (
         "Left: the frame. Right: the previous one. The pixel is circled; red: where the vector leads, green: where the "
     )
@@ -174,9 +175,10 @@ def _shown(score: CaseScore, size: tuple[int, int]) -> list[Markup]:
 
 
 def _class_line(each: ClassScore) -> str:
-    errors = f"median {each.median_px:.3g}, 95 % within {each.p95_px:.3g}, largest {each.max_px:.3g} px"
+    errors = f"errors: median {each.median_px:.3g}, 95 % within {each.p95_px:.3g}, largest {each.max_px:.3g} px"
     share = 100 * each.wrong / each.pixels
-    return f"{each.name}: {share:.1f} % of {each.pixels} vectors wrong; errors: {errors}; {text_of(each.cause)}"
+    what = "they lead into the image" if each.name == NO_PLACE else errors
+    return f"{each.name}: {share:.1f} % of {each.pixels} vectors wrong; {what}; {text_of(each.cause)}"
 
 
 def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -> Markup:
@@ -192,7 +194,7 @@ def _svg(frame: Frame, worst: WorstPixel, size: tuple[int, int], arrows: bool) -
             parts.append(tag("circle", cx=end["x2"], cy=end["y2"], r="3", fill=color))
     parts.append(tag("circle", cx=str(x), cy=str(y), r=str(2 * _SCALE), fill="none", stroke="#ffffff"))
     parts.append(tag("circle", cx=str(x), cy=str(y), r=str(2 * _SCALE + 1), fill="none", stroke="#000000"))
-    return tag("svg", *parts, viewBox=f"0 0 {width} {height}", style="max-width: 49%; width: 30rem")
+    return tag("svg", *parts, viewBox=f"0 0 {width} {height}", style="max-width: 49%; width: 30rem; margin-right: 1%")
 
 
 def _picture(frame: Frame) -> bytes:

@@ -14,6 +14,7 @@ from taubench_gl.conformance.hypotheses import HYPOTHESES, Hypothesis, Pair
 from taubench_gl.conformance.loaded import agreement, difference
 from taubench_gl.conformance.truth import CLASSES, Frame, Truth
 from taubench_gl.conventions import Visibility
+from taubench_gl.errors import PathTracedError
 
 Array = np.ndarray
 TOLERANCE_PX = 0.1
@@ -109,7 +110,8 @@ def score_case(truth: Truth, engine: Sequence[EngineFrame]) -> CaseScore:
         if score.wrong and (worst is None or farthest[0] > worst[0]):
             worst = farthest
     status = WRONG if any(each.failed for each in classes) else RIGHT
-    if absent := [each for each in truth.case.about if each not in collected]:
+    absent = [each for each in truth.case.about if each not in collected]
+    if absent and status == RIGHT:
         return CaseScore(name, NOT_JUDGED, f"no pixel shows the class {', '.join(absent)}", tuple(classes))
     rejection = _rejection(truth, engine)
     return CaseScore(name, status, "", tuple(classes), worst[1] if worst else None, rejection)
@@ -246,16 +248,19 @@ def score_cases(
 ) -> list[CaseScore]:
     """Score ``cases`` by the files of an engine.  ``begun`` gets each case that has files, and the size of its frames.
 
-    Raises PathTracedError for damaged files.
+    A case whose files are damaged or not those of the case is not judged, as one without files.
     """
     scores = []
     for case in cases:
         if not frames.has(case.name):
             scores.append(CaseScore(case.name, NOT_JUDGED, "its frames are missing"))
             continue
-        size = frames.size(case.name)
-        begun(case.name, size)
-        truth = Truth(case, size)
-        scores.append(score_case(truth, frames.read(truth)))
+        try:
+            files = frames.open(case.name)
+            begun(case.name, files.size)
+            truth = Truth(case, files.size)
+            scores.append(score_case(truth, files.convert(truth)))
+        except PathTracedError as error:
+            scores.append(CaseScore(case.name, NOT_JUDGED, str(error)))
     name_causes(scores)
     return scores

@@ -120,6 +120,11 @@ class Stage:
         self.box("left box", (-1.6, 0.6, -0.5), (0.5, 0.6, 0.5), rotation=turn((0, 1, 0), 20.0))
         self.box("right box", (1.9, 0.4, -2.0), (0.6, 0.4, 0.4), rotation=turn((0, 1, 0), -35.0))
 
+    def still_camera(self) -> None:
+        """The furniture, and a camera that does not move."""
+        self.furniture()
+        self.eye()
+
     def eye(
         self, at: Sequence[float] = EYE, pitch: float = -8.0, yfov: float = YFOV, near: float = 0.1, far: float = 200.0
     ) -> int:

@@ -19,7 +19,7 @@ from taubench_gl.animation.pose import present_nodes
 from taubench_gl.conformance.cases import Case, scene_of
 from taubench_gl.conformance.stage import FPS, FRAMES
 from taubench_gl.conventions import GUARD_PX, Visibility
-from taubench_gl.scene.model import Primitive, Scene
+from taubench_gl.scene.model import Material, Primitive, Scene
 
 Array = np.ndarray
 CLASSES = ("still", "rigid", "skinned", "morphed", "sky")
@@ -157,51 +157,49 @@ class Truth:
         clip += view.clip_from_relative(width, height)[[0, 1, 3], 3]
         along = relative @ -view.world_from_view[:, 2]
         present = (hidden or present_nodes(self.scene, self.state(frame))[self.node_of]) & (self.node_of != without)
-        near, far = view.camera.znear, view.camera.zfar
-        rays = np.column_stack([(2 * pixels[:, 0] + 1) / width - 1, 1 - (2 * pixels[:, 1] + 1) / height,
-                                np.ones(len(pixels))])  # fmt: skip
-        hit = np.full(len(pixels), -1)
-        weights, depth = np.zeros((len(pixels), 3)), np.full(len(pixels), np.inf)
-        for triangle in np.flatnonzero(present).tolist():
-            corners = self.triangles[triangle]
-            c = clip[corners]
-            determinant = np.linalg.det(c)
-            if determinant == 0.0 or (determinant * self._facing[triangle] < 0):
-                continue
-            inside = np.arange(len(pixels))
-            if (c[:, 2] > 1e-6).all():  # in front: only the rays in its box can meet it
-                ndc = c[:, :2] / c[:, 2:]
-                low, high = ndc.min(axis=0) - 1e-9, ndc.max(axis=0) + 1e-9
-                inside = np.flatnonzero((rays[:, 0] >= low[0]) & (rays[:, 0] <= high[0])
-                                        & (rays[:, 1] >= low[1]) & (rays[:, 1] <= high[1]))  # fmt: skip
-            b = rays[inside] @ np.linalg.inv(c)  # sum of b_i (x, y, w)_i = ray
+        rays = np.column_stack([(2 * pixels[:, 0] + 1) / width - 1, 1 - (2 * pixels[:, 1] + 1) / height])
+        c = clip[self.triangles]
+        facing = np.linalg.det(c)
+        seen = np.flatnonzero(present & (facing != 0) & (facing * self._sides >= 0))
+        c = c[seen]
+        # b: sum of b_i (x, y, w)_i = (ray, 1).  Only rays in the box of a triangle in front of the camera can meet it.
+        inverse, front = np.linalg.inv(c), (c[:, :, 2] > 1e-6).all(axis=1)
+        ndc = c[:, :, :2] / np.where(front[:, None, None], c[:, :, 2:], 1.0)
+        low = np.where(front[:, None], ndc.min(axis=1) - 1e-9, -np.inf)
+        high = np.where(front[:, None], ndc.max(axis=1) + 1e-9, np.inf)
+        hits = Hits(np.full(len(pixels), -1), np.zeros((len(pixels), 3)), np.full(len(pixels), np.inf))
+        for i in np.flatnonzero((low <= rays.max(axis=0)).all(axis=1) & (high >= rays.min(axis=0)).all(axis=1)):
+            triangle = int(seen[i])
+            inside = np.flatnonzero((rays[:, 0] >= low[i, 0]) & (rays[:, 0] <= high[i, 0])
+                                    & (rays[:, 1] >= low[i, 1]) & (rays[:, 1] <= high[i, 1]))  # fmt: skip
+            b = rays[inside] @ inverse[i, :2] + inverse[i, 2]
             total = b.sum(axis=1)
             ok = (b >= -1e-12).all(axis=1) & (total > 0)
             inside, b = inside[ok], b[ok] / total[ok, None]
-            z = b @ along[corners]
-            ok = (z >= near) & (z <= far) & (z < depth[inside])
+            z = b @ along[self.triangles[triangle]]
+            ok = (z >= view.camera.znear) & (z <= view.camera.zfar) & (z < hits.depth[inside])
             if masked and triangle in self._masks:
                 ok &= self._masks[triangle](b)
             inside = inside[ok]
-            hit[inside], weights[inside], depth[inside] = triangle, b[ok], z[ok]
-        return Hits(hit, weights, depth)
+            hits.triangle[inside], hits.weights[inside], hits.depth[inside] = triangle, b[ok], z[ok]
+        return hits
 
     @cached_property
-    def _facing(self) -> Array:
+    def _sides(self) -> Array:
         """Sign of the determinant of triangles that are seen, (T,): 0 where both sides are."""
-        out = []
-        for part in self._parts:
-            material = self.scene.materials[part.primitive.material]
-            mirrored = np.linalg.det(self.state(0).world[part.node][:3, :3]) < 0
-            out.append(np.full(len(part.triangles), 0 if material.double_sided else -1 if mirrored else 1))
-        return np.concatenate(out)
+        mirrored = np.linalg.det(self.state(0).world[:, :3, :3]) < 0
+        sides = [0 if self._material(p).double_sided else -1 if mirrored[p.node] else 1 for p in self._parts]
+        return np.repeat(sides, [len(p.triangles) for p in self._parts])
+
+    def _material(self, part: _Part) -> Material:
+        return self.scene.materials[part.primitive.material]
 
     @cached_property
     def _masks(self) -> dict[int, Callable[[Array], Array]]:
         """Whether points (N, 3 barycentric) of a triangle with an alpha mask are there, by triangle."""
         masks, first = {}, 0
         for part in self._parts:
-            material = self.scene.materials[part.primitive.material]
+            material = self._material(part)
             if material.alpha_mode == "MASK":
                 alpha = self.scene.images[material.base_color_texture.image].decode()[..., 3] / 255.0
                 uv = part.primitive.texcoords[0].astype(np.float64)

@@ -202,7 +202,7 @@ class SidecarCamera(PathTracedCamera):
 
     def advice(self, number: int, frame: PathTracedFrame) -> str:
         fitting = [n for n, view in self.file.views.items() if n != number and residual(view, frame).fits]
-        return f"it fits the pose of frame {min(fitting, key=lambda n: abs(n - number))}" if fitting else ""
+        return f"the pose of frame {min(fitting, key=lambda n: abs(n - number))} fits" if fitting else ""
 
 
 class SceneCamera(PathTracedCamera):
@@ -236,7 +236,7 @@ class SceneCamera(PathTracedCamera):
     def advice(self, number: int, frame: PathTracedFrame) -> str:
         found = {(fps, offset): self._at(number, frame, fps, offset) for offset in (0, -1, 1) for fps in RATES}
         best = min(found, key=lambda tried: max(found[tried].median_px, PLACED_PX))
-        return f"it fits --fps {best[0]:.6g}" if found[best].fits else ""
+        return f"--fps {best[0]:.6g} fits" if found[best].fits else ""
 
 
 class FittedCamera(PathTracedCamera):
@@ -288,7 +288,9 @@ def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]
         off, far = (float(np.nanmedian(values[~frame.sky])) for values in (np.abs(found - planar), np.abs(planar)))
         if off > 4.0 * rounding_m(frame) + SAME_DEPTH * far:
             message = f"depth is {off:.3g} m (median) off that of the positions, which are half floats"
-            raise PathTracedError(message, hint="set depth in the mapping ('check' names its kind), or do not name it")
+            raise PathTracedError(
+                message, hint="set depth in the mapping to the kind that 'check' names, or do not name it"
+            )
     return relative, found
 
 

@@ -54,11 +54,12 @@ Array = np.ndarray
 log = logging.getLogger(__name__)
 
 SAME = 0.02  # readings whose shares of explained pixels differ by less cannot be distinguished
-BACKWARDS_MARGIN = 0.1  # by which more a reading of another frame order must explain: it scores another pair's pixels
+MARGIN = 0.1  # by which more a reading must explain that scores other pixels or other axes
 MAX_JITTER_PX = 1.5  # largest jitter: the difference of two offsets, each in [-0.5, 0.5], and a margin
 MIN_JITTER_PX = 0.02  # smaller offsets are rounding of 16-bit passes; largest spread of jitter
 CENTERED_PX = 0.05  # largest offset of positions from the pixel centers that is not mentioned
 MAX_SHIFT_PX = 0.45  # offset, per axis, from which on positions are those of other points than pixel centers
+MAX_TILT = 2.0  # degrees, median, between normals and the slopes of positions
 DEPTH_TOLERANCE = 0.001  # relative error up to which depth is explained
 _OTHERS = ("jitter", "cuts")
 
@@ -83,32 +84,13 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class PairVerdict:
-    """Motion of file ``frame``; shares of its pixels, 0 to 1.
-
-    ``judged``: share of the surfaces with a vector whose motion is known; ``as_read``, ``explained``: share of the
-    judged pixels that are right as the mapping reads them and corrected; ``jitter_px`` left in it, pixels, +x right, +y
-    down; ``expected_px``: median length of the motion of surfaces; ``errors``: (h, w), as read and corrected, pixels,
-    NaN where nothing is known.
-    """
-
-    frame: int
-    judged: float
-    as_read: float
-    explained: float
-    jitter_px: tuple[float, float]
-    expected_px: float
-    errors: tuple[Array, Array]
-
-
-@dataclass(frozen=True, slots=True)
 class Check:
     """Verdicts, in the order of the tables; ``reading`` corrects the files; ``basis``: what motion is compared with."""
 
     verdicts: tuple[Verdict, ...]
     reading: Reading
     basis: str = ""
-    pairs: tuple[PairVerdict, ...] = ()
+    pairs: tuple[PairVectors, ...] = ()
     classes: tuple[ClassVerdict, ...] = ()
 
     @property
@@ -118,8 +100,13 @@ class Check:
 
     @property
     def answer(self) -> str:
-        """Wrong if a convention or a class is, else not judged if a class is not, else right."""
+        """Wrong if a convention or a class is, else not judged if a class is not, else right.
+
+        Files without vectors are right if their camera is.
+        """
         answers = {WRONG} if self.wrong else {verdict.answer for verdict in self.classes}
+        if not self.classes and self["camera"].status == "not checked":
+            answers |= {NOT_JUDGED}
         return next((answer for answer in (WRONG, NOT_JUDGED) if answer in answers), RIGHT)
 
     def __getitem__(self, convention: str) -> Verdict:
@@ -147,11 +134,9 @@ def check_sequence(
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
     log.info("checking the conventions of %d frames", len(numbers))
     geometry = "motion" not in sequence.index  # without it the scene may do
-    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers})
+    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers}, truth)
     for number, frame in files.frames.items():
         camera.place(number, frame)
-    if truth is not None and files.some.motion is not None:
-        files.truth = truth(numbers)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
     missing = "; ".join(f"{column}: {why}" for column, why in sequence.missing().items())
     text = f"{len(names)} found with the mapping {sequence.mapping.name}: {', '.join(names)}"
@@ -162,7 +147,7 @@ def check_sequence(
         return _by_geometry(files, starts, passes)
     else:
         why = "no camera is given, and none can be estimated from positions"
-    skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers"), why)]
+    skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers", "normals"), why)]
     return _by_vectors(files, starts, skipped)
 
 
@@ -195,13 +180,18 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
     if positions:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
+        if files.shifted(left[0] if left else None):
+            return _by_geometry(files, starts, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
-            others = _skipped((*GEOMETRY, "centers"), "no reading of the camera explains the files")
+            others = _skipped((*GEOMETRY, "centers", "normals"), "no reading of the camera explains the files")
             found = [passes, Verdict("camera", "wrong", text, share, share), *others]
             return _by_vectors(files, starts, found)
     checked = _Checked.of(files, positions, limit, starts, left)
-    verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers(), checked.depth()]
+    if files.shifted(checked.best):
+        return _by_geometry(files, starts, passes)
+    verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers()]
+    verdicts += [checked.depth(), checked.normals()]
     return checked.result(starts, [passes, checked.camera(), *verdicts])
 
 
@@ -250,8 +240,10 @@ def _search(
                     if expected is not None and np.isfinite(expected[:, 0]).sum() >= FEW_PIXELS:
                         off = stored[files.pair(first, left[row])[0]] - expected
                         share[row] = _explained(off, limit if shifted else tolerance(expected), shifted)
-                        if shifted and _explained(expected, limit, shifted) >= ENOUGH:
-                            share[row, 1:] = 0.0  # where no motion and an offset explain as much, no reading is shown
+                        # Where no motion (and an offset) explains about as much, no correction is shown.
+                        shown = share[row] > _explained(expected, limit, shifted) + MARGIN
+                        shown[0] |= not left[row].values or left[row] == left[0]
+                        share[row] *= shown
                 if share.max() >= ENOUGH:
                     found[first] = share, shifted
                     break
@@ -262,12 +254,18 @@ def _search(
         return left[0], [r for r in left[1:] if not starts], bases
     # Previous positions hold for what moves; still surfaces also show the unit and the place of the camera.
     total = np.mean(total, axis=0)
-    lowered = total - BACKWARDS_MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
+    lowered = total - MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
     first = lowered >= lowered.max() - SAME
     alike = [(not first[g, m], replace(left[g], **motion[m].values), total[g, m])
              for g, m in np.argwhere(first | (total >= total.max() - SAME))]  # fmt: skip
-    best, *others = (r for _, r, _ in sorted(alike, key=lambda each: (each[0], len(each[1].values), -each[2])))
+    best, *others = (r for _, r, _ in sorted(alike, key=_simplicity))
     return best, others, bases
+
+
+def _simplicity(each: tuple[bool, Reading, float]) -> tuple[bool, int, float, list[int]]:
+    """Order of readings, the preferred first; equal shares: by the order of conventions."""
+    lower, reading, share = each
+    return lower, len(reading.values), -round(share, 2), [(*GEOMETRY, *MOTION).index(name) for name in reading.values]
 
 
 # ---------------------------------------------------------------------------------------------------------- verdicts
@@ -303,10 +301,9 @@ class _Checked:
         for pair in pairs:
             pair.faults |= simple_faults(pair, self.late(pair, {p.frame: p for p in pairs}))
         classes = class_verdicts(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
-        shown = tuple(map(self.pair, pairs))
         # A fault that is named explains pairs that the conventions do not.
-        good = [self.pair(pair) for pair in pairs if pair.good or any(verdict.fault for verdict in classes)]
-        return Check((*verdicts, *self.motion(shown, good)), self.best, self.basis, shown, classes)
+        good = [pair for pair in pairs if pair.good or any(verdict.fault for verdict in classes)]
+        return Check((*verdicts, *self.motion(pairs, good)), self.best, self.basis, tuple(pairs), classes)
 
     def camera(self) -> Verdict:
         """Whether the camera put the positions of every file on their pixels."""
@@ -357,7 +354,8 @@ class _Checked:
         if max(abs(x), abs(y), spread) <= CENTERED_PX:
             return Verdict("centers", "ok", "positions are those of pixel centers")
         if spread > CENTERED_PX:
-            text = f"positions lie beside the pixel centers, each by another offset (median {spread:.2g} px): filtered"
+            why = "rounded to half floats" if self.files.some.half_position else "filtered"
+            text = f"positions lie beside the pixel centers, each by another offset (median {spread:.2g} px): {why}"
             return Verdict("centers", "note", text)
         text = f"positions are {x:+.2f}, {y:+.2f} px off the pixel centers"
         if np.ptp(offsets, axis=0).max() > MIN_JITTER_PX:
@@ -368,6 +366,33 @@ class _Checked:
         return Verdict(
             "centers", "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note", text, value=f"{x:.3f}, {y:.3f}"
         )
+
+    def normals(self) -> Verdict:
+        """Whether normals have the axes that the mapping says, by the slopes between neighboring points."""
+        files, read = self.files, self.files.sequence.mapping.normals
+        found: dict[str, list[Array]] = {"world": [], "view": []}
+        for number, frame in files.frames.items():
+            samples, view = files.placed[number], files.view(number, self.best)
+            if frame.normal is None or view is None or not len(samples.at):
+                continue
+            points = np.full((frame.sky.size, 3), np.nan)
+            points[samples.at] = files.points(samples, self.best, view, samples.position)
+            points = points.reshape(*frame.sky.shape, 3)
+            slopes = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
+            across, normal = np.cross(*slopes), frame.normal[1:-1, 1:-1].astype(np.float64)
+            across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+            for axes, turned in (("world", files.turned(normal, self.best)), ("view", normal @ view.world_from_view.T)):
+                along = np.abs(np.einsum("...i,...i", across, turned)).clip(0.0, 1.0)
+                found[axes].append(np.degrees(np.arccos(along[np.isfinite(along)])))
+        if not found[read] or not np.concatenate(found[read]).size:
+            return Verdict("normals", "not checked", "there are no normals, or no surface")
+        angles = {axes: float(np.median(np.concatenate(each))) for axes, each in found.items()}
+        other = "view" if read == "world" else "world"
+        text = f"normals are {angles[read]:.2g} degrees off the surfaces (median)"
+        if angles[read] > MAX_TILT and angles[other] < 0.5 * angles[read]:
+            why = f"{text}, with {other} axes {angles[other]:.2g}: set normals = '{other}'"
+            return Verdict("normals", "wrong", why, value=other)
+        return Verdict("normals", "ok", read) if angles[read] < 5 * MAX_TILT else Verdict("normals", "note", text)
 
     def depth(self) -> Verdict:
         """How the depth of all files follows from positions, or, without them, which kind motion shows."""
@@ -385,7 +410,9 @@ class _Checked:
         if not stored:
             return Verdict("depth", "not checked", "there is no depth pass, or no surface")
         stored, planar, distance = map(np.concatenate, (stored, planar, distance))
-        return _depth_verdict(stored, {"planar": planar, "distance": distance}, kind, files.some.depth_offset)
+        slack = max((3.0 * cams.rounding_m(f) for f in files.frames.values() if f.half_position), default=0.0)
+        kinds, offset = {"planar": planar, "distance": distance}, files.some.depth_offset * self.best.factor
+        return _depth_verdict(stored, kinds, kind, offset, slack)
 
     def vectors(self, first: int) -> PairVectors | None:
         """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""
@@ -459,21 +486,7 @@ class _Checked:
                     out[name] = values
         return out
 
-    def pair(self, pair: PairVectors) -> PairVerdict:
-        """The numbers of a pair for tables and pictures."""
-        expected, surfaces = pair.expected, pair.surfaces
-        judged = surfaces & np.isfinite(expected[:, 0])
-        errors = np.stack([length(vectors - expected) for vectors in (pair.stored, pair.corrected)])
-        limit, of_all = tolerance(expected), pair.truth if pair.known else pair.still
-        read, right = ((each <= limit)[judged].mean() if judged.any() else 0.0 for each in errors)
-        motion = length(of_all[surfaces])
-        return PairVerdict(
-            pair.frame, float(judged.sum() / max(1, surfaces.sum())), float(read), float(right),
-            tuple(pair.jitter_px.tolist()), float(np.median(motion)) if len(motion) else 0.0,
-            tuple(errors.reshape(2, *pair.size[::-1])),
-        )  # fmt: skip
-
-    def motion(self, pairs: Sequence[PairVerdict], good: Sequence[PairVerdict]) -> list[Verdict]:
+    def motion(self, pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> list[Verdict]:
         """Verdicts on MOTION, jitter and cuts.  ``good``: the pairs that are explained."""
         if not self.bases or not good:
             share = max([pair.as_read for pair in pairs], default=None)
@@ -501,12 +514,15 @@ class _Checked:
         return sum(shares) / len(self.bases[basis])
 
 
-def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: float) -> Verdict:
-    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind`` and ``offset``."""
+def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: float, slack: float) -> Verdict:
+    """``stored`` depth (N,) against the depth by each kind (N,), of which the mapping says ``kind`` and ``offset``.
+
+    ``slack``: rounding of positions, meters.
+    """
     planar = kinds["planar"]
 
     def share(expected: Array) -> float:
-        return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected)).mean())
+        return float((np.abs(stored - expected) <= DEPTH_TOLERANCE * np.abs(expected) + slack).mean())
 
     as_read = share(kinds[kind] * (1.0 - offset / planar))
     found = {"as read": (as_read, kind)}
@@ -547,7 +563,7 @@ def _fit(stored: Array, *terms: Array) -> tuple[Array, Array]:
     return factors, matrix @ factors
 
 
-def _jitter(good: Sequence[PairVerdict]) -> Verdict:
+def _jitter(good: Sequence[PairVectors]) -> Verdict:
     each = [f"frame {p.frame}: {p.jitter_px[0]:+.3f}, {p.jitter_px[1]:+.3f} px" for p in good if any(p.jitter_px)]
     if not each:
         return Verdict("jitter", "ok", "none is left")
@@ -556,7 +572,7 @@ def _jitter(good: Sequence[PairVerdict]) -> Verdict:
     return Verdict("jitter", "wrong", text, as_read, explained, value="left in")
 
 
-def _cuts(pairs: Sequence[PairVerdict], good: Sequence[PairVerdict]) -> Verdict:
+def _cuts(pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> Verdict:
     """Pairs whose motion no reading explains, beside others that are explained."""
     bad = [pair for pair in pairs if pair.frame not in {p.frame for p in good}]
     if len(pairs) == 1 or not bad:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -65,20 +66,25 @@ class Samples:
         return cls(at, np.stack([at % frame.size[0], at // frame.size[0]], axis=-1).astype(np.float64), *taken)
 
 
-@dataclass(slots=True)
+@dataclass
 class Files:
-    """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well."""
+    """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well.
+
+    ``render``: gives the truth of the scene; None: it is not known; ``offsets`` of the scene's camera not tried yet.
+    """
 
     sequence: PathTracedSequence
     camera: PathTracedCamera
     frames: dict[int, PathTracedFrame]
-    truth: Mapping[int, SceneTruth] = field(default_factory=dict)
+    render: Truth | None = None
+    offsets: list[int] = field(default_factory=lambda: [-1, 0, 1])
     placed: dict[int, Samples] = field(default_factory=dict)
     every: dict[int, Samples] = field(default_factory=dict)
     few: dict[int, Samples] = field(default_factory=dict)
     views: dict[tuple[int, int, Reading], View | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.offsets = [offset for offset in self.offsets if offset != getattr(self.camera, "offset", None)]
         for number, frame in self.frames.items():
             use = ~frame.sky
             if frame.position is not None:
@@ -99,6 +105,32 @@ class Files:
         """The first file's frame: all files have the same passes."""
         return next(iter(self.frames.values()))
 
+    @cached_property
+    def truth(self) -> Mapping[int, SceneTruth]:
+        """What the scene shows in each frame; empty if it is not known or there are no vectors."""
+        return {} if self.render is None or self.some.motion is None else self.render(self.frames)
+
+    @staticmethod
+    def steps(reading: Reading) -> int:
+        """Frames by which the camera that a file needs has another number."""
+        return {"ahead": -1, "behind": 1}.get(reading.order, 0)
+
+    def shifted(self, reading: Reading | None) -> bool:
+        """Move the scene's camera by the frame that ``reading`` needs; None, no reading fits: to the next offset.
+
+        Beside other mistakes it could not be placed in time.  False where nothing is left to try.
+        """
+        if not isinstance(self.camera, cams.SceneCamera):
+            return False
+        offset = self.camera.offset + self.steps(reading) if reading else next(iter(self.offsets), self.camera.offset)
+        if offset == self.camera.offset or offset not in self.offsets:
+            return False
+        self.offsets.remove(offset)
+        self.camera.offset = offset
+        self.views.clear()
+        self.__dict__.pop("truth", None)
+        return True
+
     @property
     def geometry(self) -> bool:
         """Whether surface points are known: there is a position or a depth pass."""
@@ -117,7 +149,7 @@ class Files:
 
     def view(self, number: int, reading: Reading) -> View | None:
         """The camera of file ``number`` by ``reading``; None where the camera file has none for it."""
-        shown = number + {"ahead": -1, "behind": 1}.get(reading.order, 0)
+        shown = number + self.steps(reading)
         if "backwards" in reading.order:
             shown = self.sequence.frames[0] + self.sequence.frames[-1] - number
         key = (number, shown, Reading(rows=reading.rows * self.fitted, matrix=reading.matrix, lens=reading.lens))
@@ -159,15 +191,19 @@ class Files:
         mapping = self.sequence.mapping
         if position is None:
             depth, kind = samples.depth * reading.factor, reading.depth or self.some.depth_kind
-            offset = self.some.depth_offset
+            offset = self.some.depth_offset * reading.factor
             return points_at(view, self.pixels(samples, reading), depth, kind, self.sequence.size, offset)
-        points = position * reading.factor
-        if reading.up:
-            points = points @ to_y_up(np.eye(3), mapping.up).T @ to_y_up(np.eye(3), reading.up)
+        points = self.turned(position * reading.factor, reading)
         space = reading.positions or mapping.positions
         if space == "view":
             return points @ view.world_from_view.T
         return points - view.position if space == "world" else points
+
+    def turned(self, vectors: Array, reading: Reading) -> Array:
+        """Vectors (..., 3) that the mapping turned to glTF axes, turned as ``reading`` says."""
+        if not reading.up:
+            return vectors
+        return vectors @ to_y_up(np.eye(3), self.sequence.mapping.up).T @ to_y_up(np.eye(3), reading.up)
 
     def misplaced(self, number: int, reading: Reading, *, few: bool = False) -> Array | None:
         """Projections of the position pass minus their pixels, (N, 2); None without a view or samples."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +25,15 @@ CHECK_FILE = "check.json"
 _LABELS = {
     "rows": "row order", "up": "axes of positions", "positions": "origin of positions", "meters": "unit of positions",
     "matrix": "camera matrices", "lens": "field of view", "order": "frame order", "centers": "pixel centers",
-    "depth": "kind of depth", "direction": "motion sign", "y": "motion y", "components": "motion components",
+    "depth": "kind of depth", "normals": "axes of normals",
+    "direction": "motion sign", "y": "motion y", "components": "motion components",
     "unit": "motion unit", "zero": "motion zero", "jitter": "jitter in motion",
 }  # fmt: skip
 _CAPTION = (
     f"The pair that the mapping explains least.  Gray: nothing to compare with.  White line: {TOLERANCE_PX:g} px."
 )
 _SHARES = ("as_read", "explained", "judged", "pixels")
+_PAIR = ("frame", "judged", "as_read", "explained", "expected_px")
 _MOST = 3  # equivalent corrections in a text
 _SHORT = 24  # characters of a text beside its verdict
 
@@ -42,13 +44,14 @@ def check_summary(check: Check, sequence: PathTracedSequence) -> dict[str, Any]:
     Shares in percent.
     """
     about = {"sequence": str(sequence.path), "mapping": sequence.mapping.name, "basis": check.basis}
-    lists = {name: [_plain(each) for each in getattr(check, name)] for name in ("classes", "verdicts", "pairs")}
+    lists = {name: [_percent(asdict(each)) for each in getattr(check, name)] for name in ("classes", "verdicts")}
+    lists["pairs"] = [_percent({n: getattr(p, n) for n in _PAIR} | {"jitter_px": p.jitter_px.tolist()})
+                      for p in check.pairs]  # fmt: skip
     about |= {"tolerance_px": TOLERANCE_PX, "answer": check.answer, "wrong": [v.convention for v in check.wrong]}
     return {"schema": SCHEMA, **about, **lists}
 
 
-def _plain(verdict: Any) -> dict[str, Any]:
-    values = {f.name: getattr(verdict, f.name) for f in fields(verdict) if f.name != "errors"}
+def _percent(values: dict[str, Any]) -> dict[str, Any]:
     return values | {n: 100 * values[n] for n in _SHARES if values.get(n) is not None}
 
 
@@ -84,8 +87,7 @@ def check_tables(summary: Summary) -> list[Table]:
         *judged[3:],
         *(Column(name, "px", digits) for name, digits in (("jitter x", 3), ("jitter y", 3), ("motion", 2))),
     )
-    keys = ("judged", "as_read", "explained", "expected_px")
-    of_pairs = [Row(f"frame {p['frame']}", (*(p[n] for n in keys[:3]), *p["jitter_px"], p[keys[3]]))
+    of_pairs = [Row(f"frame {p['frame']}", (*(p[n] for n in _PAIR[1:4]), *p["jitter_px"], p["expected_px"]))
                 for p in summary["pairs"]]  # fmt: skip
     return tables + ([Table("pairs", "Motion of each pair", columns, tuple(of_pairs))] if of_pairs else [])
 

@@ -115,6 +115,37 @@ class PairVectors:
         judged = self.surfaces & (self.near(self.still) | (not self.good))
         return np.where(judged[:, None], self.still, self.far)
 
+    @property
+    def judged(self) -> float:
+        """Share of the surfaces with a vector whose motion is known, 0 to 1."""
+        return float(np.isfinite(self.expected[self.surfaces, 0]).mean()) if self.surfaces.any() else 0.0
+
+    @property
+    def as_read(self) -> float:
+        """Share of the judged surfaces that are right as the mapping reads them, 0 to 1."""
+        return self._right(self.stored)
+
+    @property
+    def explained(self) -> float:
+        """Share of the judged surfaces that are right once corrected, 0 to 1."""
+        return self._right(self.corrected)
+
+    def _right(self, vectors: Array) -> float:
+        known = self.surfaces & np.isfinite(self.expected[:, 0])
+        return float(self.near(self.expected, vectors)[known].mean()) if known.any() else 0.0
+
+    @property
+    def expected_px(self) -> float:
+        """Median length of the motion of surfaces, pixels."""
+        motion = length((self.truth if self.known else self.still)[self.surfaces])
+        return float(np.median(motion)) if len(motion) else 0.0
+
+    @property
+    def errors(self) -> tuple[Array, ...]:
+        """Errors (h, w) as read and corrected, pixels, NaN where nothing is known."""
+        given = (self.stored, self.corrected)
+        return tuple(length(difference(v, self.expected)).reshape(self.size[::-1]) for v in given)
+
 
 def difference(a: Array, b: Array) -> Array:
     """``a`` - ``b`` without warnings for infinite values."""

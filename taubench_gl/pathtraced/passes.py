@@ -33,7 +33,7 @@ COMPONENTS = {
 ``rejected``: 1 where the program that made the frames rejected its history; ``history_weight``: 0 there.
 """
 
-NAME_IT = "name it in a mapping (--mapping), or switch it on in the renderer if the files lack it"
+NAME_IT = "name it in a mapping, --mapping FILE, or switch it on in the renderer if the files lack it"
 """What to do where a pass is not found."""
 
 UNIT_ROUNDING = 5e-7
@@ -293,9 +293,8 @@ def _rec709(image: ExrImage, mapping: PassMap) -> Callable[[Array | None], Array
     if np.allclose(stored, PRIMARIES["rec709"], atol=1e-3):
         return lambda light: light
     if mapping.color == "encoded":
-        raise PathTracedError(
-            "encoded color has other primaries than Rec. 709", where=str(image.path), hint="write linear color"
-        )
+        message = "encoded color has other primaries than Rec. 709"
+        raise PathTracedError(message, where=str(image.path), hint="write linear color")
     try:
         matrix = rec709_from(stored).astype(np.float32)
     except np.linalg.LinAlgError:
@@ -344,14 +343,12 @@ def read_frame(
         depth_kind="distance" if mapping.depth == "distance" else "planar",
         prev_position=None if prev is None else to_y_up(prev, mapping.up) * meters,
         motion=_motion(take("motion"), mapping, image.size),
-        combined=light(take("combined")),
-        emission=light(take("emission")),
-        environment=light(take("environment")),
+        **{
+            name: light(take(name)) for name in ("combined", "emission", "environment", "diffuse_color", "glossy_color")
+        },
         radiance={name: light(values) for name, values in radiance.items()},
         lobes={name: light(values) for name, values in separate.items()},
         color_encoded=mapping.color == "encoded",
-        diffuse_color=light(take("diffuse_color")),
-        glossy_color=light(take("glossy_color")),
         relative=mapping.positions == "relative",
         depth_offset=mapping.depth_offset * mapping.meters,
         half_position=position is not None and _in_halves(position[~sky]),
@@ -369,12 +366,9 @@ def _forward(depth: Array, mapping: PassMap, where: str) -> Array:
         depth = -depth
     surface = depth[np.isfinite(depth) & (depth != 0)]
     if len(surface) and (surface < 0).mean() > 0.5:
-        kind = "planar" if mapping.depth == "view-z" else "view-z"
-        raise PathTracedError(
-            f"its depth is {'positive' if kind == 'planar' else 'negative'}, which {mapping.depth} depth is not",
-            where=where,
-            hint=f"set depth = '{kind}' in the mapping (view-z: view-space z, negative in front of the camera)",
-        )
+        sign, kind = ("positive", "planar") if mapping.depth == "view-z" else ("negative", "view-z")
+        hint = f"set depth = '{kind}' in the mapping; view-z is view-space z, negative in front of the camera"
+        raise PathTracedError(f"its depth is {sign}, which {mapping.depth} depth is not", where=where, hint=hint)
     return depth
 
 

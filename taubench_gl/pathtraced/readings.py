@@ -122,7 +122,7 @@ def geometry_values(mapping: PassMap, positions: bool, camera: str) -> dict[str,
     """
     if camera == "fitted":
         return {"rows": tuple(TEXTS["rows"]), "order": ("next",)}
-    names = ("rows", "meters", "order", *(("up", "positions") if positions else ("depth",)))
+    names = ("rows", *(("up", "positions") if positions else ("depth",)), "meters", "order")
     names += ("matrix", "lens") if camera == "sidecar" else ()
     return {name: tuple(value for value in TEXTS[name] if value != value_in(mapping, name)) for name in names}
 

@@ -7,6 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from taubench_gl.conventions import ABSENT, NO_HISTORY
+from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.evaluation.owner import opened_gpu
 from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.pathtraced.cameras import SceneCamera, project
@@ -25,7 +26,7 @@ def render_truth(camera: SceneCamera, settings: Settings, numbers: Collection[in
     Pixels at outlines have no truth (the sample of another program may show the other surface), and neither have
     surfaces that are not there in the frame before.
     """
-    settings = settings.replace(columns=("frustum",), reprojection="motion", textures="finest")
+    settings = as_rendered(settings).replace(columns=("frustum",), reprojection="motion", textures="finest")
     size, truth = (settings.sequence.width, settings.sequence.height), {}
     with opened_gpu(settings) as owner:
         animated = AnimatedScene(camera.scene, camera.track, fps=settings.sequence.fps)

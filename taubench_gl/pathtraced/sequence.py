@@ -147,6 +147,12 @@ class PathTracedSequence:
         if lost:
             raise PathTracedError(f"lacks frame {lost[0]} of {of}", where=where, hint="give --frames that it has")
 
+    def require_centered(self) -> None:
+        """Raise PathTracedError for images that are shifted by whole pixels: drawn ones beside them are not."""
+        if any(self.mapping.principal_point):
+            message = f"its mapping shifts images by {self.mapping.principal_point} pixels, which drawn images are not"
+            raise PathTracedError(message, where=str(self.path), hint="shift the files, and leave out principal_point")
+
     def missing(self, lobes: Collection[str] = ()) -> dict[str, str]:
         """Columns (and ``lobe_bounce``) without their passes in the first frame -> reason."""
         return missing_columns(self.index, lobes)

@@ -249,14 +249,10 @@ class Seen:
             why = "passes are means of several samples, or samples lie beside the pixel center, which counts as change"
             out.append(f"{', '.join(filtered)}: {why}; render one sample in each pixel center")
         if self.no_normals > FEW_SHORT:
-            out.append(
-                f"{100 * self.no_normals:.1f} % of the surface pixels have no normal: if they show no surface, set "
-                "sky = 'normal' in the mapping"
-            )
+            text = f"{100 * self.no_normals:.1f} % of the surface pixels have no normal"
+            out.append(f"{text}: if they show no surface, set sky = 'normal' in the mapping")
         if self.rounding_m > COARSE_M:
-            what = (
-                "surface points are taken from depth" if self.from_depth else "write them, or depth, as 32-bit floats"
-            )
+            what = "surface points are taken from depth" if self.from_depth else "write them or depth as 32-bit floats"
             out.append(f"positions are half floats, rounded by {self.rounding_m:.2g} m (median): {what}")
         return out
 
@@ -267,11 +263,8 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
     Positions become camera-relative in float64 and are then rounded to float32.  A surface that is not in front of its
     own camera is an error of the file: its position is NaN, and the masks count it as INVALID.
     """
-    if frame.position is None and frame.depth is None:  # a point in front of every camera: none is compared
-        depth = np.full(frame.sky.shape, 1.0 + view.camera.znear)
-        position = -view.world_from_view[:, 2] * depth[..., None]
-    else:
-        position, depth = relative_position(frame, view)
+    located = frame.position is not None or frame.depth is not None
+    position, depth = relative_position(frame, view) if located else _ahead(frame, view)
     position = np.concatenate([position, depth[..., None]], axis=-1)
     position[frame.sky] = 0.0
     position[~frame.sky & ~(depth > 0)] = np.nan
@@ -290,15 +283,20 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
         out["color"] = color.astype(np.float32)
     if frame.motion is not None:
         out["vectors"] = frame.motion
-    if frame.prev_position is not None:
+    if not located:
+        out["prev_position"] = _ahead(frame, previous)[0].astype(np.float32)
+    elif frame.prev_position is not None:
         origin = 0.0 if frame.relative else previous.position
         out["prev_position"] = (frame.prev_position.astype(np.float64) - origin).astype(np.float32)
-    elif frame.motion is not None and frame.position is None and frame.depth is None:
-        ahead = -previous.world_from_view[:, 2] * (1.0 + previous.camera.znear)
-        out["prev_position"] = np.broadcast_to(ahead.astype(np.float32), (*frame.sky.shape, 3))
     elif frame.motion is not None:
         out["prev_position"] = position_from_motion(position, frame.motion, view, previous).astype(np.float32)
     return out
+
+
+def _ahead(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
+    """What stands for surface points that files do not have, as ``relative_position``: one in front of every camera."""
+    depth = np.full(frame.sky.shape, 1.0 + view.camera.znear)
+    return -view.world_from_view[:, 2] * depth[..., None], depth
 
 
 def _format(name: str) -> str:

@@ -19,7 +19,7 @@ GUESSES = {
 }  # fmt: skip
 """Pass -> pattern of the name that its channels have before their last dot, the first that matches."""
 
-_FIELDS = ("up", "rows", "positions", "meters", "depth", "depth_offset", "background_depth", "color")
+_FIELDS = ("up", "rows", "positions", "meters", "depth", "depth_offset", "background_depth", "normals", "color")
 _LETTERS = "XYZRGBUV"
 
 
@@ -60,7 +60,7 @@ def write_found(path: Path, index: ChannelIndex, check: Check) -> None:
         name, value = verdict.convention, verdict.value
         if name == "components":
             passes = passes | {"motion": passes["motion"][::-1]}
-        elif name in ("up", "positions") and value != "view":
+        elif name in ("up", "normals") or (name == "positions" and value != "view"):
             values[name] = value
         elif name == "rows":
             values["rows"] = "bottom" if mapping.rows == "top" else "top"

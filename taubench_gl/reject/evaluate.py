@@ -129,7 +129,9 @@ class _Run:
             self._scores[test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
         if self._stored is not None:
             values = self._stored.difference(frame)[scored]
-            self._scores[self._stored.test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
+            known = ~np.isnan(values)
+            parts = ({name: rows[known] for name, rows in some.items()} for some in (truth, strata))
+            self._scores[self._stored.test.name].add(values[known], *parts)
 
     def _strata(self, position: Array, bits: Array, scored: Array) -> dict[str, Array]:
         source, scale = self._source, self._plan.settings.metrics.unit_scale

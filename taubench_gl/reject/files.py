@@ -41,6 +41,7 @@ class FileRejection:
             hint = "give --scene-file: visibility is traced in the scene of the frames"
             raise SettingsError("the scene of the frames is unknown", where=str(spec), hint=hint)
         plan = plan_sequence(spec, settings, options)
+        plan.sequence.require_centered()
         name = next((name for name in PASSES if name in plan.sequence.index), None)
         if name is None:
             message = f"the files have no pass {' or '.join(PASSES)}"

@@ -30,6 +30,7 @@ _COLUMNS = (
     Column("time", "ms", 3, "Median time of the pass"),
 )
 NO_PIXEL = "no such pixel"
+NOT_TIMED = "not computed here, or not timed"
 _LINES = ("-", "--", ":", "-.")
 
 
@@ -51,7 +52,8 @@ def _scores(summary: Summary, number: int, truth: str) -> Table:
             test["threshold"], score["precision"], score["recall"], None if wrong is None else 100.0 * wrong,
             score["rejected_percent"], test["curves"][truth]["area"], test["milliseconds"],
         )  # fmt: skip
-        rows.append(Row.of(name, values, NO_PIXEL))
+        why = [NO_PIXEL] * (len(values) - 1) + [NOT_TIMED]
+        rows.append(Row(name, values, reasons={i: why[i] for i, value in enumerate(values) if value is None}))
     notes = reject_notes(summary) if number == 1 else ()
     title = f"Rejection tests against {truth.replace('_', ' ')}"
     return Table(number, title, _COLUMNS, tuple(rows), notes, lead=(f"{TRUTHS[truth]}.",))

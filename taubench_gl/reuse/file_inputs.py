@@ -108,6 +108,7 @@ class FileInputs(Inputs):
             missing |= {"prev_position"}
         if not missing:
             return None
+        self.source.sequence.require_centered()
         geometry = settings.replace(columns=("frustum",), textures="finest")
         return self.open_source(AnimatedScene(scene, camera), geometry, extra=tuple(sorted(missing)))
 

@@ -12,7 +12,8 @@ from test_captured_scene import LIGHTS, states
 
 from taubench_gl.capture.quake3 import demo as wire
 from taubench_gl.capture.quake3.paks import Paks
-from taubench_gl.capture.quake3.scene import Choice, as_recording, build_scene
+from taubench_gl.capture.quake3.scene import as_recording, build_scene
+from taubench_gl.capture.recording import Choice
 from taubench_gl.errors import TaubenchError
 from taubench_gl.scene import load_scene
 

@@ -71,6 +71,7 @@ def test_scripts():
     a = describe("a", found["a"])
     assert (a.images, a.alpha, a.cutoff, a.double_sided, a.drawn) == (("textures/x.tga", "a"), "MASK", 0.5, True, True)
     assert not describe("b/c", found["b/c"]).drawn
+    assert look("a\n{\nsurfaceparm fog\n}").left_out == "fog volumes"
     assert describe("without", None).images == ("without",)
 
 

@@ -292,11 +292,27 @@ def opaque(truth, frames):
     return out
 
 
+def late_swarm(truth, frames):
+    """A small moving object is drawn one frame late, all else is right."""
+    out = []
+    for k, frame in enumerate(frames):
+
+        def pose(scene, state, node, *part, k=k):
+            late = truth.state(k - 1) if scene.nodes.names[node] == "swarm" else state
+            return pose_vertices(scene, late, node, *part)
+
+        hits = truth.cast(k, truth.view(k), truth.pixels, pose)
+        points = truth.at(hits, truth.vertices(k, pose)).reshape(frame.points.shape) - truth.view(k).position
+        out.append(replace(frame, points=points, sky=np.isnan(points[..., 0])))
+    return out
+
+
 @pytest.mark.parametrize(
     ("spoil", "case", "word"),
     [(wrong_camera, "translate", "camera"), (without_box, "translate", "'moving box' is missing"),
      (doubled, "dolly", "2 times"), (z_up, "dolly", "axes"), (upside_down, "yaw", "rows"), (poses_late, "yaw", "pose"),
-     (no_visibility, "visibility", "hidden"), (opaque, "grid", "alpha")],
+     (no_visibility, "visibility", "hidden"), (opaque, "grid", "alpha"),
+     (late_swarm, "instances", "pose")],
 )  # fmt: skip
 def test_a_scene_not_loaded_as_written_is_not_judged(spoil, case, word):
     score = scored(spoil, case)[case]

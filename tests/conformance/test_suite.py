@@ -17,6 +17,7 @@ from taubench_gl.conformance.cases import CASES
 from taubench_gl.conformance.score import NO_PLACE, NOT_JUDGED, RIGHT
 from taubench_gl.conformance.truth import CLASSES, Truth
 from taubench_gl.conventions import Visibility
+from taubench_gl.errors import PathTracedError
 from taubench_gl.paths import PACKAGE
 
 
@@ -133,10 +134,14 @@ def test_written_scenes_are_small_and_listed(tmp_path):
     assert run("list").exception is None and CASES["far"].text in run("show", "far").output
 
 
-def test_missing_frames_are_not_judged(tmp_path):
-    result = run("score", f"exr:{tmp_path}", "--only", "still", "--json")
+def test_missing_and_damaged_frames_are_not_judged(tmp_path):
+    (tmp_path / "yaw").mkdir()
+    (tmp_path / "yaw" / "f0.exr").write_bytes(b"no image")
+    result = run("score", f"exr:{tmp_path}", "--only", "still", "--only", "yaw", "--json")
     assert result.return_value == 3
-    assert json.loads(result.output[result.output.index("{") :])["cases"][0]["status"] == NOT_JUDGED
+    cases = json.loads(result.output[result.output.index("{") :])["cases"]
+    assert [case["status"] for case in cases] == [NOT_JUDGED] * 2 and "f0.exr" in cases[1]["reason"]
+    assert isinstance(run("score", str(tmp_path)).exception, PathTracedError)
 
 
 def test_writing_and_scoring_need_no_opengl(tmp_path):

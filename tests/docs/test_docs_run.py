@@ -35,6 +35,7 @@ LEFT_OUT = {
     r"^paper|^scenes make|^benchmark (?!compare)|^cost |study/within-": "takes minutes: tests/paper, tests/datasets, "
     "tests/benchmark, tests/cost",
     r"^demo --(all|lecture)|^selftest( --json)?$|^doctor --report": "takes minutes: tests/demos, test_tour.py, drivers",
+    r"^conformance score": "reads frames of an engine: tests/conformance",
     r"^capture": "needs a recording and the game's data: tests/capture",
     r"osmesa": "a driver that may be missing: tools/test --driver",
 }

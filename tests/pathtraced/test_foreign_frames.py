@@ -271,11 +271,13 @@ def test_views_of_stereo_files(tmp_path, layout):
 def test_a_pose_that_is_not_that_of_its_frame_is_refused_with_the_frame(tmp_path):
     folder, mapping = write_frames(tmp_path / "f"), mapping_file(tmp_path)
     assert evaluated(folder, mapping).summary["path_traced"]["camera_mismatch_px"] < 1e-4
-    for poses, frame in (({1: 1, 2: 1, 3: 1}, 2), ({1: 1, 2: 2, 3: 1}, 3), ({1: 2, 2: 3, 3: 1}, 1)):
+    for poses, frame in (({1: 1, 2: 1, 3: 2}, 2), ({1: 1, 2: 2, 3: 1}, 3), ({1: 2, 2: 3, 3: 1}, 1)):
         views = {number: view_at(shown) for number, shown in poses.items()}
         (folder / "camera.json").write_text(camera_file_text(views, 24.0, SIZE))
-        with pytest.raises(PathTracedError, match=f"frame {frame}"):
+        with pytest.raises(PathTracedError, match=f"frame {frame}") as error:
             evaluated(folder, mapping)
+        right = next((number for number, shown in poses.items() if shown == frame), None)  # that has its pose
+        assert (f"the pose of frame {right} fits" in error.value.hint) == (right is not None)
 
 
 def test_an_image_that_is_shifted_by_whole_pixels(tmp_path):
@@ -323,7 +325,7 @@ def test_a_rate_that_does_not_fit_is_refused_with_the_one_that_does(data):
     assert right["position"]["mean_percent"] == pytest.approx(7.86, abs=0.01)
     with pytest.raises(PathTracedError, match="frame 1") as error:
         evaluate_path_traced(f"exr:{folder}", fixed_settings(fps=30), options)
-    assert "--fps 24;" in error.value.hint
+    assert "--fps 24 fits" in error.value.hint
 
 
 # ------------------------------------------------------------------------------------------------- vectors of the files

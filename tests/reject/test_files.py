@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Visibility
@@ -17,7 +18,7 @@ from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.reject.evaluate import evaluate_tests
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -27,7 +28,7 @@ POSITIVE = Visibility.OCCLUDED | Visibility.NEW
 
 def settings(**more) -> Settings:
     own = {"width": SIZE[0], "height": SIZE[1], "shadow_size": 64, "indirect": "none", "light": "raster"}
-    return Settings(**(own | FIXED_LIGHTING | more))
+    return fixed_settings(**(own | more))
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +90,18 @@ def test_a_weight_of_history_and_its_errors_by_reason(tmp_path, visibility):
     assert reasons["new"]["false_negative"] == reasons["new"]["pixels"]
 
 
+def test_pixels_of_unknown_history_are_left_out(tmp_path, visibility):
+    def partly(bits):
+        plane = rejected(bits, POSITIVE)["Reject.Y"]
+        plane[:18] = np.nan
+        return {"Reject.Y": plane}
+
+    summary = scored(tmp_path, written(tmp_path, visibility, partly))
+    reasons = summary["tests"]["files"]["strata"]["reason"]
+    assert 0 < sum(r["pixels"] for r in reasons.values()) < summary["pixels"]["surface"]
+    assert all(r["false_positive"] == r["false_negative"] == 0 for r in reasons.values())
+
+
 def test_errors_of_a_user(tmp_path, visibility):
     options = written(tmp_path, visibility, lambda bits: {})
     with pytest.raises(SettingsError, match="rejected or history_weight"):
@@ -96,6 +109,10 @@ def test_errors_of_a_user(tmp_path, visibility):
     options = written(tmp_path, visibility, lambda bits: rejected(bits, POSITIVE))
     with pytest.raises(SettingsError, match="scene"):
         scored(tmp_path, options | {"scene_file": None})
+    shifted = tmp_path / "shifted.toml"
+    shifted.write_text("principal_point = [0, 1]\n" + options["mapping"].read_text())
+    with pytest.raises(PathTracedError, match="shifts"):
+        scored(tmp_path, options | {"mapping": shifted})
     with pytest.raises(PathTracedError, match="frame"):  # the scene's camera at another rate
         scored(tmp_path, options, fps=10.0)
 

@@ -13,6 +13,7 @@ from taubench_gl.animation import View, choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene, still_position
+from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.input_kind import InputKind, parse_input
@@ -100,6 +101,13 @@ def test_without_motion_the_box_is_not_followed(gpu, ours):
     assert facts["motion_from"] == "camera"
     everywhere, on_box = followed(files, ours)
     assert on_box < 0.2 and everywhere < 0.98
+
+
+def test_motion_holds_the_vectors_of_the_files_as_they_are(gpu):
+    """Also where they are within a part of a pixel of the camera's, and in the sky."""
+    files, sequence = from_files(gpu, mover())[0], PathTracedSequence.open(INPUT)
+    for number, got in list(zip(FRAMES, files, strict=True))[1:]:
+        np.testing.assert_allclose(got["motion"], sequence.read(number).motion, atol=1e-5)
 
 
 def test_without_a_scene_the_motion_pass_is_enough(gpu, ours):

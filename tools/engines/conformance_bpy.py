@@ -1,6 +1,6 @@
-"""Frames of the conformance suite by Blender's Cycles, in the Python of Blender (bpy).
+"""Frames of the conformance suite by Blender's Cycles or EEVEE, in the Python of Blender (bpy).
 
-    python tools/engines/conformance_bpy.py SUITE FRAMES [CASE ...]
+    python tools/engines/conformance_bpy.py SUITE FRAMES [--eevee] [CASE ...]
 
 SUITE: the folder of ``taubench-gl conformance write``; FRAMES: the folder that gets CASE/frame_0000.exr and so on.  One
 sample at the center of each pixel.  Score with the mapping ``blender``:
@@ -68,8 +68,12 @@ def cull_back_faces():
 
 def configure(scene, size):
     """One sample per pixel at its center, and the passes that are scored."""
-    scene.render.engine = "CYCLES"
-    cycles, render = scene.cycles, scene.render
+    render, cycles = scene.render, scene.cycles
+    if "--eevee" in sys.argv:
+        render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
+        scene.eevee.taa_render_samples, render.filter_size = 1, 0.0
+    else:
+        render.engine = "CYCLES"
     cycles.device, cycles.samples, cycles.max_bounces = "CPU", 1, 0
     cycles.transparent_max_bounces = 64
     cycles.use_adaptive_sampling = cycles.use_denoising = False
@@ -96,7 +100,8 @@ def main(suite, frames, names):
         scene = load(os.path.join(suite, case["scene"]))
         scene.camera = next(o for o in bpy.data.objects if o.type == "CAMERA")
         configure(scene, size)
-        cull_back_faces()
+        if "--eevee" not in sys.argv:  # EEVEE culls by itself
+            cull_back_faces()
         for number, frame in enumerate(case["frames"]):
             lens, (right, down) = scene.camera.data, frame["jitter_px"]
             # The unit of the shift is the side that the sensor is fitted to.
@@ -109,6 +114,6 @@ def main(suite, frames, names):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], os.path.abspath(sys.argv[2]), sys.argv[3:])
+    main(sys.argv[1], os.path.abspath(sys.argv[2]), [name for name in sys.argv[3:] if name != "--eevee"])
     sys.stdout.flush()
     os._exit(0)  # the module of Blender can crash when the interpreter ends

@@ -108,7 +108,7 @@ def add_players(timeline: Timeline, surfaces: Surfaces) -> None:
         body = _body(surfaces, info)
         if body is not None:
             _add_player(timeline, surfaces, track, body, f"player {number} {info.get('n', '')}".strip())
-            surfaces.file.count("players and bodies")
+            surfaces.file.counts["players and bodies"] += 1
 
 
 def _body(surfaces: Surfaces, info: dict[str, str]) -> _Body | None:
@@ -116,7 +116,7 @@ def _body(surfaces: Surfaces, info: dict[str, str]) -> _Body | None:
     model, _, skin = info.get("model", DEFAULT_MODEL).lower().partition("/")
     head_model, _, head_skin = info.get("hmodel", info.get("model", DEFAULT_MODEL)).lower().partition("/")
     if surfaces.paks.read(f"models/players/{model}/lower.md3") is None:
-        surfaces.missing[f"no player model {model}: {DEFAULT_MODEL} in its place"] += 1
+        surfaces.file.lost[f"no player model {model}: {DEFAULT_MODEL} in its place"] += 1
         model, skin, head_model, head_skin = DEFAULT_MODEL, "", DEFAULT_MODEL, ""
     base, head_base = f"models/players/{model}/", f"models/players/{head_model}/"
     lower, upper = surfaces.model(base + "lower.md3"), surfaces.model(base + "upper.md3")
@@ -168,7 +168,7 @@ def _add_player(timeline: Timeline, surfaces: Surfaces, track: Track, body: _Bod
         mesh = surfaces.file.writer.mesh(f"{body.model} {part}", *primitives, weights=[0.0] * (len(used) - 1))
         motion = Motion(*at[part], shown=track.present, jumps=track.jumps)
         surfaces.file.place(f"{name} {part}", motion, weights[:, 1:], mesh=mesh)
-        surfaces.file.count("morph targets", len(used) - 1)
+        surfaces.file.counts["morph targets"] += len(used) - 1
     if body.head is not None:
         primitives = surfaces.model_primitives(body.head, body.skins["head"], [0])
         if primitives:

@@ -44,17 +44,12 @@ def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool
         raise SettingsError("ioquake3 and OpenArena are not installed", hint=INSTALL)
     if not map_name.replace("_", "").replace("-", "").isalnum():
         raise SettingsError(f"{map_name!r:.60} is no name of a map", setting="map")
-    waits = 2 * seconds * 1000 / STEP  # the engine counts a wait twice per frame
-    settling = 600  # while the map loads, waits are counted as well
+    command = [engine, *_arguments(folder, map_name, rockets)]
     for _ in range(TRIES):
         with tempfile.TemporaryDirectory() as home:
-            made = _play(
-                [engine, *_arguments(folder, map_name, rockets)], Path(home), bots, (settling, round(waits)), limit
-            )
-            demo, settling = None if made is None else read_demo(made), 2 * settling
-            if demo is not None and demo.seconds < seconds - 0.1:
-                waits *= 1.05 * seconds / max(demo.seconds, 0.1)
-            elif demo is not None:
+            made = _play(command, Path(home), bots, seconds, limit)
+            demo = None if made is None else read_demo(made)
+            if demo is not None and demo.seconds > seconds - 0.1:
                 with opened(made, SceneError) as file:
                     copy_atomically(file, out)
                 return demo
@@ -72,15 +67,13 @@ def _arguments(folder: Path, map_name: str, rockets: bool) -> list[str]:
     return [*settings, "+devmap", map_name, *after]
 
 
-def _play(command: list[str], home: Path, bots: int, waits: tuple[int, int], limit: float) -> Path | None:
-    """Run the engine; the demo that it wrote, None if it did not come up or was killed at the limit.
-
-    ``waits``: of the engine, before the recording and during it.
-    """
+def _play(command: list[str], home: Path, bots: int, seconds: float, limit: float) -> Path | None:
+    """Run the engine; the demo that it wrote, None if it did not come up or was killed at the limit."""
     data = home / ".openarena" / "baseoa"
     data.mkdir(parents=True)
-    lines = [f"wait {waits[0]}", *(f"addbot {BOTS[i % len(BOTS)]} 5" for i in range(bots)), "wait 60", "team s"]
-    lines += ["wait 1200", "follow 1", "wait 60", "record made", f"wait {waits[1]}", "stoprecord", "wait 10", "quit"]
+    lines = ["wait 600", *(f"addbot {BOTS[i % len(BOTS)]} 5" for i in range(bots)), "wait 60", "team s", "wait 1200"]
+    waits = round(2 * seconds * 1000 / STEP)  # the engine counts a wait twice per frame
+    lines += ["follow 1", "wait 60", "record made", f"wait {waits}", "stoprecord", "wait 10", "quit"]
     write_atomically(data / "record.cfg", "\n".join(lines) + "\n")
     display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
     process = subprocess.Popen(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,36 +9,18 @@ import numpy as np
 from taubench_gl.capture.parts import Motion, SceneFile
 from taubench_gl.capture.quake3 import things
 from taubench_gl.capture.quake3.bsp import Bsp
-from taubench_gl.capture.quake3.demo import Demo
+from taubench_gl.capture.quake3.demo import ENTITY, Demo
 from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.capture.quake3.timeline import FIRE, IMPACTS, MISSILE_KIND, UNIT, Timeline
-from taubench_gl.capture.recording import EXACT_RATE, RATE, Recording, key_times
+from taubench_gl.capture.recording import EXACT_RATE, RATE, Choice, Eye, Recording, key_times
 from taubench_gl.errors import SceneError, SettingsError
 
 MAX_SECONDS = 3600.0
 NEAR = 4.0
 """Units from the eye to the near plane, as in the engine."""
 LICENSE = "derived from the game's maps, models and images; those of OpenArena: GPL-2.0, by the OpenArena team"
-_LEFT_OUT = (
-    "triangles of additive surfaces", "triangles of sprites", "surfaces of models that are additive surfaces",
-    "surfaces of models that are sprites", "animated textures, which stand still", "flares", "bullet marks",
-    "lightning bolts", "rail trails", "sprites of shots", "explosion sprites and marks",
-)  # fmt: skip
-"""Kinds of ``SceneFile.counts`` that the game draws and the file has not."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """What of a recording becomes a scene, and how.  ``start``, ``seconds``: from its first snapshot."""
-
-    start: float
-    seconds: float = 6.0
-    fps: float = 60.0
-    view_weapon: bool = True
-    roll: bool = True
-    lights: bool = True
 
 
 def as_recording(demo: Demo) -> Recording:
@@ -51,11 +32,15 @@ def as_recording(demo: Demo) -> Recording:
     missiles: dict[tuple[float, ...], int] = {}
     for (number, weapon, time), track in timeline.tracks(MISSILE_KIND, ("weapon", "time")).items():
         missiles[number, weapon, time] = int(timeline.ms[np.argmax(track.present)])
+    impacts = [event for event in timeline.events if event.kind in IMPACTS and event.number >= 0]
+    lit = [event.time for event in impacts if int(event.state[ENTITY["weapon"]]) in things.EXPLOSIONS]
+    lit += [time for (_, weapon, _), time in missiles.items() if weapon in things.GLOWING]
     times = {
         "shots": [event.time for event in timeline.events if event.kind == FIRE],
         "missiles": list(missiles.values()),
-        "explosions": [event.time for event in timeline.events if event.kind in IMPACTS and event.number >= 0],
+        "explosions": [event.time for event in impacts],
     }
+    times["lights"] = times["shots"] + lit  # each shot has a flash
     counts = {kind: (np.array(sorted(found), dtype=float) - first) / 1000 for kind, found in times.items()}
     clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < 64}
     names = (demo.player_info(client).get("n", "") for client in sorted(clients))
@@ -97,7 +82,7 @@ def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile
         things.add_view_weapon(timeline, surfaces, eye)
     add_players(timeline, surfaces)
     name = f"{demo.map_name} {choice.start:g} to {choice.start + choice.seconds:g} s"
-    file.save(path, name, _note(choice, eye), left_out(surfaces))
+    file.save(path, name, _note(choice, eye))
     return file
 
 
@@ -111,18 +96,11 @@ def read_map(demo: Demo, paks: Paks) -> Bsp:
     return Bsp(data, paks.where(name))
 
 
-def left_out(surfaces: Surfaces) -> list[str]:
-    """What the game draws and the file has not, with its number."""
-    counts = surfaces.file.counts
-    lines = [f"{counts[kind]:,} {kind}" for kind in _LEFT_OUT if counts.get(kind)]
-    return [*lines, *(f"{what} ({number})" for what, number in surfaces.missing.items()), "fog and marks on walls"]
-
-
-def _note(choice: Choice, eye) -> str:
+def _note(choice: Choice, eye: Eye) -> str:
     """What every evaluation of the scene says."""
     weapon = "with the view weapon, which camera reprojection rejects" if choice.view_weapon else "no view weapon"
     jumps = f"{int(eye.jumps.sum())} jumps of the camera, " if eye.jumps.any() else ""
     return (
         f"recorded game: {weapon}, {jumps}{1 / UNIT:g} units are 1 m, keys at {choice.fps:g} and {EXACT_RATE:g} fps; "
-        "the game has no normal maps: the normal column is not comparable with the paper's"
+        "no fog, no marks on walls; the game has no normal maps: the normal column is not comparable with the paper's"
     )

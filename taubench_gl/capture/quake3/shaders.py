@@ -88,6 +88,7 @@ def describe(name: str, parts: list[list[list[str]]] | None) -> Look:
         elif keyword == "surfaceparm":
             look.sky |= first == "sky"
             look.drawn &= first != "nodraw"
+            look.left_out = "fog volumes" if first == "fog" else look.left_out
         elif keyword == "skyparms":
             look.sky = True
         elif keyword in ("q3map_sun", "sun", "q3map_sunext") and len(words) >= 6:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 
 from taubench_gl.capture import light
@@ -25,11 +23,10 @@ _WHITE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Surfaces:
-    """What a scene is drawn with.  ``missing``: names of images and models that no archive has."""
+    """What a scene is drawn with.  Images and models that no archive has are counted as lost."""
 
     def __init__(self, file: SceneFile, paks: Paks):
         self.file, self.paks = file, paks
-        self.missing: Counter[str] = Counter()
         self._scripts = read_scripts(paks)
         self._materials: dict[str, int | None] = {}
         self._textures: dict[tuple[str, bool], tuple[int, Array]] = {}
@@ -61,15 +58,15 @@ class Surfaces:
         image = next(filter(None, map(self.paks.image_name, look.images)), None)
         rest = {"roughness": 0.9, "doubleSided": look.double_sided or None}
         if look.animated:
-            self.file.count("animated textures, which stand still")
+            self.file.lost["animated textures, which stand still"] += 1
         if image is None:
-            self.missing[f"no image of {name}"] += 1
+            self.file.lost[f"no image of {name}"] += 1
             return self.file.writer.material(name, (0.5, 0.5, 0.5), **rest)
         texture, color = self._texture(image, look.alpha != "OPAQUE")
         if look.alpha != "OPAQUE":
             rest["alphaMode"] = look.alpha
         if look.surface_light:
-            self.file.count("emissive materials")
+            self.file.counts["emissive materials"] += 1
             luminance = light.surface_luminance(look.surface_light) * (self._color(look) @ _WHITE)
             return self.file.emissive(name, color, luminance / max(color @ _WHITE, 1e-3), texture, **rest)
         index = self.file.writer.material(name, texture=texture, **rest)
@@ -90,7 +87,7 @@ class Surfaces:
         try:
             return self.paks.image(image, TEXTURE)
         except SceneError as error:  # one image of a thousand: the game goes on as well
-            self.missing[f"image {image} {error.what}"] += 1
+            self.file.lost[f"image {image} {error.what}"] += 1
             return np.full((1, 1, 4), 128, np.uint8)
 
     def _color(self, look: Look) -> Array:
@@ -111,9 +108,9 @@ class Surfaces:
             material = self.material(bsp.shaders[shader])
             if material is None:
                 if reason := self.left_out(bsp.shaders[shader]):
-                    self.file.count(f"triangles of {reason}", len(mesh.triangles))
+                    self.file.lost[f"triangles of {reason}"] += len(mesh.triangles)
                 continue
-            self.file.count("triangles of the map", len(mesh.triangles))
+            self.file.counts["triangles of the map"] += len(mesh.triangles)
             corners = mesh.triangles[:, MIRROR]
             primitives.append(self.file.primitive(mesh.places, mesh.normals, mesh.uvs, corners, material))
         return self.file.writer.mesh(name, *primitives) if primitives else None
@@ -126,7 +123,7 @@ class Surfaces:
             color = np.array([red, green, blue]).clip(0)
             toward = np.array([np.cos(y) * np.cos(e), np.sin(y) * np.cos(e), np.sin(e)])
             self.file.sun(toward, tuple(color / max(color.max(), 1e-6)), light.sun_lux(max(intensity, 0)))
-            self.file.count("suns")
+            self.file.counts["suns"] += 1
         for entity in bsp.entities:
             place = [number(word) for word in entity.get("origin", "").split()]
             if entity.get("classname") != "light" or len(place) != 3:
@@ -136,10 +133,8 @@ class Surfaces:
             value = number(entity.get("light", "300")) or 300.0
             candela = light.entity_candela(max(value, 0), self.file.unit)
             self.file.point_light("light", np.array([place]), tuple(color), np.array([candela]))
-            self.file.count("light entities")
-        flares = int((bsp.surfaces["kind"] == FLARE).sum())
-        if flares:
-            self.file.count("flares", flares)
+            self.file.counts["light entities"] += 1
+        self.file.lost["flares"] += int((bsp.surfaces["kind"] == FLARE).sum())
 
     # ---------------------------------------------------------------------------------------------------------- models
     def model(self, path: str) -> Md3 | None:
@@ -148,7 +143,7 @@ class Surfaces:
             data = self.paks.read(path)
             self._models[path] = None if data is None else Md3(data, self.paks.where(path))
             if data is None:
-                self.missing[f"no model {path}"] += 1
+                self.file.lost[f"no model {path}"] += 1
         return self._models[path]
 
     def model_primitives(self, model: Md3, skin: dict[str, str], frames: list[int]) -> list:
@@ -160,7 +155,7 @@ class Surfaces:
                 continue
             material = self.material(shader)
             if material is None:
-                self.file.count(f"surfaces of models that are {self.left_out(shader) or 'not drawn'}")
+                self.file.lost[f"surfaces of models: {self.left_out(shader) or 'not drawn'}"] += 1
                 continue
             shapes = [surface.shape(frame) for frame in frames]
             corners = surface.triangles[:, MIRROR]

@@ -43,11 +43,11 @@ _FLASHES: dict[int, Color] = {
 _YELLOW: Color = (1, 1, 0)
 FLASH_MS, FLASH_RADIUS = 20, 315
 """A muzzle flash: milliseconds, and the mean of the radius that the game draws at random (300 to 331)."""
-_GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, (1, 0.75, 0))}
+GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, (1, 0.75, 0))}
 """Missiles with a light: radius and color."""
 _BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: ((0.6, 0.6, 1), 8), _BFG: ((0.6, 1, 0.6), 12)}
 _MISSILES = {_ROCKET: "models/ammo/rocket/rocket.md3", _GRENADE: "models/ammo/grenade1.md3"}
-_EXPLOSIONS: dict[int, tuple[float, Color, float]] = {
+EXPLOSIONS: dict[int, tuple[float, Color, float]] = {
     _GRENADE: (300, _YELLOW, 600), _ROCKET: (300, (1, 0.75, 0), 1000)
 }  # fmt: skip
 """Radius, color and milliseconds."""
@@ -61,7 +61,7 @@ def add_movers(timeline: tl.Timeline, surfaces: Surfaces, bsp: Bsp) -> None:
         if mesh is not None:
             places, angles = (tl.trajectory(track.states, timeline.ms, path) for path in ("path", "turn_path"))
             surfaces.file.place(f"mover {number}", Motion(places, tl.axes(angles), jumps=track.jumps), mesh=mesh)
-            surfaces.file.count("movers")
+            surfaces.file.counts["movers"] += 1
 
 
 def add_items(timeline: tl.Timeline, surfaces: Surfaces) -> None:
@@ -82,7 +82,7 @@ def add_items(timeline: tl.Timeline, surfaces: Surfaces) -> None:
         size = (1.5 if carried else 1.0) * np.clip((timeline.ms - since) / 1000, 0.02, 1)
         motion = Motion(places, tl.axes(angles), shown, size, track.jumps)
         surfaces.file.place(f"item {number} {ITEMS[item].split('/')[-1][:-4]}", motion, mesh=mesh)
-        surfaces.file.count("items")
+        surfaces.file.counts["items"] += 1
 
 
 def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> None:
@@ -102,12 +102,12 @@ def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> Non
             rows = np.stack([forward, left, np.cross(forward, left)], 1)
             motion = Motion(track.places, rows, track.present, jumps=track.jumps)
             surfaces.file.place(f"missile {number}", motion, mesh=mesh)
-        surfaces.file.count("missiles")
-        if lights and weapon in _GLOWING:
-            radius, color = _GLOWING[weapon]
+        surfaces.file.counts["missiles"] += 1
+        if lights and weapon in GLOWING:
+            radius, color = GLOWING[weapon]
             candela = track.present * light.dynamic_candela(radius, surfaces.file.unit)
             surfaces.file.point_light(f"missile light {number}", track.places, color, candela, track.jumps)
-            surfaces.file.count("dynamic lights", int(candela.max() > 0))
+            surfaces.file.counts["dynamic lights"] += int(candela.max() > 0)
 
 
 def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: bool) -> None:
@@ -119,8 +119,8 @@ def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: boo
         if event.kind == tl.FIRE and inside:
             weapon = int(event.state[(PLAYER if event.number < 0 else ENTITY)["weapon"]])
             shots.setdefault(event.number, []).append((event.time, weapon))
-            file.count("shots", int(event.time >= timeline.ms[0]))
-            file.count(_SPRITES.get(weapon, "sprites of shots"), int(event.time >= timeline.ms[0]))
+            file.counts["shots"] += int(event.time >= timeline.ms[0])
+            file.lost[_SPRITES.get(weapon, "sprites of shots")] += int(event.time >= timeline.ms[0])
         elif event.kind in tl.IMPACTS and event.number >= 0 and inside:
             _add_explosion(timeline, surfaces, event, lights)
     for number, fired in shots.items() if lights else ():
@@ -137,22 +137,22 @@ def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: boo
             places, jumps = track.places + tl.axes(track.angles)[:, 0] * 26 + [0, 0, 20], track.jumps
         color = _FLASHES.get(Counter(weapon for _, weapon in fired).most_common(1)[0][0], _YELLOW)
         file.point_light(f"muzzle {number}", places, color, on * light.dynamic_candela(FLASH_RADIUS, file.unit), jumps)
-        file.count("dynamic lights", int(on.any()))
+        file.counts["dynamic lights"] += int(on.any())
 
 
-def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event, lights: bool) -> None:
+def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event: tl.Event, lights: bool) -> None:
     weapon = int(event.state[ENTITY["weapon"]])
-    surfaces.file.count("explosion sprites and marks", int(event.time >= timeline.ms[0]))
-    if not lights or weapon not in _EXPLOSIONS:
+    surfaces.file.lost["explosion sprites and marks"] += int(event.time >= timeline.ms[0])
+    if not lights or weapon not in EXPLOSIONS:
         return
-    radius, color, length = _EXPLOSIONS[weapon]
+    radius, color, length = EXPLOSIONS[weapon]
     late = (timeline.ms - event.time) / length
     level = np.where((late >= 0) & (late < 1), np.minimum(1, 2 - 2 * late), 0)
     states = np.array([event.state], dtype=float)
     places = np.repeat(tl.trajectory(states, np.array([float(event.time)])), len(late), axis=0)
     candela = light.dynamic_candela(radius * level, surfaces.file.unit)
     surfaces.file.point_light(f"explosion {event.number}", places, color, candela)
-    surfaces.file.count("dynamic lights", int(candela.max() > 0))
+    surfaces.file.counts["dynamic lights"] += int(candela.max() > 0)
 
 
 def add_view_weapon(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye) -> None:
@@ -166,11 +166,11 @@ def add_view_weapon(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye) -> None
     rows = tl.axes(lean) @ eye.axes  # small angles: those of the view and these add up to a hundredth of a degree
     for weapon in np.unique(held[(held > 0) & (held < len(WEAPONS))]).tolist():
         mesh = surfaces.still_mesh(weapon_model(weapon))
-        hand = surfaces.model(weapon_model(weapon).replace(".md3", "_hand.md3"))
-        hand = hand or surfaces.model("models/weapons2/shotgun/shotgun_hand.md3")
+        names = weapon_model(weapon).replace(".md3", "_hand.md3"), "models/weapons2/shotgun/shotgun_hand.md3"
+        hand = next((surfaces.model(name) for name in names if surfaces.paks.read(name)), None)
         if mesh is None or hand is None or "tag_weapon" not in hand.tags:
             continue
         place, turn = (values[0] for values in hand.tags["tag_weapon"])
         motion = Motion(eye.places + place @ rows, normalize(turn) @ rows, held == weapon, jumps=eye.jumps)
         surfaces.file.place(f"view weapon {WEAPONS[weapon]}", motion, mesh=mesh)
-        surfaces.file.count("view weapons")
+        surfaces.file.counts["view weapons"] += 1
