@@ -263,6 +263,51 @@ def coarse_metering(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
+class Programs:
+    """Programs that evaluations share by their texts: compiling them would take a fifth of the tests that evaluate."""
+
+    shared = True
+
+    def __init__(self) -> None:
+        self.made: dict[tuple[Any, ...], tuple[Any, Any]] = {}  # id of a context, texts -> the context, the program
+
+    def once(self, compiled: Callable[..., Any]) -> Callable[..., Any]:
+        def program(ctx: Any, *sources: Any) -> Any:
+            if not self.shared:
+                return compiled(ctx, *sources)
+            key = (id(ctx), *(source.text for source in sources))
+            if key not in self.made:
+                self.made[key] = ctx, compiled(ctx, *sources)
+            return self.made[key][1]
+
+        return program
+
+    def release(self, cache: Any) -> None:
+        kept = {id(program) for _, program in self.made.values()}
+        for program in cache._programs.values():
+            if id(program) not in kept:
+                program.release()
+        cache._programs.clear()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _programs() -> Iterator[Programs]:
+    from taubench_gl.gpu import shader
+
+    programs = Programs()
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("compile_compute", "compile_render"):
+            patch.setattr(shader, name, programs.once(getattr(shader, name)))
+        patch.setattr(shader.ShaderCache, "release", lambda cache: programs.release(cache))
+        yield programs
+
+
+@pytest.fixture
+def own_programs(_programs: Programs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluations of this test compile and free their own programs."""
+    monkeypatch.setattr(_programs, "shared", False)
+
+
 def _no_picture() -> dict[str, bytes]:
     """Files of one pixel and of nothing, by suffix."""
     from PIL import Image

@@ -18,7 +18,7 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.paths import ASSETS
 from taubench_gl.run_schema import FRAME_COLUMNS
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_light", "coarse_metering")
 
 DEMO = ASSETS / "demo.glb"
 SMALL = {"width": 96, "height": 54, "frames": (0, 4), "indirect": "none"}

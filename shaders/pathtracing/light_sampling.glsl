@@ -1,7 +1,7 @@
 // Next-event estimation: one light sample of each kind of source that the scene has.
 //
-// Punctual lights by resampled importance sampling (Talbot et al. 2005): candidates by power, or all lights where they are
-// few, then one of them in proportion to the light that it would reflect without shadow.  Emissive triangles by power.
+// Punctual lights by resampled importance sampling (Talbot et al. 2005): candidates by what they bring to the point's cell of
+// a grid, or all of them where they are few, then one of them in proportion to the light that it would reflect without shadow.  Emissive triangles by power.
 // An environment image by its luminance.  Power heuristic (Veach 1997, section 9.2.4) against BRDF sampling.
 // Reference: references.path_tracing
 #include "common/affine.glsl"
@@ -9,6 +9,7 @@
 #include "common/brdf_sampling.glsl"
 #if PUNCTUAL
 #include "common/light_choice.glsl"
+#include "pathtracing/light_cells.glsl"
 #include "common/lights.glsl"
 #endif
 #include "common/environment.glsl"
@@ -59,14 +60,15 @@ LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep, vec2 be
     LightRay r = NO_LIGHT;
     float total = 0.0, target = 0.0;
     int chosen = -1;
-    for (int i = 0; i < P.lights.y; ++i) { // candidates
-#if ALL_CANDIDATES
-        int row = i;
+    ivec2 around = lights_around(p);
+    for (int i = 0; i < min(around.y, CANDIDATES); ++i) {
+        int entry = around.x + i;
         float pdf = 1.0;
-#else
-        int row = choose_light((float(i) + pick) / float(P.lights.y), P.lights.x, 0);
-        float pdf = light_choice[row].y * float(P.lights.y);
-#endif
+        if (around.y > CANDIDATES) {
+            entry = choose_entry((float(i) + pick) / float(CANDIDATES), around);
+            pdf = entry_probability(entry, around) * float(CANDIDATES);
+        }
+        int row = entry_light(entry);
         Incident arriving = incident(light_record(row), p);
         if (!faces(s, g, arriving.l)) continue;
 #if BIDIRECTIONAL

@@ -36,7 +36,7 @@ void main() {
     EACH_LOBE(MEAN)
 #if PIXEL_LIST
     int entry = 3 * LOBE_COUNT * (local.y * TILE_SIZE.x + local.x);
-    bool exact = EXACT_PUNCTUAL != 0 && list_entry(local).w != 0u;
+    bool exact = P.lights.y != 0 && list_entry(local).w != 0u;
 #define LIST(lobe) \
     listed_light[entry + LOBE_##lobe] = vec4(direct.lobe, 1.0); \
     listed_light[entry + LOBE_COUNT + LOBE_##lobe] = vec4(indirect.lobe, 1.0); \

@@ -27,7 +27,7 @@ void main() {
     Lobes direct = no_light(), first = direct, connected = direct;
     if (x.lit) {
         direct = next_event(x.surface, x.p, x.g, sample_numbers_of(numbers, 0, EMITTER),
-                            sample_numbers_of(numbers, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL, vec2(0.0));
+                            sample_numbers_of(numbers, 0, ENVIRONMENT_PUNCTUAL), P.lights.y, vec2(0.0));
         direct = finite_or_counted(direct);
         BrdfSample next = sample_brdf(x.surface, sample_numbers_of(numbers, 0, SCATTER).xyz);
         if (next.pdf > 0.0 && faces(x.surface, x.g, next.l)) {

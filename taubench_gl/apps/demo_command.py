@@ -19,7 +19,7 @@ from taubench_gl.fields import setting
 from taubench_gl.settings import OUTPUT, SIZE, DeviceSettings, Settings, parse_size
 
 if TYPE_CHECKING:
-    from taubench_gl.demos.demo import Demo
+    from taubench_gl.demos.demo import Demo, Finding
     from taubench_gl.demos.gallery import Shown
     from taubench_gl.demos.texts import LecturePart
 
@@ -127,15 +127,19 @@ def _scene(selected: list[Demo], path: Path | None, size: Size) -> None:
         click.echo(f"written to {path}; open it with: taubench-gl view {path}")
         return
     from taubench_gl.apps.view_command import view
+    from taubench_gl.demos.gallery import open_stage
+    from taubench_gl.demos.stage import SIZE
 
+    with open_stage(size or SIZE) as stage:
+        findings = lesson.run(stage).findings
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"{lesson.stem}.glb"
         write_scene(lesson.scene(), file)
-        view.main(args=[str(write_session(lesson, file, size))], standalone_mode=False)
+        view.main(args=[str(write_session(lesson, file, size, findings))], standalone_mode=False)
 
 
-def write_session(lesson: Demo, scene: Path, size: Size) -> Path:
-    """A session file beside ``scene`` that opens the lesson: its pair, its masks and its text."""
+def write_session(lesson: Demo, scene: Path, size: Size, findings: Sequence[Finding] = ()) -> Path:
+    """A session file beside ``scene`` that opens the lesson: its pair, its masks, its text and its numbers."""
     from taubench_gl.demos.stage import SIZE
     from taubench_gl.glossary import key_of
     from taubench_gl.settings import FIXED_LIGHTING, Settings
@@ -154,9 +158,12 @@ def write_session(lesson: Demo, scene: Path, size: Size) -> Path:
     look_for = (f"- {item}" for item in lesson.text.look_for)
     description = [
         f"{lesson.number}. {lesson.text.title}",
+        lesson.text.question,
         lesson.text.idea,
         "The page of this demo shows:",
         *look_for,
+        *(["Numbers of its figure, with theory:"] if findings else []),
+        *(f"- {f.text} {f.meaning}: expected {f.expected_text}, {f.expected.source}" for f in findings),
         "Press Y twice: the previous frame in turn with this one.",
     ]
     path = scene.with_name(f"{lesson.stem}{SUFFIX}")

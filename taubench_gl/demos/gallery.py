@@ -111,11 +111,12 @@ def demo_page(
     before, after = around or (None, None)
     parameter, findings, screens = result.parameter, result.findings, _screens(demo, result, pair)
     bar = parameter.bar and _gradient(parameter.bar)
+    number = _place(demo, lecture)
     page = Page(
-        f"{demo.number}. {demo.text.title}", f"demo {demo.number}, {demo.name}", heading="",
+        f"{number}. {demo.text.title}", f"demo {demo.number}, {demo.name}", heading="",
         tools=tag("button", "Lecture", id="lecture", type="button",
                   title="One step per screen; arrow keys change it, Escape ends it"),
-        intro=(macro("head", DEMO)(demo),), styles=("demo.css",), scripts=("demo.js",),
+        intro=(macro("head", DEMO)(demo, number),), styles=("demo.css",), scripts=("demo.js",),
         data={
             "question": _question(demo, findings[0]),
             "parameter": _parameter(parameter),
@@ -123,7 +124,7 @@ def demo_page(
             "next": after and f"{after.stem}.html",
             "lecture": bool(lecture),
         },
-        footer=(macro("footer", DEMO)(_links(around), __version__),),
+        footer=(macro("footer", DEMO)(_links(around, lecture), __version__),),
     )  # fmt: skip
 
     def step(name: str, title: str, part: str, *values: Any, link: str | None = None) -> None:
@@ -235,16 +236,21 @@ def _strip(finding: Finding) -> dict[str, float] | None:
     return {"start": start, "width": max(end - start, 2.0), "value": min(max(x(value), 5.0), 115.0)}
 
 
-def _links(around: Around) -> list[dict[str, str]]:
+def _place(demo: Demo, lecture: Sequence[LecturePart]) -> int:
+    """The number of a page: its place in the lecture, outside of one that of its demo."""
+    return next((i for i, part in enumerate(lecture, start=1) if part.demo == demo.name), demo.number)
+
+
+def _links(around: Around, lecture: Sequence[LecturePart]) -> list[dict[str, str]]:
     """The links below a page: to the previous demo, the index and the next demo; none if the page is alone."""
     if around is None:
         return []
     links = [("", INDEX_FILE, "all demos")]
     before, after = around
     if before is not None:
-        links.insert(0, ("prev", f"{before.stem}.html", f"← {before.number}. {before.text.title}"))
+        links.insert(0, ("prev", f"{before.stem}.html", f"← {_place(before, lecture)}. {before.text.title}"))
     if after is not None:
-        links.append(("next", f"{after.stem}.html", f"{after.number}. {after.text.title} →"))
+        links.append(("next", f"{after.stem}.html", f"{_place(after, lecture)}. {after.text.title} →"))
     return [dict(zip(("rel", "file", "text"), link)) for link in links]
 
 

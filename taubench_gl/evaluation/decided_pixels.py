@@ -35,6 +35,9 @@ FLOOR_QUANTILE = 0.999
 """The error of a distance is at least what one more sample would add that is as far off as this quantile of the pair's
 parts: equal samples do not prove that all others are equal."""
 
+SAME_PX = 1e-3
+"""Distance of two histories, pixels, up to which a pixel is decided once for both: what float32 makes of equal ones."""
+
 AUDITED = (0.02, 0.1)
 """Share of the decided pixels that are traced to the limit all the same; the second one of those that are decided by
 less than twice the distance that CONFIDENCE asks for, where errors are."""
@@ -42,11 +45,11 @@ less than twice the distance that CONFIDENCE asks for, where errors are."""
 LIGHT_BITS = np.uint32(sum(FEATURE_BIT[name] for name in LIGHT_FEATURES) | int(Reason.LIT | Reason.SHADOWED))
 
 
-def decided_light(settings: Settings) -> Settings:
-    """``settings`` with all light path-traced, by numbers that differ from pixel to pixel."""
+def decided_light(settings: Settings, columns: Collection[str] = RADIANCE_FEATURES) -> Settings:
+    """``settings`` with the light of ``columns`` path-traced, by numbers that differ from pixel to pixel."""
     light = {
-        "light": "path-traced", "indirect": "auto", "pattern": "independent", "bounces": MAX_BOUNCES,
-        "bidirectional": True,
+        "light": "path-traced", "indirect": "auto", "pattern": "independent", "bidirectional": True,
+        "bounces": MAX_BOUNCES if set(columns) - {"direct"} else 1,
     }  # fmt: skip
     picture = {"columns": RADIANCE_FEATURES, "pairs": "all", "samples_per_pixel": 1, "storage": "float", "exact": False}
     return settings.replace(**light, **picture, spp=1)
@@ -70,9 +73,10 @@ class PreviewPair:
     def differs(self, other: PreviewPair) -> Array:
         """Pixels that have another history or another word in ``other``, the same pair reprojected otherwise.
 
-        (h, w) bool.
+        (h, w) bool.  Places of still surfaces are equal up to the rounding of float32.
         """
-        moved = (self.at_px != other.at_px).any(axis=-1)
+        nearest = np.floor(self.at_px + 0.5) != np.floor(other.at_px + 0.5)
+        moved = (nearest | (np.abs(self.at_px - other.at_px) > SAME_PX)).any(axis=-1)
         return (moved & (self.traced | other.traced)) | (self.words != other.words)
 
     @property
@@ -82,8 +86,17 @@ class PreviewPair:
         return ((self.words & NOT_COMPARABLE) == 0) & ((self.words & sky) != sky)
 
 
-def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, columns: Collection[str]) -> PreviewPair:
-    """Read the pair that ``evaluator`` has submitted last; it writes images and distances.  ``columns``: of light."""
+def read_preview(
+    source: RasterSource,
+    evaluator: PairEvaluator,
+    frame: int,
+    columns: Collection[str],
+    same: PreviewPair | None = None,
+) -> PreviewPair:
+    """Read the pair that ``evaluator`` has submitted last; it writes images and distances.  ``columns``: of light.
+
+    ``same``: the pair reprojected otherwise, whose images of surfaces and colors it shares.
+    """
     motion, (width, height) = evaluator.motion(), source.size
     across, down = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     up = (height - 1 - down) - motion[..., 1]  # in float32, as the masks add it
@@ -91,20 +104,19 @@ def read_preview(source: RasterSource, evaluator: PairEvaluator, frame: int, col
     def both(name: str) -> tuple[Array, Array]:
         return source.read(name, previous=True), source.read(name)
 
-    color = None
+    found = evaluator.distances().features
+    distances = {name: found[name] for name in columns}
+    at_px = np.stack([across + motion[..., 0], (height - 1) - up.astype(np.float64)], axis=-1)
+    if same is not None:
+        return replace(same, words=evaluator.mask(), distances=distances, at_px=at_px)
+    color = emission = None
     if "color" in columns:
-        color = tuple(image[..., :3] for image in both("color"))
-    emission = tuple(image[..., :3] for image in both("emission")) if "emission" in source.channels else None
-    distances = evaluator.distances().features
-    return PreviewPair(
-        frame,
-        evaluator.mask(),
-        {name: distances[name] for name in columns},
-        np.stack([across + motion[..., 0], (height - 1) - up.astype(np.float64)], axis=-1),
-        tuple(image[..., 3] > 0 for image in both("position")),
-        emission,
-        color,
-    )
+        color = tuple(np.ascontiguousarray(image[..., :3]) for image in both("color"))
+    if "emission" in source.channels:
+        emission = tuple(np.ascontiguousarray(image[..., :3]) for image in both("emission"))
+        emission = emission if any(np.any(image) for image in emission) else None
+    surface = tuple(image[..., 3] > 0 for image in both("position"))
+    return PreviewPair(frame, evaluator.mask(), distances, at_px, surface, emission, color)
 
 
 def other_evaluator(owner: GpuOwner, source: RasterSource, settings: Settings) -> PairEvaluator | None:
@@ -142,7 +154,7 @@ class DecidedPixels:
         (of ``measured_lobes``): whose distances are wanted too."""
         self._settings, self.columns = settings, tuple(columns)
         self._thresholds = {name: settings.metrics.threshold(name) for name in self.columns}
-        traced = decided_light(settings)
+        traced = decided_light(settings, self.columns)
         # Neither needs the place of a point in another frame: ``PreviewPair.at_px`` tells where its history is.
         without = ("previous_pose",)
         self._sources = tuple(variant(traced, pixel_list=True, without=without) for _ in range(2))  # previous, current

@@ -44,7 +44,7 @@ METERED_SIZE, METERED_PIXELS = (256, 144), 16384
 as many.  A quarter of them leaves errors of 5 % where the brightest twentieth of the pixels decides."""
 
 TRACED = {"light": "path-traced", "bounces": 1, "spp": 64, "pattern": "independent", "seed": 0}
-"""Direct light of a metered pixel: 64 samples of lights by importance; of up to 256 punctual lights, each exactly.
+"""Direct light of a metered pixel: 64 samples; punctual lights exactly, up to 1,024 around a point.
 
 With 16 samples the logarithm of their noise makes exposures up to 30 % wrong, with 64 up to 2 %.
 """

@@ -97,5 +97,6 @@ def opened_gpu(settings: Settings, beside: GpuOwner | None = None) -> Iterator[G
     ``beside``: an owner on that context whose programs it shares.
     """
     shaders = None if beside is None else beside.context.shaders
-    with open_gpu(settings.device.backend, settings.device.device) as gpu, GpuOwner(gpu, shaders=shaders) as owner:
+    gpu = open_gpu(settings.device.backend, settings.device.device)
+    with gpu, gpu.shared.kept(), GpuOwner(gpu, shaders=shaders) as owner:
         yield owner

@@ -7,7 +7,7 @@ not by a clock.  So results do not depend on speed, on workers or on kills.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,7 @@ from taubench_gl.metrics.counts import Counts
 from taubench_gl.metrics.pair_sample import PairSample
 from taubench_gl.metrics.path_samples import LIMIT
 from taubench_gl.metrics.pixel_sample import PixelStrata
+from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.reuse_rate import unmeasured_rates
 from taubench_gl.metrics.sampled_light import (
     STRATA,
@@ -48,50 +49,97 @@ SEED = 20
 
 @dataclass(frozen=True, slots=True)
 class RoundSizes:
-    """How much light a round and a run trace.  Drawing a pair costs as much as deciding some dozen of its pixels."""
+    """How much light a round and a run trace.  Drawing a pair costs as much as deciding a hundred of its pixels."""
 
     pairs: int = 8  # that a round visits
     pixels: int = 128  # of a visit
+    kept_pairs: int = 32  # that a round visits where previews of all pairs are kept; it has half as many pixels
     limit: int = LIMIT  # most samples of a pixel, in each frame
     samples: int = 1 << 21  # of a run, after which no further round begins: some 20 s of two CPU cores
 
 
 ROUND_SIZES = RoundSizes()
 
+KEPT_BYTES, PIXEL_BYTES = 576 << 20, 100
+"""Memory for previews of pairs that the run has drawn, which visits then need not draw again, and of one pixel."""
 
-def round_of(number: int, pairs: int, seed: int) -> list[tuple[int, int]]:
-    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair)."""
+
+def preview_channels(columns: Collection[str]) -> tuple[str, ...]:
+    """Channels of the preview that decisions of the light ``columns`` read besides those of its masks."""
+    return ("emission",) if "color" in columns else ()
+
+
+def visit_sizes(settings: Settings, pairs: int) -> tuple[int, int]:
+    """Pairs that a round visits of ``pairs`` whose preview is known, and pixels of a visit."""
+    sizes, area = ROUND_SIZES, settings.sequence.width * settings.sequence.height
+    if pairs <= sizes.pairs or pairs * area * PIXEL_BYTES > KEPT_BYTES:
+        return min(sizes.pairs, pairs), sizes.pixels
+    visited = min(max(sizes.pairs, sizes.kept_pairs), pairs)
+    return visited, max(sizes.pairs * sizes.pixels // (2 * visited), 1)
+
+
+def round_of(number: int, pairs: int, seed: int, size: int | None = None) -> list[tuple[int, int]]:
+    """Pairs that round ``number`` visits, as (row among ``pairs`` pairs, number of the visit of this pair).
+
+    ``size``: how many; None: as of previews that are not kept.
+    """
     order = np.random.default_rng([SEED, seed, pairs]).permutation(pairs).tolist()
-    size = min(ROUND_SIZES.pairs, pairs)
+    size = min(ROUND_SIZES.pairs, pairs) if size is None else size
     every = range(number * size, (number + 1) * size)
     return [(order[k % pairs], k // pairs) for k in every]
 
 
-class _Histories:
-    """Pairs of one kind of history, drawn by themselves, and the decisions of their pixels."""
+class Previews:
+    """Previews of pairs that ``source`` draws, and by the other reprojection where that is counted too."""
 
-    def __init__(
-        self, owner: GpuOwner, variant: Callable[..., RasterSource], settings: Settings, columns: Sequence[str],
-        lobes: Sequence[str],
-    ):  # fmt: skip
-        self._columns = columns
-        self._source = variant(settings, extra=("emission",) if "color" in columns else ())
-        self._evaluator = owner.open_evaluator(self._source, settings, timed=False, images=True, distances=True)
-        self._other = other_evaluator(owner, self._source, settings)
-        self._decided = DecidedPixels(variant, settings, columns, lobes)
+    def __init__(self, owner: GpuOwner, source: RasterSource, settings: Settings, columns: Sequence[str]):
+        """``owner``: frees the evaluators; ``source``: has ``preview_channels``; ``columns``: of light."""
+        self._source, self._columns = source, columns
+        self._evaluator = owner.open_evaluator(source, settings, timed=False, images=True, distances=True)
+        self._other = other_evaluator(owner, source, settings)
+        self._kept: dict[int, tuple[PreviewPair, PreviewPair | None]] = {}
+        self._room = KEPT_BYTES
 
     def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
-        """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
+        """The pair of ``frame``, drawn where it is not kept."""
+        if frame in self._kept:
+            return self._kept[frame]
         self._evaluator.restart()
         if self._source.eye is None:
             self._evaluator.step(frame - 1, False)
         self._evaluator.step(frame)
+        return self._read(frame)
+
+    def keep(self, frame: int, cameras: Reprojection) -> None:
+        """Keep the pair of ``frame`` that the source has drawn last, where there is room for it."""
+        if frame in self._kept or self._room <= 0:
+            return
+        self._evaluator.submit(cameras)
+        self._kept[frame] = pairs = self._read(frame)
+        self._room -= PIXEL_BYTES * pairs[0].words.size
+
+    def _read(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
         pair = read_preview(self._source, self._evaluator, frame, self._columns)
-        self._decided.draw(pair)
         if self._other is None:
             return pair, None
         self._other.submit(self._evaluator.submitted)
-        return pair, read_preview(self._source, self._other, frame, self._columns)
+        return pair, read_preview(self._source, self._other, frame, self._columns, pair)
+
+
+class _Histories:
+    """Pairs of one kind of history, and the decisions of their pixels."""
+
+    def __init__(
+        self, variant: Callable[..., RasterSource], settings: Settings, columns: Sequence[str], lobes: Sequence[str],
+        previews: Previews,
+    ):  # fmt: skip
+        self._previews, self._decided = previews, DecidedPixels(variant, settings, columns, lobes)
+
+    def draw(self, frame: int) -> tuple[PreviewPair, PreviewPair | None]:
+        """The pair of ``frame``, whose pixels ``decide`` decides from now on; and by the other reprojection."""
+        pair, other = self._previews.draw(frame)
+        self._decided.draw(pair)
+        return pair, other
 
     def decide(self, at: np.ndarray, audit: np.ndarray, pair: PreviewPair | None = None) -> Decisions:
         """Decide the pixels ``at`` (n, 2) of the drawn pair, or of its other ``pair``.
@@ -111,15 +159,19 @@ class LightVisits:
         settings: Settings,
         frames: range,
         estimate: LightEstimate,
+        previews: Previews | None = None,
     ):
         """``owner``: of all that is opened; ``variant``: opens a source of the scene; ``frames``: of the run;
-        ``estimate``: whose statistics the visits add up to."""
+        ``estimate``: whose statistics the visits add up to; ``previews``: of pairs that are drawn already."""
         self._gpu, self._settings, self._frames, self._estimate = owner.gpu, settings, frames, estimate
+        self._pixels = visit_sizes(settings, len(sampled_pairs(frames, settings).positions))[1]
         kinds = ("frame", "eye") if settings.metrics.history == "both" else (settings.metrics.history,)
-        self._histories = [
-            _Histories(owner, variant, settings.replace(history=kind), estimate.columns, estimate.lobes)
-            for kind in kinds
-        ]
+        self._histories = []
+        for given in (settings.replace(history=kind) for kind in kinds):
+            if previews is None or len(kinds) > 1:
+                source = variant(given, extra=preview_channels(estimate.columns))
+                previews = Previews(owner, source, given, estimate.columns)
+            self._histories.append(_Histories(variant, given, estimate.columns, estimate.lobes, previews))
 
     def visit(self, position: int, number: int) -> Visit:
         """The pixels of visit ``number`` of the pair at ``position``."""
@@ -136,7 +188,7 @@ class LightVisits:
         seed = (SEED, self._settings.lighting.seed, frame)
         image = strata_of(words, distances, self._estimate.thresholds, traced, differs)
         strata = PixelStrata.of(image, STRATA, seed)
-        flat, stratum = draw_pixels(strata, number, ROUND_SIZES.pixels)
+        flat, stratum = draw_pixels(strata, number, self._pixels)
         audit = np.random.default_rng([*seed, number]).random(len(flat))
         decisions = self._decide(pairs, flat, audit)
         pixels, samples, of_other = _sampled(words, distances, flat, stratum, decisions), decisions.samples, None
@@ -224,7 +276,8 @@ class SampledLight:
         """The visits of the next round, as (position of the pair, number of its visit)."""
         positions = self.estimate.positions
         seed = self._settings.lighting.seed
-        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed)]
+        size = visit_sizes(self._settings, len(positions))[0]
+        return [(positions[row], number) for row, number in round_of(self.rounds, len(positions), seed, size)]
 
     def add_round(self, visits: Sequence[Visit]) -> None:
         """Add the ``visits`` that ``next_round`` asked for."""

@@ -27,6 +27,7 @@ from taubench_gl.evaluation.lighting import (
 from taubench_gl.evaluation.lobes import LobeColumns, measured_lobes, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.owner import GpuOwner, opened_gpu
 from taubench_gl.evaluation.pairs import Observers, Pair
+from taubench_gl.evaluation.sampled_light import preview_channels
 from taubench_gl.evaluation.scale import require_scale
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.evaluation.session import COUNTS_ONLY, TIMED_EVERY, ColumnGroup, Readback, Session, run_session
@@ -68,7 +69,8 @@ class ScenePlan:
         channels = (*readback.channels, *scene_channels(lobes), *exact_channels() * settings.metrics.exact)
         if self.light is LightPlan.DECIDED:  # its images are the preview
             settings = with_samples(settings.replace(light="preview"))
-            channels += ("emission",) * ("color" in settings.metrics.columns)
+        if self.light in (LightPlan.DECIDED, LightPlan.SAMPLED):
+            channels += preview_channels(settings.metrics.columns)
         return owner.open_source(self.animated, settings, extra=tuple(dict.fromkeys(channels)), timer=timer)
 
     def missing_lobes(self, source: RasterSource, lobes: Collection[str]) -> dict[str, dict[str, str]]:

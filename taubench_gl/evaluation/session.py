@@ -23,7 +23,7 @@ from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.lighting import LightPlan
 from taubench_gl.evaluation.owner import GpuOwner
 from taubench_gl.evaluation.pairs import EvaluatedPair, Observers, Pair
-from taubench_gl.evaluation.sampled_light import LightVisits
+from taubench_gl.evaluation.sampled_light import LightVisits, Previews
 from taubench_gl.evaluation.scale import median_depths
 from taubench_gl.evaluation.schedule import Schedule, frame_schedule
 from taubench_gl.evaluation.summary import finish_run
@@ -33,6 +33,7 @@ from taubench_gl.frame.spec import AnimatedScene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.sampled_light import sampled_columns
 from taubench_gl.provenance import provenance
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.run_schema import FRAME_COLUMNS, SAMPLED_COLUMNS
@@ -142,6 +143,7 @@ class Session(GpuOwner):
             self.evaluator = self.open_evaluator(
                 self.source, self.settings, images=self._images, distances=distances, both=self.source.other == COUNTED
             )
+            self._previews = self._open_previews()
         self._last: tuple[int, View] | None = None  # the frame that ``pairs`` drew last
         self._begin()
 
@@ -200,6 +202,8 @@ class Session(GpuOwner):
                 self.drawn.append(view)
                 if evaluate and frame in checked:
                     self._check()
+                if evaluate and self._previews is not None:
+                    self._previews.keep(frame, self.evaluator.submitted)
             yield from self._completed(finished)
         yield from self.finish()
         self._last = (schedule[-1][0], self.drawn[-1]) if schedule else None
@@ -219,7 +223,16 @@ class Session(GpuOwner):
     def open_light(self) -> LightVisits:
         """What decides pixels of the session's pairs under path-traced light."""
         with self.gpu:
-            return LightVisits(self, self.variant, self.settings, self.plan.frames, self.tally.sampled.estimate)
+            return LightVisits(
+                self, self.variant, self.settings, self.plan.frames, self.tally.sampled.estimate, self._previews
+            )
+
+    def _open_previews(self) -> Previews | None:
+        """What keeps previews for ``open_light``; None where no light is sampled or pixels have two histories."""
+        columns = sampled_columns(self.source.unmeasured, self.settings.metrics.columns)
+        if self.plan.light is not LightPlan.SAMPLED or not columns or self.settings.metrics.history == "both":
+            return None
+        return Previews(self, self.source, self.settings, columns)
 
     @property
     def columns(self) -> tuple[str, ...]:

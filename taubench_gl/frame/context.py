@@ -33,6 +33,7 @@ class FrameContext:
     number: int = 0  # of the frame, for shading that differs from frame to frame
     seed: int | None = None  # of the random numbers of light; None: that of the spec
     light_rows: np.ndarray | None = None  # LIGHT records of this frame
+    exact_light: bool = False  # path-traced direct light of punctual lights has no noise at the camera's vertex
     casters: Casters | None = None
     tables: dict[str, Any] = field(default_factory=dict)  # textures and buffers that are no channels, by name
 

@@ -15,6 +15,10 @@ from taubench_gl.scene.model import Mesh, Primitive, Scene
 Array = np.ndarray
 
 
+DEFAULTS = {"tangents": np.float32([1, 0, 0, 1]), "colors": np.float32([1, 1, 1, 1])}
+"""Values of the attributes that most scenes have nothing else of."""
+
+
 @dataclass(frozen=True, slots=True)
 class VertexData:
     """One primitive made ready for drawing: every attribute present, flat-shaded triangles unwelded."""
@@ -27,6 +31,7 @@ class VertexData:
     triangles: Array  # (T, 3) uint32
     flat: bool
     source: Array  # (V,) vertex of the primitive that each vertex was made from
+    constant: frozenset[str] = frozenset()  # of tangents and colors: what every vertex has the default of
 
 
 def make_vertex_data(primitive: Primitive, *, tangents: int | None) -> VertexData:
@@ -39,20 +44,30 @@ def make_vertex_data(primitive: Primitive, *, tangents: int | None) -> VertexDat
     source = triangles.reshape(-1) if flat else np.arange(len(primitive.positions))
     if flat:
         triangles = np.arange(len(source), dtype=np.uint32).reshape(-1, 3)
-    positions = primitive.positions[source]
     count = len(source)
+
+    def of_vertices(values: Array) -> Array:
+        return values[source] if flat else values
+
+    positions = of_vertices(primitive.positions)
     normals = np.repeat(face_normals(positions), 3, axis=0) if flat else primitive.normals
     texcoords = tuple(
-        np.zeros((count, 2), np.float32) if uv is None else uv[source].astype(np.float32) for uv in primitive.texcoords
+        np.broadcast_to(np.float32(0), (count, 2)) if uv is None else uv[source].astype(np.float32)
+        for uv in primitive.texcoords
     )
     if primitive.tangents is not None:
-        tangent = primitive.tangents[source]
+        tangent = of_vertices(primitive.tangents)
     elif tangents is not None:
         tangent = make_tangents(positions, normals, texcoords[tangents], triangles)
     else:
-        tangent = np.broadcast_to(np.float32([1, 0, 0, 1]), (count, 4))
-    colors = np.ones((count, 4), np.float32) if primitive.colors is None else primitive.colors[source]
-    return VertexData(positions, normals.astype(np.float32), tangent, texcoords, colors, triangles, flat, source)
+        tangent = np.broadcast_to(DEFAULTS["tangents"], (count, 4))
+    white = np.broadcast_to(DEFAULTS["colors"], (count, 4))
+    colors = white if primitive.colors is None else of_vertices(primitive.colors)
+    constant = {"colors"} if primitive.colors is None else set()
+    if primitive.tangents is None and tangents is None:
+        constant.add("tangents")
+    normals = normals.astype(np.float32, copy=False)
+    return VertexData(positions, normals, tangent, texcoords, colors, triangles, flat, source, frozenset(constant))
 
 
 def face_normals(positions: Array) -> Array:
@@ -110,7 +125,7 @@ class Draw:
 
 @dataclass(slots=True)
 class Pool:
-    """Attribute arrays of one pool, concatenated."""
+    """Attribute arrays of one pool, concatenated; tangents and colors are empty where all are the default."""
 
     positions: Array
     normals: Array
@@ -134,17 +149,22 @@ class _Builder:
         self.indices += vertices.triangles.size
         return base
 
-    def pool(self) -> Pool:
+    def pool(self, constants: bool = False) -> Pool:
+        """``constants``: tangents and colors that are all the default are stored too."""
+
         def join(parts: list[Array], width: int, dtype=np.float32) -> Array:
             return np.concatenate([np.zeros((0, width), dtype), *parts]).astype(dtype, copy=False)
+
+        def variable(name: str) -> list[VertexData]:
+            return [] if not constants and all(name in s.constant for s in self.parts) else self.parts
 
         return Pool(
             join([s.positions for s in self.parts], 3),
             join([s.normals for s in self.parts], 3),
-            join([s.tangents for s in self.parts], 4),
+            join([s.tangents for s in variable("tangents")], 4),
             join([s.texcoords[0] for s in self.parts], 2),
             join([s.texcoords[1] for s in self.parts], 2),
-            join([s.colors for s in self.parts], 4),
+            join([s.colors for s in variable("colors")], 4),
             join([s.triangles for s in self.parts], 3, np.uint32).reshape(-1),
         )
 
@@ -192,7 +212,7 @@ def build_geometry(scene: Scene) -> Geometry:
                     )
                 )  # fmt: skip
     posed_keys = {(d.mesh, d.primitive) for d in draws if d.posed}
-    return Geometry(tuple(draws), fixed.pool(), posed.pool(), {k: made[k] for k in posed_keys})
+    return Geometry(tuple(draws), fixed.pool(), posed.pool(constants=True), {k: made[k] for k in posed_keys})
 
 
 def _normal_map_set(scene: Scene, primitive: Primitive) -> int | None:

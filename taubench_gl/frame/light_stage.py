@@ -12,7 +12,6 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.lighting import light_unit_in
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.casters import Casters
-from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.environment import LOBES, MAP, image_of, texels
 from taubench_gl.frame.lights import LightTable, LightTexture
 from taubench_gl.frame.passes.indirect import IndirectPass, indirect_light
@@ -55,7 +54,7 @@ class LightStage(Owner):
         self._casters: Casters | None = None
         if self.shadow is not None or spec.raster_indirect:
             self._casters = Casters(len(renderer.draws))
-            self._bounds = DrawBounds(scene, renderer.draws)
+            self._bounds = renderer.bounds
         self._direct = self._compile(light_lists) + self._compile(direct_light)
         self.indirect = self.own(IndirectPass(context, spec, renderer.draws) if indirect_light(spec) else None)
         self._stochastic = self._compile(stochastic_light)

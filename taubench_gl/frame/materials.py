@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.shared import Held
 from taubench_gl.scene.model import Material, Scene, Texture
 
 if TYPE_CHECKING:
@@ -32,6 +34,9 @@ MIRRORED_REPEAT = 33648
 """Wrap mode that samplers do not use: the shaders fold the coordinates instead."""
 
 _GL_SRGB8_ALPHA8 = 0x8C43
+TEXTURE = "texture of an image"
+"""Kind of the objects that tables share; also whether it is sRGB-encoded."""
+
 DECODED_AHEAD = min(os.cpu_count() or 1, 8)
 """Images that are decoded at the same time."""
 
@@ -188,15 +193,29 @@ class MaterialTable:
         spread[:, : rows.itemsize] = rows.view(np.uint8).reshape(len(rows), -1)
         self._buffer = gpu.ctx.buffer(spread.tobytes())
         self._textures: dict[tuple[int, bool], moderngl.Texture] = {}
+        self._held: list[Held] = []  # textures, which all tables of a context share
         self._samplers: dict[tuple, moderngl.Sampler] = {}
-        self._upload(scene, set(used))
+        try:
+            self._upload(scene, set(used))
+        except BaseException:
+            self.release()
+            raise
 
     def _upload(self, scene: Scene, used: set[int]) -> None:
         needed = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in used)
-        for image, pixels in decoded_images(scene, sorted({image for image, _ in needed})):
-            for srgb in (False, True):
-                if (image, srgb) in needed:
-                    self._textures[image, srgb] = self._texture(pixels, srgb, scene.images[image].name)
+        shared = self._gpu.shared
+        missing = {(i, srgb) for i, srgb in needed if not shared.has(scene.images[i], (TEXTURE, srgb))}
+        for image, pixels in decoded_images(scene, sorted({image for image, _ in missing})):
+            for srgb in (srgb for i, srgb in sorted(missing) if i == image):
+                self._hold(scene, image, srgb, partial(self._texture, pixels, srgb, scene.images[image].name))
+        for image, srgb in needed - missing:
+            self._hold(scene, image, srgb)
+
+    def _hold(self, scene: Scene, image: int, srgb: bool, make: Callable[[], Any] = lambda: None) -> None:
+        """Hold the texture of an image for this table; ``make``: where no other table has it."""
+        held = self._gpu.shared.hold(scene.images[image], (TEXTURE, srgb), make)
+        self._held.append(held)
+        self._textures[image, srgb] = held.value
 
     def _texture(self, pixels: np.ndarray, srgb: bool, name: str) -> moderngl.Texture:
         height, width = pixels.shape[:2]
@@ -258,7 +277,7 @@ class MaterialTable:
 
     def release(self) -> None:
         self._buffer.release()
-        for item in (*self._textures.values(), *self._samplers.values()):
+        for item in (*self._held, *self._samplers.values()):
             item.release()
 
 

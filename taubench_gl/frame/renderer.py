@@ -11,13 +11,12 @@ from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.pose import present_nodes
 from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.context import FrameContext
-from taubench_gl.frame.draw_bounds import DrawBounds, in_view
-from taubench_gl.frame.geometry import build_geometry
+from taubench_gl.frame.draw_bounds import in_view
 from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.passes.deform import DeformPass
 from taubench_gl.frame.passes.gbuffer import GBufferPass, attachments, channel_pass
 from taubench_gl.frame.records import Placement, RecordTable
-from taubench_gl.frame.scene_buffers import SceneBuffers
+from taubench_gl.frame.scene_buffers import SceneBuffers, StoredGeometry
 from taubench_gl.frame.targets import History, Targets, read_channel
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.owner import Owner
@@ -51,11 +50,11 @@ class Renderer(Owner):
         drawn = attachments(self.channels)
         self.poser = poser or Poser(scene)
         self._previous = "prev_position" in self.channels
-        geometry = build_geometry(scene)
+        geometry = self.own(StoredGeometry.held(gpu, scene)).value
         self.draws = geometry.draws
         self._table = RecordTable(geometry.draws, scene.replacements)
         self.buffers = self.own(SceneBuffers(gpu, geometry))
-        self._bounds = DrawBounds(scene, geometry.draws)
+        self.bounds = geometry.bounds
         self._posed = np.array([d.posed for d in geometry.draws], dtype=bool)
         self._deform = None
         if self._posed.any():
@@ -153,7 +152,7 @@ class Renderer(Owner):
 
     def _seen(self, view: View, placement: Placement) -> np.ndarray:
         """Draws that may be in the image, (D,) bool.  Posed ones always: the bounds of a pose are expensive."""
-        centers, radii = self._bounds.of_fixed(placement.world)
+        centers, radii = self.bounds.of_fixed(placement.world)
         extent = np.linalg.norm(placement.relative[:, :3, 3], axis=1)
         return in_view(view.clip_from_relative(*self.size), centers - view.position, radii, extent)
 

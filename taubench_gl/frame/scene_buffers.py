@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taubench_gl.frame.geometry import Draw, Geometry, Pool
+from taubench_gl.frame.draw_bounds import DrawBounds
+from taubench_gl.frame.geometry import Draw, Pool, build_geometry
 from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.records import RECORD, Placement
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shared import Held
+from taubench_gl.scene.model import Scene
 
 if TYPE_CHECKING:
     import moderngl
@@ -52,16 +55,45 @@ class Group:
         return same and self.first + self.count == other.first
 
 
+class StoredGeometry:
+    """Draws of a scene, with the vertices that no renderer changes on the GPU: all renderers of the scene share it."""
+
+    def __init__(self, gpu: Gpu, scene: Scene):
+        geometry = build_geometry(scene)
+        self.scene, self.draws, self.posed = scene, geometry.draws, geometry.posed
+        self.posed_vertices = geometry.posed_vertices
+        self.fixed = _upload(gpu, geometry.fixed)
+        self.bounds = DrawBounds(scene, geometry.draws)
+
+    @classmethod
+    def held(cls, gpu: Gpu, scene: Scene) -> Held[StoredGeometry]:
+        """The geometry of ``scene``, which the caller releases."""
+        mapped = tuple(None if m.normal_texture is None else m.normal_texture.texcoord for m in scene.materials)
+        return gpu.shared.hold(scene.nodes, ("geometry", id(scene.meshes), mapped), lambda: cls(gpu, scene))
+
+    def release(self) -> None:
+        for buffer in self.fixed.values():
+            buffer.release()
+
+
+def _upload(gpu: Gpu, pool: Pool) -> dict[str, moderngl.Buffer]:
+    out = {}
+    for name in ("positions", "normals", "tangents", "texcoords0", "texcoords1", "colors", "indices"):
+        array = np.ascontiguousarray(getattr(pool, name))
+        out[name] = gpu.ctx.buffer(array) if array.nbytes else gpu.ctx.buffer(reserve=16)
+    return out
+
+
 class SceneBuffers:
     """Pools, the record table and draw commands.
 
     ``arrange`` regroups, only when visibility or handedness changes; ``show`` then chooses what the camera may see.
     """
 
-    def __init__(self, gpu: Gpu, geometry: Geometry):
-        self._gpu, self._draws = gpu, geometry.draws
+    def __init__(self, gpu: Gpu, stored: StoredGeometry):
+        self._gpu, self._draws = gpu, stored.draws
         ctx = gpu.ctx
-        self.pools = {False: self._upload(geometry.fixed), True: self._upload(geometry.posed)}
+        self.pools = {False: stored.fixed, True: _upload(gpu, stored.posed)}
         self.records = ctx.buffer(reserve=max(len(self._draws), 1) * RECORD.dtype.itemsize, dynamic=True)
         self._commands = ctx.buffer(reserve=max(len(self._draws), 1) * COMMAND.itemsize, dynamic=True)
         self.order = np.zeros(0, dtype=np.int64)  # visible draws as the commands count them
@@ -76,13 +108,6 @@ class SceneBuffers:
         self._table = np.array(
             [(d.index_count, 1, d.first_index, d.base_vertex, 0) for d in self._draws], dtype=COMMAND
         ).reshape(-1)
-
-    def _upload(self, pool: Pool) -> dict[str, moderngl.Buffer]:
-        out = {}
-        for name in ("positions", "normals", "tangents", "texcoords0", "texcoords1", "colors", "indices"):
-            array = np.ascontiguousarray(getattr(pool, name))
-            out[name] = self._gpu.ctx.buffer(array) if array.nbytes else self._gpu.ctx.buffer(reserve=16)
-        return out
 
     def arrange(self, placement: Placement, materials: MaterialTable, *, culling: bool) -> None:
         """Sort visible draws by state into groups and upload their commands."""
@@ -216,10 +241,7 @@ class SceneBuffers:
     def release(self) -> None:
         for vao in self._vaos.values():
             vao.release()
-        for pool in self.pools.values():
-            for buffer in pool.values():
-                buffer.release()
-        for buffer in (self.records, self._commands):
+        for buffer in (*self.pools[True].values(), self.records, self._commands):
             buffer.release()
 
 

@@ -23,7 +23,7 @@ from taubench_gl.frame.shadow_faces import Face, faces_of, map_sizes
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, WRITE, ComputePass, Use
 from taubench_gl.scene.model import Material, Primitive, Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import PREVIEWED, Settings
 
 Array = np.ndarray
 BOUND_TIMES = 9
@@ -92,6 +92,12 @@ class AnimatedScene:
         return bounding_box(self.poser, self.times)
 
     @cached_property
+    def triangles(self) -> int:
+        """Triangles of everything that is drawn, every instance counted."""
+        instances = self.scene.nodes.instances
+        return sum(len(p.triangles) * len(instances.get(node, (None,))) for node, p in self.drawn)
+
+    @cached_property
     def drawn(self) -> list[tuple[int, Primitive]]:
         """(node, primitive) of everything that is drawn, in node order; instances are not repeated."""
         scene = self.scene
@@ -101,6 +107,11 @@ class AnimatedScene:
             for p in scene.meshes[scene.nodes.mesh[node]].primitives
             if len(p.triangles)
         ]
+
+
+SHADOW_TRIANGLES = 24_000_000
+"""Triangles that shadow maps draw for a frame of a preview: a light draws all of the scene.  In a scene of more than a
+million, fewer lights than asked for have shadows there; path-traced light has the shadows of all."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +242,10 @@ class FrameSpec:
         """Rows of the lights that get shadow maps, the most significant first."""
         if "shadows" not in self.enabled:
             return []
-        return ranked_with_sun(self.animated.ranked_lights, self.sun)[: self.settings.lighting.shadow_lights]
+        lighting, most = self.settings.lighting, self.settings.lighting.shadow_lights
+        if lighting.light in PREVIEWED:
+            most = min(most, max(1, SHADOW_TRIANGLES // max(self.animated.triangles, 1)))
+        return ranked_with_sun(self.animated.ranked_lights, self.sun)[:most]
 
     def light_faces(self, resolution: int | Mapping[int, int], rows: list[int] | None = None) -> list[Face]:
         """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places.

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.hazards import Hazards
+from taubench_gl.gpu.shared import Shared
 
 if TYPE_CHECKING:
     import moderngl
@@ -55,6 +56,7 @@ class Gpu:
     _entered: int = field(default=0, repr=False)  # how many ``with`` blocks are open
     _nothing: moderngl.Framebuffer | None = field(default=None, repr=False)  # framebuffer 0
     hazards: Hazards | None = field(default=None, repr=False)  # barriers; one for all copies of this record
+    shared: Shared = field(default_factory=Shared, repr=False)  # one for all copies of this record
     _owner: tuple[int, int] = field(default_factory=lambda: _this_thread(), repr=False)  # process, thread
 
     def __post_init__(self) -> None:

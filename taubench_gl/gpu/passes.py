@@ -131,19 +131,26 @@ class CompiledCompute:
         self._uses = [use for use in declaration.uses if use.form in _WAYS]
 
     def run(
-        self, frame: Any, resources: Mapping[str, Any], groups_at: tuple[str, int] | None = None, **uniforms: Any
+        self,
+        frame: Any,
+        resources: Mapping[str, Any],
+        groups_at: tuple[str, int] | None = None,
+        rows: int | None = None,
+        **uniforms: Any,
     ) -> None:
         """Bind everything declared, wait for what earlier passes wrote, dispatch.
 
         ``frame`` goes to the fills of constants; ``resources``: textures and buffers by ``Use.key``.  ``groups_at``:
-        the buffer, and the byte in it, that holds the numbers of work groups; None: as declared.
+        the buffer, and the byte in it, that holds the numbers of work groups; ``rows``: of invocations; None: as
+        declared.
         """
         self._constants.bind(frame)
         bind_uses(self._hazards, self.declaration, resources)
         for name, value in uniforms.items():
             self.program[name] = value
         if groups_at is None:
-            self.program.run(*self.declaration.groups)
+            across, down = self.declaration.groups
+            self.program.run(across, down if rows is None else -(-rows // self.declaration.group[1]))
         else:
             buffer = resources[groups_at[0]]
             self._hazards.before([(buffer, COMMAND)])

@@ -77,13 +77,25 @@ def _expand(
     if len(chain) > MAX_INCLUDES:
         raise GraphicsError(f"shader {chain[0]} includes files more than {MAX_INCLUDES} deep")
     seen.add(entry)
-    for number, line in enumerate(read_source(entry, roots, chain[-1] if chain else "").splitlines(), 1):
-        include = _INCLUDE.match(line)
+    for own, places, include in _parts(entry, read_source(entry, roots, chain[-1] if chain else "")):
+        lines += own
+        origin += places
         if include:
-            _expand(include.group(1), roots, lines, origin, seen, (*chain, entry))
+            _expand(include, roots, lines, origin, seen, (*chain, entry))
+
+
+@lru_cache(maxsize=256)
+def _parts(entry: str, text: str) -> list[tuple[list[str], list[str], str]]:
+    """Lines between the includes of a file, where they came from, and the file that follows them; "" after the last."""
+    parts: list[tuple[list[str], list[str], str]] = [([], [], "")]
+    for number, line in enumerate(text.splitlines(), 1):
+        if include := _INCLUDE.match(line):
+            parts[-1] = (*parts[-1][:2], include.group(1))
+            parts.append(([], [], ""))
         else:
-            lines.append(line)
-            origin.append(f"{entry}:{number}")
+            parts[-1][0].append(line)
+            parts[-1][1].append(f"{entry}:{number}")
+    return parts
 
 
 def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
@@ -91,19 +103,31 @@ def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
 
     Raises GraphicsError for a path that leads out of its folder, by its name or by a symbolic link.
     """
-    candidates = []
+    places = []
     for root in roots:
-        try:
-            path = (root / entry).resolve()
-            inside, there = path.is_relative_to(root.resolve()), path.exists()
-        except (OSError, ValueError, RuntimeError):  # too long, a NUL, a loop of links
-            raise GraphicsError(f"shader {entry[:80]!r} is not the name of a file") from None
-        if not inside:
-            raise GraphicsError(f"shader {entry} is not inside the folder {root.name}")
+        path, there = _packaged(entry) if root == SHADERS else _place(entry, root)
         if there:
             return path
-        candidates.append(path)
-    return candidates[0]
+        places.append(path)
+    return places[0]
+
+
+def _place(entry: str, root: Path) -> tuple[Path, bool]:
+    """Where ``entry`` is in the folder ``root``, without links, and whether it is there.  Raises GraphicsError."""
+    try:
+        path = (root / entry).resolve()
+        inside, there = path.is_relative_to(root.resolve()), path.exists()
+    except (OSError, ValueError, RuntimeError):  # too long, a NUL, a loop of links
+        raise GraphicsError(f"shader {entry[:80]!r} is not the name of a file") from None
+    if not inside:
+        raise GraphicsError(f"shader {entry} is not inside the folder {root.name}")
+    return path, there
+
+
+@lru_cache(maxsize=512)
+def _packaged(entry: str) -> tuple[Path, bool]:
+    """``_place`` in the folder of the package, whose files stay where they are while the program runs."""
+    return _place(entry, SHADERS)
 
 
 def read_source(entry: str, roots: tuple[Path, ...], by: str = "") -> str:
@@ -163,9 +187,7 @@ class ShaderCache:
         key = ((vertex, fragment), tuple(sorted((defines or {}).items())), preamble + outputs)
         if key not in self._programs:
             v, f = resolve(vertex, defines, preamble), resolve(fragment, defines, f"{preamble}\n{outputs}")
-            self._programs[key] = _compile(
-                lambda: self._ctx.program(vertex_shader=v.text, fragment_shader=f.text), [v, f]
-            )
+            self._programs[key] = compile_render(self._ctx, v, f)
         return self._programs[key]
 
     def release(self) -> None:
@@ -177,6 +199,11 @@ class ShaderCache:
 def compile_compute(ctx: moderngl.Context, source: Source) -> moderngl.ComputeShader:
     """A compute program of ``source``; GraphicsError names the files and lines of its first faults."""
     return _compile(lambda: ctx.compute_shader(source.text), [source])
+
+
+def compile_render(ctx: moderngl.Context, vertex: Source, fragment: Source) -> moderngl.Program:
+    """A program of two stages; errors as ``compile_compute``."""
+    return _compile(lambda: ctx.program(vertex_shader=vertex.text, fragment_shader=fragment.text), [vertex, fragment])
 
 
 def _compile(make, sources: list[Source]):

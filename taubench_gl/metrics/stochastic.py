@@ -1,6 +1,9 @@
-"""The choice of a light by chance.  Reference for shaders/common/light_choice.glsl."""
+"""The choice of a light by chance.  Reference for shaders/common/light_choice.glsl and pathtracing/light_cells.glsl."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,3 +31,68 @@ def light_choice(power: Array) -> Array:
     out[:, 0] = cumulative
     out[:, 1] = np.diff(out[:, 0], prepend=np.float32(0))
     return out
+
+
+CELL_UNIFORM_SHARE = 0.25
+"""Share of a cell's probability that is uniform over the lights that reach it: importance knows no walls."""
+
+
+@dataclass(frozen=True, slots=True)
+class LightCells:
+    """Cubic cells of a box, each with the lights that may shine into it and their probabilities.
+
+    Many lights are chosen by what they bring to a cell of a grid (Shirley, Wang and Zimmerman, "Monte Carlo Techniques
+    for Direct Lighting Calculations", ACM TOG 1996, section 5; Boksansky, Jukarainen and Wyman, "Rendering Many Lights
+    with Grid-Based Reservoirs", Ray Tracing Gems II 2021).
+    """
+
+    low: Array  # (3,) float64, corner of the box
+    side: float  # of a cell
+    counts: tuple[int, int, int]  # of cells along each axis; the last axis varies fastest
+
+    @classmethod
+    def of_box(cls, low: Array, high: Array, most: int) -> LightCells:
+        """At most ``most`` cells over the box from ``low`` to ``high`` (3,), with a margin: walls are its faces."""
+        low, high = (np.asarray(corner, np.float64) for corner in (low, high))
+        margin = max(0.01 * float(np.max(high - low)), 1e-6)
+        size = high - low + 2.0 * margin
+        side = float(np.prod(size) / most) ** (1.0 / 3.0)
+        while np.prod(counts := np.ceil(size / side)) > most:
+            side *= 1.02
+        return cls(low - margin, side, tuple(int(n) for n in counts))
+
+    def importance(self, positions: Array, power: Array, ranges: Array, faded: Array) -> Array:
+        """What each light brings to each cell, (1 + cells, L) float64; 0 only where it cannot shine.
+
+        ``positions`` (L, 3); ``power`` (L,): largest channel; ``ranges`` (L,): 0: unlimited; ``faded`` (L,) bool:
+        whether it falls off with distance.  Row 0 is of points outside of the box: power alone.  A cell: power times
+        the range window at its nearest point, over the squared distance of its center, at least a quarter of its
+        squared side.
+        """
+        shape = (*self.counts, len(power))
+        centered, nearest = np.zeros(shape), np.zeros(shape)
+        for axis, count in enumerate(self.counts):
+            across = self.low[axis] + self.side * (np.arange(count)[:, None] + 0.5) - positions[None, :, axis]
+            place = tuple(slice(None) if k in (axis, 3) else None for k in range(4))
+            centered += (across**2)[place]
+            nearest += (np.maximum(np.abs(across) - 0.501 * self.side, 0.0) ** 2)[place]
+        window = 1.0 - (nearest / np.where(ranges > 0.0, ranges, np.inf) ** 2) ** 2
+        falloff = np.where(faded, 1.0 / np.maximum(centered, 0.25 * self.side**2), 1.0)
+        cells = power * falloff * np.clip(window, 0.0, 1.0)
+        return np.concatenate([power[None], cells.reshape(math.prod(self.counts), len(power))])
+
+
+def cell_choice(importance: Array) -> tuple[Array, Array]:
+    """First entry of each row of ``importance`` (n, L) >= 0 and the end, (n + 1,) int32; entries, (m, 2) float32.
+
+    The entries of a row are its lights above 0, in order: cumulative probability and number of the light.  A light's
+    probability is the difference of the *rounded* cumulative ones, as of ``light_choice``.
+    """
+    reached = importance > 0.0
+    counts = reached.sum(axis=1)
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    scale = np.divide(1.0 - CELL_UNIFORM_SHARE, importance.sum(axis=1), out=np.zeros(len(counts)), where=counts > 0)
+    share = importance * scale[:, None] + reached * (CELL_UNIFORM_SHARE / np.maximum(counts, 1))[:, None]
+    cumulative, (_, light) = np.cumsum(share, axis=1)[reached], np.nonzero(reached)
+    cumulative[first[1:][counts > 0] - 1] = 1.0
+    return first, np.stack([cumulative, light], axis=1).astype(np.float32)

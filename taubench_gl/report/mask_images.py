@@ -75,6 +75,9 @@ def save_mask_image(
     enlarge = max(1, -(-480 // max(image.shape[1], 1)))
     image = np.repeat(np.repeat(image, enlarge, axis=0), enlarge, axis=1)
     entries = [entry for entry in legend(mask, reasons) if entry[2] > 0 or entry[0] not in _ONLY_WHERE_PRESENT]
+    striped = sum(((mask & np.uint32(int(reason))) != 0).astype(np.uint8) for reason in reasons) > 1
+    if np.any(striped):
+        title = f"{title}; stripes: several reasons" if title else "stripes: several reasons"
     path = Path(path)
     write_png(path, np.concatenate([image, legend_strip(entries, image.shape[1], title)]))
     return path

@@ -31,29 +31,16 @@ def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
 def short_tables(summaries: Sequence[Summary]) -> list[Table]:
     """One screen: reusable pixels, the reasons of the others, Table 4 without the paper's rows, exact reasons if any.
 
-    Every fact stands once; the camera's motion is a note.
+    Every fact stands once.
     """
     rates, reasons = (replace(table, notes=()) for table in reusable_tables(summaries))
-    discard = paper_tables(summaries, paper=False)[3]
-    motions = [motion_text(summary) for summary in summaries]
-    labels = run_labels(summaries) if len(summaries) > 1 else [""] * len(summaries)
-    lines = [f"{label}: {text}" if label else text for label, text in zip(labels, motions, strict=True) if text]
-    return [rates, reasons, replace(discard, notes=(*discard.notes, *lines)), *exact_tables(summaries)]
-
-
-def motion_text(summary: Summary) -> str | None:
-    """``the camera moves 0.113 m and turns 1.17° per frame.``, means of Tables 2 and 3; None without them."""
-    camera = summary.get("camera") or {}
-    meters, degrees = ((camera.get(name) or {}).get("mean") for name in ("position", "angle"))
-    if meters is None or degrees is None:
-        return None
-    return f"the camera moves {meters:.3g} m and turns {degrees:.3g}° per frame."
+    return [rates, reasons, paper_tables(summaries, paper=False)[3], *exact_tables(summaries)]
 
 
 def reusable_sentence(summary: Summary) -> str:
     """``81.3 % of surface pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``.
 
-    Where surfaces move, with both reprojections: ``camera reprojection 58.3 %, with motion vectors 68.1 % of ...``.
+    Where surfaces move, with both: ``58.3 % of surface ... by camera reprojection, 68.1 % with motion vectors ...``.
     """
     block = summary.get("reusable") or {}
     rate = block.get("reasons_of")
@@ -86,8 +73,8 @@ def both_sentence(
 ) -> str:
     """``sentence`` with the rate of each reprojection, ``texts``; ``percent`` and ``shares`` are of ``chosen``."""
     named = rate if rate == "shading" else f"{rate}; light was not measured"
-    text = f"camera reprojection {texts['camera']}, with motion vectors {texts['motion']}"
-    text += f" of surface pixels can be reused ({named})"
+    text = f"{texts['camera']} of surface pixels can be reused by camera reprojection"
+    text += f", {texts['motion']} with motion vectors ({named})"
     return text + _reasons_text(percent, shares, f"by {chosen} reprojection ") + _sky_text(sky_percent)
 
 
@@ -201,7 +188,7 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
             if half_width(entry) is not None:
                 why[2:4] = ["too few sampled pixels in a pair"] * 2
             elif sampled and entry.get("mean_percent") is not None:
-                why[4] = "of every pixel"
+                why[4] = "no interval: every pixel is measured"
             row = table_row(f"{label}, {rate}", values, summary, *why)
             rows.append(replace(row, percent_of=OF_SURFACE))
     of_all = STATISTICS["of_picture_percent"].label

@@ -42,6 +42,9 @@ MAX_IMAGES = 60
 SHARED_IMAGE_BYTES = 4_400_000
 """Bytes of base64 text of the images of a page to share, which then has less than 5 MB."""
 
+REUSE_REASON_COLORS = {term.key: hex_of(REASON_COLORS[bit]) for bit, term in glossary.REUSE_REASONS.items()}
+"""Key of a disjoint reason -> its color, that of masks."""
+
 _CLASSES = (Reason.FIRST, Reason.CUT, Reason.INVALID)
 _DETAILS = (Reason.OUTSIDE, Reason.BEHIND, *(bit for feature in BY_BIT for bit in feature.details))
 _COLUMN_OF = {bit: feature.name for feature in BY_BIT for bit in feature.details}
@@ -90,7 +93,8 @@ def report_html(runs: Sequence[ReportRun], images: int | None = MAX_IMAGES) -> s
         data=data,
     )  # fmt: skip
     missing = tag("p", "The images and plots below need scripts. Figures, tables and details do not.", class_="missing")
-    frames = partial(page.add, "frames", "Discarded pixels by reason", tag("div", id="viewer"), link="Frames")
+    page.add("answer", "", macro("answers", "run.html")(views, several), label="Answer")
+    frames = partial(page.add, "frames", "", tag("div", id="viewer"), label="Discarded pixels by reason", link="Frames")
     first = any(run["images"] for run in data["runs"])
     if first:
         frames()
@@ -185,7 +189,7 @@ def _sky(summary: Summary) -> dict[str, Any]:
 def _reason_bars(summary: Summary) -> dict[str, Any]:
     """Disjoint reasons of the surface pixels that are not reusable, the largest first, or why they are unknown.
 
-    ``rows``: label, % of surface pixels as text, length of the bar in % of the longest one.
+    ``rows``: label, % of surface pixels as text, length of the bar in % of the longest one, color.
     """
     block = summary.get("reusable") or {}
     if block.get("reasons_of") is None:
@@ -193,7 +197,7 @@ def _reason_bars(summary: Summary) -> dict[str, Any]:
     shares = {name: (block["reasons"].get(name) or {}).get("mean_percent") or 0.0 for name in TERMS}
     ranked = sorted((name for name in TERMS if shares[name] > 0.0), key=lambda name: -shares[name])
     most = shares[ranked[0]] if ranked else 1.0
-    rows = [(TERMS[name].label, two_decimals(shares[name]), 100.0 * shares[name] / most) for name in ranked]
+    rows = [(TERMS[n].label, two_decimals(shares[n]), 100.0 * shares[n] / most, REUSE_REASON_COLORS[n]) for n in ranked]
     return {"rows": rows, "missing": None}
 
 
@@ -268,7 +272,13 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int | 
         },
         "reuse": {
             "terms": [
-                {"name": term.key, "label": term.label, "bits": int(bit), "light": bit in LIGHT_REASONS}
+                {
+                    "name": term.key,
+                    "label": term.label,
+                    "bits": int(bit),
+                    "light": bit in LIGHT_REASONS,
+                    "color": REUSE_REASON_COLORS[term.key],
+                }
                 for bit, term in glossary.REUSE_REASONS.items()
             ],
             "merged": MERGED,

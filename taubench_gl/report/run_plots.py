@@ -91,16 +91,17 @@ def frames_plot(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Plot:
             upper.plot(number, percent, linewidth=2, label=name, marker=marker, **column_style(name))
     upper.set(ylabel="discarded, % of all pixels", ylim=(0, None))
     style = {"linewidth": 1.4, "marker": marker}
-    lower.plot(number, _column(frames, "angle_deg"), color="black", label="rotation (left)", **style)
-    lower.set(ylabel="rotation, degrees", xlabel="frame", ylim=(0, None))
+    turned, moves = _column(frames, "angle_deg"), _column(frames, "translation_m")
+    lower.plot(number, turned, color="black", label="rotation (left)", **style)
+    lower.set(ylabel="rotation, degrees", xlabel="frame", ylim=_limits(turned, 1.1))
     lower.xaxis.get_major_locator().set_params(integer=True)
     right = lower.twinx()
     right.spines["right"].set_visible(True)
     right.grid(False)
     moved = {"color": "#0072B2", "linestyle": "--", "label": "translation (right)"}
-    right.plot(number, _column(frames, "translation_m"), **moved, **style)
+    right.plot(number, moves, **moved, **style)
     right.set_ylabel("translation, m", color=moved["color"])
-    right.set_ylim(bottom=0)
+    right.set_ylim(_limits(moves, 1.35))
     for axes in plot.panels:
         for i, cut in enumerate((summary.get("camera") or {}).get("cuts") or []):
             axes.axvline(cut, color="#882255", linewidth=1, linestyle=(0, (2, 2)), label=None if i else "cut")
@@ -136,6 +137,15 @@ def plot_sweep(
     plot.axes.set(xlabel=f"{axis} per frame, {sign.strip()}", ylabel=OF_ALL, ylim=(0, None))
     plot.legend(plot.axes, title="outlined: the paper's frustum" if within else None)
     return plot.save(Path(path))
+
+
+def _limits(values: Array, room: float) -> tuple[float, float]:
+    """Ends of an axis from 0 to ``room`` times the largest value, a little lower, so that a line at 0 is seen.
+
+    Constant motion of a camera is a line below the top, and with another ``room`` not where that of the other axis is.
+    """
+    top = room * (float(np.nanmax(values, initial=0.0)) or 1.0)
+    return -0.05 * top, top
 
 
 def _column(frames: Sequence[Mapping[str, Any]], name: str) -> Array:

@@ -266,3 +266,11 @@ class PathTracedComparison(Owner):
 
 Comparison = RunComparison | MethodComparison | PathTracedComparison
 """Anything with images of the frames of a feed; ``texture`` takes the same arguments in each class."""
+
+
+def other_title(state: ViewerState, eyes: bool) -> str:
+    """What the image is compared with, in words; ``eyes``: whether that is the other eye."""
+    if eyes:
+        return "the other eye"
+    bound = "bound of " if state.method_image == "bound" else ""
+    return f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against

@@ -33,7 +33,7 @@ from taubench_gl.metrics.reuse_rate import (
 )
 from taubench_gl.report.reusable import pair_sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.comparisons import Comparison, MethodComparison, version
+from taubench_gl.viewer.comparisons import Comparison, MethodComparison, other_title, version
 from taubench_gl.viewer.controls import IMAGE, MASKS
 from taubench_gl.viewer.display import (
     ARROW_STEP_PX,
@@ -487,13 +487,10 @@ class ViewerEngine:
         return tuple(display.texture for display in (self._display, *self._beside))
 
     def titles(self, state: ViewerState) -> tuple[str, ...]:
-        """A title for each of ``textures``; empty for the image itself."""
-        if not self._beside:
-            return ("",)
-        bound = "bound of " if state.method_image == "bound" else ""
-        other = f"{bound}{state.method}, input {state.method_input}" if state.against == "method" else state.against
-        other = "the other eye" if self._shows_eyes(state) else other
-        return "", other, f"{_map_beside(state)} x {state.gain:g}"
+        """A title for each of ``textures``, for the halves of a split image one each; empty for the image itself."""
+        other = other_title(state, eyes=self._shows_eyes(state))
+        halves = ("this image", other) if state.comparison == "split" and not state.freeze_current else ("",)
+        return (*halves, other, f"{_map_beside(state)} x {state.gain:g}") if self._beside else halves
 
     def method_scores(self, state: ViewerState) -> Mapping[str, float | None]:
         """Columns of ``reuse evaluate`` for the method and frame compared with; empty where nothing needs them."""

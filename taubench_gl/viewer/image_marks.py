@@ -48,11 +48,15 @@ def _arrow_legend(viewer: ViewerModel, layout: Layout) -> None:
 
 
 def _titles(viewer: ViewerModel, layout: Layout) -> None:
-    """How light is drawn, or what an image beside it shows, in the upper left corner of each image."""
-    texts = viewer.engine.titles(viewer.state)
-    for text, (left, top, width, _) in zip(texts, layout.images, strict=True):
-        text = text or viewer.engine.lights.text(viewer.state)
-        if not text:
+    """How light is drawn, or what an image shows, in the corner of each image and of each half of a split."""
+    s, places, texts = viewer.state, list(layout.images), viewer.engine.titles(viewer.state)
+    if len(texts) > len(places):
+        left, top, width, height = places[0]
+        at = s.split * width
+        places[:1] = [(left, top, at, height), (left + at, top, width - at, height)]
+    for text, (left, top, width, _) in zip(texts, places, strict=True):
+        text = text or viewer.engine.lights.text(s)
+        if not text or width < 40.0:
             continue
         lines, size = imgui.get_background_draw_list(), imgui.calc_text_size(text, False, width - 20.0)
         shade = imgui.get_color_u32(ImVec4(0, 0, 0, 0.6))

@@ -32,10 +32,17 @@ from taubench_gl.viewer.timeline import Rates, Timeline
 Array = np.ndarray
 LIGHT = ("direct", "color", "emission")
 """Effects that start disabled on software OpenGL."""
+FIRST_LOOKS = ("color", "base_color", "headlight")
+"""Channels that the viewer opens with, the first that there is; without light the second."""
 
 
 SMOOTHING = 0.2
 """Weight of the latest time in the moving average."""
+
+
+def _first_look(channels: tuple[str, ...], wanted: tuple[str, ...]) -> str:
+    """The first of ``wanted`` among ``channels``, else the last of it."""
+    return next((name for name in wanted if name in channels), wanted[-1])
 
 
 class LiveTimer:
@@ -113,7 +120,7 @@ class ViewerModel(Owner):
         feed = owner.own(opened.feed)
         comparisons = open_comparisons(self.gpu, request, feed)
         limits = {f: feed.settings.metrics.threshold(f) for f in FEATURES}
-        channel = "color" if "color" in feed.visualizations() else "headlight"
+        channel = _first_look(feed.visualizations(), FIRST_LOOKS)
         state = ViewerState(
             first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size,
             effects=feed.switchable,
@@ -136,7 +143,7 @@ class ViewerModel(Owner):
         dark = self._light is False or (self._light is None and dim)
         if dark and set(LIGHT) & set(state.effects) and opened.frame is None:
             state.switched_off = frozenset(LIGHT) & set(state.effects)
-            state.channel = "headlight"
+            state.channel = _first_look(feed.visualizations(), FIRST_LOOKS[1:])
             state.message = "software OpenGL: light is disabled; enable it under effects, or start with --lighting"
         engine = owner.own(ViewerEngine(self.gpu, feed, self.timer, comparisons))
         engine.update(state)  # a scene that cannot be drawn is an error here, not later

@@ -49,6 +49,7 @@ def test_a_lecture_is_pages_in_order_with_an_index(run, monkeypatch, tmp_path):
     pages = (tmp_path / "talk" / name for name in ("07-occlusion.html", "13-ground.html"))
     first, second = (page.read_text(encoding="utf-8") for page in pages)
     assert '"next":"13-ground.html"' in first and '"previous":"07-occlusion.html"' in second
+    assert "<title>1. " in first and "<title>2. " in second, "a page has its place in the lecture"
     assert parts[1].figure in second and "Lesson 2 of 2, minutes 3 to 6" in second
 
 

@@ -96,7 +96,7 @@ LIT = {"columns": (*GEOMETRY, "direct", "indirect"), "width": 32, "height": 18, 
 
 
 def test_sampled_light_of_both_agrees_with_a_run_of_each(monkeypatch):
-    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=96, limit=128, samples=60_000))
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=96, limit=64, samples=30_000))
     runs = {mode: evaluated(DEMO, True, reprojection=mode, light="auto", **LIT) for mode in OTHER}
     for mode, other in OTHER.items():
         entry = runs[mode].summary["reusable"][other]["shading"]
@@ -109,9 +109,10 @@ def test_sampled_light_of_both_agrees_with_a_run_of_each(monkeypatch):
 
 
 @pytest.mark.parametrize("decided", [False, True])
-def test_path_traced_light_of_both_agrees_with_a_run_of_each(decided):
+def test_path_traced_light_of_both_agrees_with_a_run_of_each(decided, monkeypatch):
     """Images: exactly.  Decided pixels have floors of errors of other lists, so that undecided ones can differ."""
-    small = LIT | {"width": 16, "height": 9, "frames": (20, 22)}
+    monkeypatch.setattr("taubench_gl.evaluation.decided_light.LIMIT", 256)
+    small = LIT | {"width": 16, "height": 9, "frames": (20, 22), "spp": None if decided else 16}
     runs = {mode: evaluated(DEMO, decided, reprojection=mode, light="path-traced", **small) for mode in OTHER}
     for mode, other in OTHER.items():
         for row, alone in zip(runs[mode].frames, runs[other].frames, strict=True):

@@ -19,7 +19,7 @@ TRACED = {"width": 24, "height": 14, "fps": 24.0, "frames": (0, 3), "light": "pa
 
 
 def test_masks_counts_distances_and_rows_are_those_of_path_traced_light(tmp_path):
-    scene, settings = lamp_over_floor(emits=40.0), fixed_settings(**TRACED)
+    scene, settings = lamp_over_floor(emits=40.0), fixed_settings(**TRACED | {"width": 16, "height": 9})
     seen = []
 
     def on_pair(pair):

@@ -24,6 +24,8 @@ from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
+pytestmark = pytest.mark.usefixtures("coarse_metering")
+
 AUTO = dict.fromkeys(FIXED_LIGHTING, "auto")
 BLENDER = "Khronos glTF Blender I/O v4.5.51"
 SIZE = {"width": 64, "height": 48}
@@ -55,7 +57,12 @@ def resolved(scene, **settings):
 
 
 # ---------------------------------------------------------------------------------------------------------- exposure
-def test_metered_exposure_of_two_lambert_floors():
+@pytest.fixture
+def whole_metering(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taubench_gl.evaluation.exposure.METERED_PIXELS", 16384)
+
+
+def test_metered_exposure_of_two_lambert_floors(whole_metering):
     scene = two_floors()
     radiance = [albedo * 1000.0 * math.cos(math.radians(60.0)) / math.pi for albedo in (0.8, 0.2)]
     expected = 0.18 / math.sqrt(radiance[0] * radiance[1])
@@ -64,7 +71,7 @@ def test_metered_exposure_of_two_lambert_floors():
 
 
 @pytest.mark.parametrize("lamps", [3, 40])
-def test_what_is_metered_is_what_every_pixel_shows_with_all_lights(lamps, gpu):
+def test_what_is_metered_is_what_every_pixel_shows_with_all_lights(lamps, gpu, whole_metering):
     """The exposure again, in float64, from whole frames of raster light, which the test draws."""
     scene = busy_room(lamps=lamps)
     settings = fixed_settings(size=(128, 72), fps=8.0 / scene.duration, columns=("direct",))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
@@ -21,7 +22,7 @@ from taubench_gl.settings import Settings
 
 SIZE = (64, 36)
 FRAMES = range(20, 25)
-SETTINGS = Settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
+SETTINGS = fixed_settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
 
 
 @pytest.fixture

@@ -16,11 +16,12 @@ from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Readback, evaluate_scene, open_session, sampled_light
 from taubench_gl.evaluation.brightness import Brightness
-from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, read_preview
-from taubench_gl.evaluation.sampled_light import RoundSizes, round_of
+from taubench_gl.evaluation.decided_pixels import LEAST, DecidedPixels, PreviewPair, read_preview
+from taubench_gl.evaluation.sampled_light import RoundSizes, round_of, visit_sizes
 from taubench_gl.features import FEATURE_BIT
 from taubench_gl.metrics.sampled_light import Visit
 from taubench_gl.run import load_run
+from taubench_gl.settings import Settings
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
 SMALL = {"width": 32, "height": 18, "light": "auto"}
@@ -189,6 +190,33 @@ def test_rounds_visit_other_pairs_until_all_had_a_visit():
     assert {row for row, _ in visits[:20]} == set(range(20)) and {number for _, number in visits[:20]} == {0}
     assert visits[:8] != [visit for visit in round_of(0, 20, seed=1)]
     assert round_of(3, 2, seed=0)[0][1] == 3
+
+
+def test_rounds_visit_more_pairs_where_previews_are_kept():
+    """Half as many pixels in all; images that are too large to keep, and few pairs, have rounds of the usual size."""
+    small, large = (Settings(width=w, height=w) for w in (64, 2048))
+    assert visit_sizes(small, 24) == (24, 21) and visit_sizes(small, 200) == (32, 16)
+    assert visit_sizes(large, 24) == visit_sizes(small, 8) == (8, 128) and visit_sizes(small, 6) == (6, 128)
+
+
+def test_kept_previews_are_those_that_visits_draw(monkeypatch):
+    monkeypatch.setattr(sampled_light, "ROUND_SIZES", RoundSizes(pairs=2, pixels=8, limit=64, samples=2000))
+    settings = fixed_settings(**DEMO_SETTINGS | {"frames": (20, 24)})
+    kept = evaluate_scene(DEMO, settings, sampled=True)
+    monkeypatch.setattr(sampled_light.Previews, "keep", lambda *_: None)
+    drawn = evaluate_scene(DEMO, settings, sampled=True)
+    assert kept.summary["sampled_light"]["pairs"] == 3
+    for block in ("discard", "reusable", "sampled_light"):
+        assert kept.summary[block] == drawn.summary[block]
+
+
+def test_reprojections_differ_where_a_pixel_has_another_history():
+    """Not by what float32 makes of one place, unless it lies on the edge of two pixels."""
+    at = np.array([[[3.2, 4.1], [3.2, 4.1], [3.49999, 4.1], [3.2, 4.1]]])
+    other = at + np.array([[[2e-5, 0.0], [2e-3, 0.0], [2e-5, 0.0], [0.0, 0.0]]])
+    words, surface = np.array([[0, 0, 0, 0]], np.uint32), np.full((1, 4), True)
+    first, second = (PreviewPair(1, words, {}, a, (surface, surface), None, None) for a in (at, other))
+    assert first.differs(second).tolist() == [[False, True, True, False]]
 
 
 def test_records_of_visits_keep_every_bit():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixed import fixed_settings
 from frame_tools import THRESHOLDS, FormulaCamera, make_scene, quad, rotation_about
 
 from taubench_gl.animation import choose_camera
@@ -23,7 +24,6 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera, Channel
-from taubench_gl.settings import Settings
 
 SIZE = (96, 54)
 CHANNELS = ("position", "normal", "prev_position", "ids")
@@ -190,7 +190,7 @@ def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
 
 
 def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: Path) -> None:
-    settings = Settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
+    settings = fixed_settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
     scene = load_scene(ASSETS / "demo.glb")
     late = evaluate_scene(scene, settings)
     at_once = evaluate_scene(scene, settings, Observers(on_pair=lambda pair: None))

@@ -26,7 +26,7 @@ from taubench_gl.gpu.timing import MAX_SAMPLES, PassTimer, probe_timer
 from taubench_gl.paths import PACKAGE
 from taubench_gl.settings import Settings
 
-pytestmark = pytest.mark.usefixtures("coarse_light")
+pytestmark = pytest.mark.usefixtures("coarse_light", "own_programs")
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 

@@ -8,6 +8,8 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu import memory
 
+pytestmark = pytest.mark.usefixtures("own_programs")
+
 
 def test_history_that_does_not_fit(gpu, monkeypatch):
     if not gpu.software:

@@ -17,6 +17,8 @@ from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.scene import load_scene
 from tests.gpu.test_context import DEMO, alive, alive_before
 
+pytestmark = pytest.mark.usefixtures("own_programs")
+
 SMALL = {"width": 32, "height": 18, "frames": (0, 3), "spp": 1, "shadow_size": 64, "probes": 32}
 
 

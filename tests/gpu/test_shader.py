@@ -15,6 +15,8 @@ from taubench_gl.gpu import shader
 from taubench_gl.gpu.shader import ShaderCache, resolve
 from taubench_gl.paths import SHADERS
 
+pytestmark = pytest.mark.usefixtures("own_programs")
+
 
 def write(root: Path, **files: str) -> Path:
     root.mkdir(exist_ok=True)

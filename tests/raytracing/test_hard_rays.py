@@ -212,12 +212,20 @@ def test_a_dome_takes_no_precision_from_a_room(gpu):
 
 def test_a_scene_that_does_not_fit_is_refused_in_one_line(gpu, monkeypatch):
     from taubench_gl.errors import GraphicsError
-    from taubench_gl.gpu import memory
 
     if not gpu.software:
         pytest.skip("memory is checked for software rendering only")
-    with traced(gpu, make_scene(room())) as t:
-        monkeypatch.setattr(memory, "available_bytes", lambda: 1000)
-        with pytest.raises(GraphicsError) as error:
-            structure.SceneStructure(t.renderer)
-        assert "12 triangles" in str(error.value) and "\n" not in str(error.value)
+    monkeypatch.setattr(structure, "TRIANGLE_BYTES", 1 << 50)
+    with pytest.raises(GraphicsError) as error, traced(gpu, make_scene(room())):
+        pass
+    assert "12 triangles" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_structures_of_one_scene_share_their_trees(gpu):
+    with traced(gpu, make_scene(room())) as t, traced(gpu, t.renderer.scene) as other:
+        assert t.structure.resources["trace_nodes"] is other.structure.resources["trace_nodes"]
+        d = np.eye(3)
+        t.renderer.draw(0.0, 0.0)
+        assert t.query(np.zeros_like(d), d).t.tolist() == other.query(np.zeros_like(d), d).t.tolist()
+        with traced(gpu, make_scene(room())) as third:
+            assert third.structure.resources["trace_nodes"] is not t.structure.resources["trace_nodes"]

@@ -16,6 +16,7 @@ from references.brdf_sampling import basis_around, brdf_pdf, sample_brdf
 from taubench_gl.metrics.environment import lookup
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
 from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, SUBPATH_VERTEX, sample_table
+from taubench_gl.metrics.stochastic import LightCells
 from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
@@ -38,12 +39,13 @@ class LightSegments:
     least_cosine: Array  # (L,) to the axis; -1: in all directions
     choice: Array  # (L, 2) metrics.stochastic.light_choice; probability 0: no light at a place
 
-    def pdf(self, row: int, p: Array, n: Array) -> Array:
-        """Per square meter, choice included, of a subpath of light ``row`` that ends at ``p``, which it sees.  (n,)."""
+    def pdf(self, row: int | Array, p: Array, n: Array) -> Array:
+        """Per square meter, choice included, of a subpath of light ``row``, one or (n,), that ends at ``p``, which it
+        sees.  (n,)."""
         to_light = self.position[row] - p
         d2 = np.sum(to_light**2, axis=1)
         cosine = np.abs(np.sum(to_light * n, axis=1)) / np.sqrt(d2)
-        return float(self.choice[row, 1]) * cosine / (2.0 * np.pi * (1.0 - self.least_cosine[row]) * d2)
+        return self.choice[row, 1].astype(np.float64) * cosine / (2.0 * np.pi * (1.0 - self.least_cosine[row]) * d2)
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class TraceScene:
     emission: Array  # (T, 3) radiance, both sides
     lights: tuple[Callable[[Array], tuple[Array, Array, Array]], ...] = ()
     """Punctual lights: points (n, 3) -> unit directions (n, 3), irradiance (n, 3), distance (n,) to the light."""
-    light_choice: Array = field(default_factory=lambda: np.zeros((0, 2)))  # metrics.stochastic.light_choice
+    grid: LightCells | None = None  # of ``lights``, its corner relative to the camera
+    cells: tuple[Array, Array] = (np.zeros(2, int), np.zeros((0, 2)))  # metrics.stochastic.cell_choice of ``lights``
     candidates: int = 8  # most lights that compete for a light sample
     emitter_triangles: Array = field(default_factory=lambda: np.zeros(0, int))  # (E,) rows of ``triangles``
     emitter_cdf: Array = field(default_factory=lambda: np.zeros(0))  # (E,) cumulative probability
@@ -290,19 +293,27 @@ def _punctual(
     before: tuple[Array, Array] | None,
 ) -> tuple[Array, Array, Array]:
     """Direction, radiance over the probability, distance: resampled importance sampling."""
-    count = len(scene.lights)
-    everything = count <= scene.candidates
-    chosen_of = [light(p) for light in scene.lights]
+    direction_of, radiance_of, distance_of = (np.stack(each) for each in zip(*(light(p) for light in scene.lights)))
+    first, entries = scene.cells
+    inside = np.floor((p - scene.grid.low) / scene.grid.side).astype(int)
+    inside, known = inside.T, ((inside >= 0) & (inside < scene.grid.counts)).all(axis=1)
+    cell = np.zeros(len(p), int)
+    cell[known] = 1 + np.ravel_multi_index(tuple(inside[:, known]), scene.grid.counts)
     keep = np.full(len(p), keep)
     total, target = np.zeros(len(p)), np.ones(len(p))
     out = [np.zeros((len(p), 3)), np.zeros((len(p), 3)), np.full(len(p), np.inf)]
-    for i in range(min(count, scene.candidates)):
-        row, pdf = i, 1.0
-        if not everything:
-            cumulative = scene.light_choice[:, 0].astype(np.float64)
-            row = int(np.searchsorted(cumulative, (i + pick) / scene.candidates, side="right"))
-            pdf = float(scene.light_choice[row, 1]) * scene.candidates
-        direction, radiance, distance = chosen_of[row]
+    for i in range(scene.candidates):
+        row, pdf = np.zeros(len(p), int), np.full(len(p), np.inf)
+        for c in np.unique(cell):
+            around = entries[first[c] : first[c + 1]].astype(np.float64)
+            at, probability = i, 1.0
+            if len(around) > scene.candidates:
+                at = int(np.searchsorted(around[:, 0], (i + pick) / scene.candidates, side="right"))
+                probability = float(np.diff(around[:, 0], prepend=0.0)[at]) * scene.candidates
+            if at < len(around):
+                row[cell == c], pdf[cell == c] = around[at, 1], probability
+        k = np.arange(len(p))
+        direction, radiance, distance = direction_of[row, k], radiance_of[row, k], distance_of[row, k]
         if scene.segments and before is not None:  # balance heuristic against connections with light subpaths
             total_pdf = before[0] + scene.segments.pdf(row, p, n) * before[1]
             radiance = radiance * (before[0] / np.where(total_pdf > 0, total_pdf, 1.0))[:, None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fixed import fixed_settings
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.conventions import Visibility
@@ -17,7 +18,7 @@ from taubench_gl.option_groups import PathTracedOptions
 from taubench_gl.paths import ASSETS
 from taubench_gl.pathtraced.exr import write_exr
 from taubench_gl.reject.evaluate import evaluate_tests
-from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.usefixtures("coarse_light")
 
@@ -27,7 +28,7 @@ POSITIVE = Visibility.OCCLUDED | Visibility.NEW
 
 def settings(**more) -> Settings:
     own = {"width": SIZE[0], "height": SIZE[1], "shadow_size": 64, "indirect": "none", "light": "raster"}
-    return Settings(**(own | FIXED_LIGHTING | more))
+    return fixed_settings(**(own | more))
 
 
 @pytest.fixture(scope="module")

@@ -146,7 +146,7 @@ def counted(page: Any) -> dict[str, Any]:
     page.wait_for_selector(".headline[data-counted]")
     rates = {rate: page.locator(f"[data-rate={rate}] dd").all_inner_texts() for rate in ("surface", "shading")}
     rates["sky"] = page.locator(".sky dd").all_inner_texts()
-    words = {name: page.locator(f".headline .{name}").inner_text() for name in ("sentence", "live")}
+    words = {name: page.locator(f".answer .{name}").inner_text() for name in ("sentence", "live")}
     return words | {"rates": rates, "bars": bars(page)}
 
 
@@ -231,7 +231,7 @@ def test_the_headline_of_a_part_of_the_pairs_states_it(browser, made, tmp_path):
         assert f"{frames} of {made.run.summary['pairs']} pairs" in found["live"]
         # The distances of a threshold far below that of the run do not tell these reasons apart.
         set_threshold(page, made, "position", stops(made, "position")[0])
-        page.wait_for_function("document.querySelector('.headline .live').textContent.includes('changed in position')")
+        page.wait_for_function("document.querySelector('.answer .live').textContent.includes('changed in position')")
 
 
 def test_firefox_repaints_masks_and_headline(firefox, made):
@@ -244,7 +244,7 @@ def test_firefox_repaints_masks_and_headline(firefox, made):
             range.value = arguments[1]; range.dispatchEvent(new Event("input"));""",
             [name, stops(made, name).index(edge)],
         )
-    text = "return document.querySelector('.headline[data-counted] .sentence')?.textContent"
+    text = "return document.querySelector('.headline[data-counted]') && document.querySelector('.sentence').textContent"
     sentence = Wait(page, timeout=60).until(lambda d: d.execute_script(text))
     expected = reusable_sentence({"reusable": made.other.summary["reusable"]})
     assert sentence == expected[0].upper() + expected[1:] + "."
@@ -526,7 +526,7 @@ def test_keys_alone_reach_a_threshold_and_are_answered(page, made):
     page.keyboard.press("End")
     assert "m:" in page.evaluate("document.activeElement.getAttribute('aria-valuetext')")
     assert counted(page)["bars"]
-    assert page.locator(".headline").get_by_role("status").inner_text().startswith("At these thresholds")
+    assert page.locator(".answer").get_by_role("status").inner_text().startswith("At these thresholds")
     assert page.locator(".sentence").get_attribute("aria-live") == "polite"
 
 

@@ -98,6 +98,23 @@ def test_image_file_holds_overlay_and_legend(tmp_path):
     assert image.shape[0] > 300 and image.shape[1] == 500
 
 
+def test_stripes_are_explained_where_there_are_any(tmp_path, monkeypatch):
+    titles = []
+    monkeypatch.setattr("taubench_gl.report.mask_images.legend_strip", _noting(titles, legend_strip))
+    both = Reason.POSITION | Reason.NORMAL
+    for mask in (one_reason(Reason.POSITION, (4, 600)), one_reason(both, (4, 600))):
+        save_mask_image(tmp_path / "mask.png", mask, title="frame 1")
+    assert titles[0] == "frame 1" and titles[1].startswith("frame 1; stripes")
+
+
+def _noting(titles, make):
+    def strip(entries, width, title=""):
+        titles.append(title)
+        return make(entries, width, title)
+
+    return strip
+
+
 def test_small_masks_are_enlarged(tmp_path):
     mask = one_reason(Reason.POSITION, (2, 4))
     image = iio.imread(save_mask_image(tmp_path / "mask.png", mask))

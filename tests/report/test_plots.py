@@ -14,7 +14,7 @@ from taubench_gl.errors import OutputError
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.report import plot_frames, plot_thresholds, run_plots, write_report
 from taubench_gl.report.plot import spread
-from taubench_gl.report.run_plots import discard_curve
+from taubench_gl.report.run_plots import discard_curve, frames_plot
 
 pytestmark = pytest.mark.usefixtures("coarse_light", "plots")
 
@@ -62,6 +62,20 @@ def test_no_file_without_values(summary, tmp_path):
     assert plot_thresholds(summary, tmp_path / "x") == []
     assert plot_frames(summary, [], tmp_path / "x") == []
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.05])
+def test_a_camera_of_constant_motion_is_two_lines_apart_from_the_axes(summary, frames, moved):
+    """Rotation and translation are neither on the frame of the plot nor on each other."""
+    rows = [dict(row, angle_deg=20 * moved, translation_m=moved) for row in frames]
+    plot = frames_plot(summary, rows)
+    places = []
+    for axes in plot.figure.axes[1:]:
+        line = axes.lines[0]
+        low, high = axes.get_ylim()
+        places.append((line.get_ydata()[0] - low) / (high - low))
+    assert all(0.03 < place < 0.95 for place in places)
+    assert moved == 0.0 or abs(places[0] - places[1]) > 0.05
 
 
 def test_frames_plot_with_unmeasured_columns_and_one_pair(summary, frames, tmp_path):

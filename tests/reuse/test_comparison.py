@@ -10,8 +10,6 @@ from reuse_tools import evaluate
 from taubench_gl.reuse.comparison import FEW_FRAMES, FEW_SEEDS, NOT_FINITE, compare_methods, over_frames, series_of
 from taubench_gl.reuse.quality import MEASURES
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 FRAMES = range(1, 41)
 
 

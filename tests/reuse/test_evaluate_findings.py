@@ -9,8 +9,6 @@ from reuse_tools import evaluate
 
 from taubench_gl.reuse.scores import EQUAL, NOT_REQUESTED
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 
 def class_mse(evaluation, label, name):
     return evaluation.summary["methods"][label]["classes"][name]["mse"]

@@ -20,8 +20,6 @@ from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
 from taubench_gl.srgb import LUMINANCE
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 SMALL, LARGE = (40, 24), (60, 36)
 GRIDS = Grids(SMALL, LARGE)
 JITTERS = np.float32(

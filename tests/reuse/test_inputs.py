@@ -26,8 +26,6 @@ from taubench_gl.reuse.inputs import FrameRequest, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 ALL = tuple(INPUTS)
 MASKS = ("mask", "exact_mask", "motion")
 

@@ -15,8 +15,6 @@ from taubench_gl.reuse import perceptual, quality
 from taubench_gl.reuse.perceptual import Perceptual, open_perceptual
 from taubench_gl.reuse.scores import BLACK, Displayed, FrameTruth, MethodRecord, classify
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 H, W = 40, 50
 RNG = np.random.default_rng(4)
 

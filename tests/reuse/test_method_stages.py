@@ -13,8 +13,6 @@ from taubench_gl.errors import MethodError
 from taubench_gl.reuse.declaration import method_from_class
 from taubench_gl.reuse.loading import BUILTIN, load_method
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 DONE = '[stages.blend]\ndoc = "mean"\npaper = "Eq. (1)"\nshader = "a.glsl"\n'
 MISSING = '[stages.clip]\ndoc = "clip"\npaper = "section 2"\nmissing = "no color box"\n'
 

@@ -22,8 +22,6 @@ from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.builder import SceneBuilder, quad, turn_x
 from taubench_gl.selftest.scenes import sky_file
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 TOML = """light = "own"
 [structs.Probe]
 numbers = "vec4"

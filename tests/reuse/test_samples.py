@@ -30,8 +30,6 @@ from taubench_gl.reuse.samples import (
 )
 from taubench_gl.reuse.scores import Displayed, FrameTruth, classify
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 SMALL = {"candidates": 4}
 
 

@@ -17,8 +17,6 @@ from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.quality import MEASURES, WHITE
 from taubench_gl.reuse.scores import Displayed, FrameTruth, MethodRecord, classify
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 H, W = 20, 50
 RNG = np.random.default_rng(7)
 

@@ -21,8 +21,6 @@ from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
 from taubench_gl.scene.builder import SceneBuilder, quad
 
-pytestmark = pytest.mark.usefixtures("fixed_light")
-
 SMALL, LARGE = (24, 16), (36, 24)
 GRIDS_TOML = """\
 upscales = true

@@ -13,12 +13,11 @@ from taubench_gl.effects.decide import decide
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
-from taubench_gl.settings import Settings
 
 FACES = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
 """Faces of the left object per frame: different from frame 2 on."""
 
-SETTINGS = Settings(width=96, height=54, fps=24.0, columns=("frustum", "position", "normal"))
+SETTINGS = fixed_settings(width=96, height=54, fps=24.0, columns=("frustum", "position", "normal"))
 
 
 def sequence(folder, faces=FACES):

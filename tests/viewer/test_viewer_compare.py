@@ -36,7 +36,7 @@ def test_reprojection_sampling_and_size_change_live(drive):
 
 def test_exposure_changes_the_color_and_its_masks(drive):
     driven = drive(settings=LIT, light=True)
-    driven.run("frame 8\nset overlays off\nset channel color")
+    driven.run("frame 8\nset channel headlight\nset overlays off\nset channel color")
     dark = driven.engine.feed.source.read("color")[..., :3]
     driven.run("set stops 1\nexpect stops == 1")
     bright = driven.engine.feed.source.read("color")[..., :3]
@@ -72,7 +72,9 @@ def test_a_light_method_that_fails_changes_nothing(drive, monkeypatch):
 
 def test_history_and_reprojected_history(drive):
     driven = drive()
-    driven.run("frame 8\nset overlays off\nset comparison split\nset split 0\nset against history")
+    driven.run(
+        "frame 8\nset channel headlight\nset overlays off\nset comparison split\nset split 0\nset against history"
+    )
     before = headlight(driven, previous=True)
     assert np.abs(driven.engine.image()[:, 2:] / 255.0 - before[:, 2:]).max() < 2 / 255
     driven.run("set against reprojected")
@@ -81,9 +83,19 @@ def test_history_and_reprojected_history(drive):
     assert np.abs(moved - now[:, 2:])[good].mean() < 0.5 * np.abs(before - now)[:, 2:][good].mean()
 
 
+def test_both_halves_of_a_split_have_a_title(drive):
+    driven = drive()
+    titles = driven.engine.titles
+    assert titles(driven.state) == ("",)
+    driven.run("frame 8\nset against history\nset comparison split")
+    assert titles(driven.state) == ("this image", "history")
+    driven.run("set beside on\nwait 1")
+    assert titles(driven.state)[:3] == ("this image", "history", "history")
+
+
 def test_flicker_shows_one_image_then_the_other(drive):
     driven = drive()
-    driven.run("frame 8\nset overlays off\nset against history\nset flicker_hz 12")
+    driven.run("frame 8\nset channel headlight\nset overlays off\nset against history\nset flicker_hz 12")
     now, before = headlight(driven), headlight(driven, previous=True)
     driven.run("set comparison flicker")
     seen = []
@@ -97,7 +109,9 @@ def test_flicker_shows_one_image_then_the_other(drive):
 
 def test_the_error_map_is_scaled_by_the_gain(drive):
     driven = drive()
-    driven.run("frame 8\nset overlays off\nset against history\nset comparison error\nset gain 2")
+    driven.run(
+        "frame 8\nset channel headlight\nset overlays off\nset against history\nset comparison error\nset gain 2"
+    )
     difference = np.abs(headlight(driven) - headlight(driven, previous=True)).max(axis=-1)
     assert np.abs(driven.engine.image() / 255.0 - color_scale(2.0 * difference)).max() < 0.03
 
@@ -110,7 +124,7 @@ def test_nothing_to_compare_with_is_a_message(drive):
 
 def test_arrows_are_scaled(drive):
     driven = drive()
-    driven.run("frame 8\nset overlays off\nset arrows on\nset arrow_scale 1")
+    driven.run("frame 8\nset channel headlight\nset overlays off\nset arrows on\nset arrow_scale 1")
     short = driven.engine.image().copy()
     driven.run("set arrow_scale 6")
     assert driven.engine.arrow_scale == 6 and (driven.engine.image() != short).any()

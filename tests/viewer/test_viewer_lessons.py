@@ -50,6 +50,22 @@ def check(name, gpu, drive, tmp_path) -> None:
     driven.run("key Y\nkey Y\nexpect comparison == flicker\nclick @section.lesson\nexpect section.lesson == 0")
 
 
+def test_question_and_numbers_of_a_lesson(gpu, drive, tmp_path):
+    """Beside the figure: the question, and each number with its closed form."""
+    demo, file = find_demo("occlusion"), tmp_path / "lesson.glb"
+    write_scene(demo.scene(), file)
+    stage = Stage(gpu, SIZE)
+    findings = demo.run(stage).findings
+    stage.release()
+    request = load(write_session(demo, file, SIZE, findings))
+    driven = drive(request.source, request.settings, window=(1280, 720), restored=request.restored,
+                   given=request.given)  # fmt: skip
+    text = driven.state.lesson
+    assert demo.text.question in text and findings
+    for f in findings:
+        assert f"- {f.text} {f.meaning}: expected {f.expected_text}" in text
+
+
 @pytest.mark.parametrize("name", QUICK)
 def test_lesson(name, gpu, drive, tmp_path):
     check(name, gpu, drive, tmp_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from fixed import fixed_settings
 
 from taubench_gl.run_schema import COUNT_COLUMNS
 from taubench_gl.settings import Settings
@@ -12,7 +13,7 @@ from taubench_gl.settings import Settings
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "assets" / "demo.glb"
 SIZE = (96, 54)
-QUIET = Settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
+QUIET = fixed_settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
 
 
 _ROWS: dict[tuple[int, str], dict] = {}

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation import FrameState, View, skin_matrices
-from taubench_gl.frame.geometry import Draw, Geometry, VertexData
+from taubench_gl.frame.geometry import Draw, VertexData
+from taubench_gl.frame.scene_buffers import StoredGeometry
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
@@ -118,7 +119,7 @@ class _Floats:
 class DeformPass:
     """Owns sources, job tables and palettes; writes into the posed pool's buffers."""
 
-    def __init__(self, context: GpuContext, scene: Scene, geometry: Geometry, *, previous: bool):
+    def __init__(self, context: GpuContext, scene: Scene, geometry: StoredGeometry, *, previous: bool):
         self._gpu, self._scene, self._previous = context.gpu, scene, previous
         self._draws: list[tuple[int, Draw]] = [(i, d) for i, d in enumerate(geometry.draws) if d.posed]
         self._upload_sources(geometry)
@@ -143,7 +144,7 @@ class DeformPass:
             "morphs": ctx.buffer(reserve=1024, dynamic=True),
         }
 
-    def _upload_sources(self, geometry: Geometry) -> None:
+    def _upload_sources(self, geometry: StoredGeometry) -> None:
         floats, joints = _Floats(), []
         joint_count = 0
         self._jobs = JOB.zeros(len(self._draws))

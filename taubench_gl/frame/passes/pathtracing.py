@@ -39,7 +39,7 @@ from taubench_gl.metrics.path_samples import (
     part_table,
     sample_table,
 )
-from taubench_gl.metrics.stochastic import light_choice
+from taubench_gl.metrics.stochastic import LightCells, cell_choice, light_choice
 
 Array = np.ndarray
 
@@ -50,7 +50,9 @@ PATH = Struct(
     Field("footprint", "vec4", "width of a pixel: x, meters of a parallel camera; y, meters for each meter of depth"),
     Field("size", "ivec4", "xy: pixels"),
     Field("numbers", "uvec4", "x: frame, y: seed"),
-    Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
+    Field("lights", "ivec4", "x: punctual lights; y: 1 where their light at the camera's vertex has no noise"),
+    Field("cells", "vec4", "xyz: low corner of the grid of lights, relative to the camera; w: cells a meter"),
+    Field("cell_counts", "ivec4", "xyz: cells along each axis"),
 )
 LAYERS, LOBE_LAYERS, SUBPATH_LAYERS = 4, 4, 4
 """Layers of the path state of every path, of each lobe and of light subpaths (shaders/pathtracing/state.glsl)."""
@@ -62,14 +64,24 @@ EXACT_PER_SAMPLE = 4
 """Lights for each sample of a pixel that have a shadow ray each at the camera's vertex: a sample takes as long, because
 its path has two rays a bounce and evaluates CANDIDATES lights at every vertex."""
 
+MOST_EXACT = 1024
+"""Lights of a cell, up to which listed pixels have light without noise.  Only those that would shine on a point without
+shadow have a ray there; as many samples of single lights as rays would still be noisy."""
+
+MOST_CELLS, CELL_ENTRIES = 1 << 11, 1 << 20
+"""Most cells of the grid of lights, and most lights in all cells together."""
+
 LIGHT_CHUNK = 8
-"""Lights with a shadow ray each in one dispatch."""
+"""Shadow rays of a pixel in one dispatch."""
 
 LIGHT_GAP = 1e-5
 """Shadow rays end before a point light by this share of the largest coordinate: what float32 positions are off."""
 
 LIST_TILE = (256, 64)
 """Columns and rows of path state for a list: samples of its pixels that are traced together."""
+
+LIST_MARGIN = 8
+"""Rows after the last entries of a list that are without pixels: more than those of a work group."""
 
 NO_PIXEL = 0xFFFFFFFF
 """Fills the last part of a pixel list: beyond every image."""
@@ -114,9 +126,21 @@ def state_layers(spec: FrameSpec) -> int:
 
 
 def exact_punctual(spec: FrameSpec) -> bool:
-    """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise."""
+    """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise.
+
+    With ``pixel_list``, in frames without a cell of more than MOST_EXACT lights.
+    """
     few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
-    return "punctual" in spec.path_traced_sources and few and not spec.shading.one_light
+    traced = "punctual" in spec.path_traced_sources and not spec.shading.one_light
+    return traced and (spec.pixel_list or few)
+
+
+def light_grid(spec: FrameSpec) -> LightCells:
+    """The grid of the lights of ``spec``; without cells where they are all candidates."""
+    count = len(spec.light_kinds)
+    if count <= CANDIDATES:
+        return LightCells(np.zeros(3), 1.0, (0, 0, 0))
+    return LightCells.of_box(*spec.animated.box, min(max(CELL_ENTRIES // count, 1), MOST_CELLS))
 
 
 def subpath_choice(power: Array, kinds: Array, spots: Array) -> Array:
@@ -161,9 +185,9 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
 
 def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
     """Values of ``PATH`` for a frame."""
+    grid = light_grid(spec)
 
     def values(frame: FrameContext) -> dict[str, Any]:
-        candidates = min(len(spec.light_kinds), CANDIDATES)
         seed = spec.seed if frame.seed is None else frame.seed
         return {
             "sky": (*spec.environment.radiance, 0.0),
@@ -171,7 +195,9 @@ def _constants(spec: FrameSpec) -> Callable[[FrameContext], dict[str, Any]]:
             "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, seed, 0, 0),
-            "lights": (len(spec.light_kinds), candidates, 0, 0),
+            "lights": (len(spec.light_kinds), frame.exact_light, 0, 0),
+            "cells": (*(grid.low - frame.view.position), 1.0 / grid.side),
+            "cell_counts": (*grid.counts, 0),
         }
 
     return values
@@ -209,7 +235,6 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
         EMITTERS="emitters" in sources,
         ENVIRONMENT="environment" in sources,
         SOURCES=len(kinds),
-        ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
         **{name.upper(): name in spec.enabled for name in KINDS},
     )
     if spec.sun is not None:
@@ -218,6 +243,7 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
         f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
         f"const float LIGHT_GAP = {LIGHT_GAP};",
         f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
+        f"const int CANDIDATES = {CANDIDATES};",
     )
     if spec.bidirectional:
         p.glsl(f"const int SUBPATH_VERTEX = {SUBPATH_VERTEX};")
@@ -226,6 +252,7 @@ def _traced_pass(spec: FrameSpec, name: str) -> ComputePass:
     p.use(lookup(spec, "sample_table", "rgba32ui"))
     if "punctual" in sources:
         p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", filled=True)
+        p.buffer("light_cells", "int", filled=True).buffer("light_entries", "vec2", filled=True)
     if image:
         declare_environment(p, spec.environment, lobes=False, owned=False)
         p.use(lookup(spec, "environment_choice", "rg32f"))
@@ -331,11 +358,14 @@ class PathTracing(Owner):
         """What the passes declare, by name; the light stage releases it."""
         self.tables["path_counts"].clear()
         self.tables["going_on_counts"].write(np.tile(np.uint32([0, 1, 1, 0]), 2 * path_lists(spec)).tobytes())
-        self._odd_sample = 0
+        self._odd_sample, self._rays = 0, range(0)  # shadow rays of a pixel before each dispatch of ``exact``
         if "punctual" in spec.path_traced_sources:
             count = max(len(spec.light_kinds), 1)
             reserved = 8 * count * (1 + spec.bidirectional)
             self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=reserved, dynamic=True)
+            self._grid = light_grid(spec)
+            for name in ("light_cells", "light_entries"):
+                self.tables[name] = context.gpu.ctx.buffer(reserve=8, dynamic=True)
         alpha_test, keep_previous = "alpha_mask" in spec.enabled, spec.shading.both_frames
         self.structure = self.own(SceneStructure(renderer, alpha_test=alpha_test, keep_previous=keep_previous))
         self.attributes = self.own(HitAttributes(renderer, hit_options(spec)))
@@ -371,7 +401,23 @@ class PathTracing(Owner):
             if self._spec.bidirectional:
                 words += subpath_choice(power, lights["direction"][:, 3], lights["spot"]).tobytes()
             self.tables["light_choice"].write(words or bytes(8))
+            self._place_lights(frame, lights, power)
         self.trace(frame, frame.resources)
+
+    def _place_lights(self, frame: FrameContext, lights: Array, power: Array) -> None:
+        """Upload what each of the ``lights``, rows of the table, of ``power`` brings to each cell of the grid."""
+        at = lights["position"][:, :3] + frame.view.position
+        place = lights["direction"][:, 3] != LIGHT_KINDS.index("directional")
+        ranges, faded = np.where(place, lights["position"][:, 3], 0.0), place & (lights["spot"][:, 3] == 0.0)
+        on = np.flatnonzero(power)
+        first, entries = cell_choice(self._grid.importance(at[on], power[on], ranges[on], faded[on]))
+        entries[:, 1] = on[entries[:, 1].astype(np.int64)]
+        for name, payload in (("light_cells", first.tobytes()), ("light_entries", entries.tobytes() or bytes(8))):
+            self.tables[name].orphan(len(payload))
+            self.tables[name].write(payload)
+        most = int(np.diff(first).max())
+        frame.exact_light = exact_punctual(self._spec) and not (self._spec.pixel_list and most > MOST_EXACT)
+        self._rays = range(0, max(most, 1) * frame.exact_light, LIGHT_CHUNK)
 
     def trace(self, frame: FrameContext, resources: dict) -> None:
         """``run`` with other surfaces and other textures for their light in ``resources``."""
@@ -392,6 +438,9 @@ class PathTracing(Owner):
         ``part_table``.  A pixel may be listed more than once.  (n, samples, k, 3) float32, radiance of the k
         ``listed_lobes``; light without noise is part of every sample.
         """
+        if self._noiseless(frame) and len(samples) > 1:
+            light = self.listed_light(frame, pixels, keys, samples[:1], parts=parts)
+            return np.broadcast_to(light, (len(light), len(samples), *light.shape[2:]))
         count, size, lobes = len(pixels), self._tile[0] * self._tile[1], len(self.lobes)
         packed = [at[:, 0].astype(np.uint32) | at[:, 1].astype(np.uint32) << np.uint32(16) for at in (pixels, keys)]
         out = np.zeros((len(samples) * count, lobes + lobes // 2, 3), np.float32)
@@ -402,36 +451,40 @@ class PathTracing(Owner):
             end = min(done + size, (table.stop - samples.start) * count)
             number, pixel = divmod(np.arange(done, end), count)
             row = self._table_row(first, parts) + number - done // count
-            entries = np.full((size, 4), NO_PIXEL, dtype=np.uint32)
+            rows = -(-(end - done) // self._tile[0])
+            entries = np.full((min(self._tile[0] * (rows + LIST_MARGIN), size), 4), NO_PIXEL, dtype=np.uint32)
             columns = (packed[0][pixel], packed[1][pixel], row, number == 0)
             entries[: end - done] = np.stack(columns, axis=-1)
             self.tables["pixel_list"].write(entries.tobytes())
-            self._trace_entries(frame, exact=done < count)
-            stored = np.frombuffer(self.tables["listed_light"].read(), np.float32).reshape(size, -1, 4)
-            out[done:end] = stored[: end - done, :, :3]
+            self._trace_entries(frame, rows, exact=done < count)
+            listed = self.tables["listed_light"]
+            stored = np.frombuffer(listed.read(listed.size // size * (end - done)), np.float32)
+            out[done:end] = stored.reshape(end - done, -1, 4)[..., :3]
             done = end
         out = out.reshape(len(samples), count, -1, 3).swapaxes(0, 1)
         out[..., : lobes // 2, :] += out[:, :1, lobes:]
         return out[..., :lobes, :]
 
-    def _trace_entries(self, frame: FrameContext, exact: bool) -> None:
-        """One sample of every entry of the list; ``exact``: some have light without noise."""
+    def _noiseless(self, frame: FrameContext) -> bool:
+        """Whether all samples of a pixel are equal: direct light of punctual lights alone, without noise."""
+        return self._spec.path_traced_sources == {"punctual"} and self._spec.bounces == 1 and frame.exact_light
+
+    def _trace_entries(self, frame: FrameContext, rows: int, exact: bool) -> None:
+        """One sample of every entry in ``rows`` of the list; ``exact``: some have light without noise."""
         passes, resources = self._passes, frame.resources
-        passes["anchor"].run(frame, resources)
-        if exact and "exact" in passes:
-            for first in self._chunks(frame):
-                passes["exact"].run(frame, resources, first_light=first)
+        passes["anchor"].run(frame, resources, rows=rows)
+        for before in self._rays if exact else ():
+            passes["exact"].run(frame, resources, rows=rows, rays_before=before)
         if "subpath" in passes:
-            passes["subpath"].run(frame, resources)
-        self._trace_paths(frame, resources, samples_before=0)
-        passes["resolve"].run(frame, resources, sample_count=1)
+            passes["subpath"].run(frame, resources, rows=rows)
+        self._trace_paths(frame, resources, rows=rows, samples_before=0)
+        passes["resolve"].run(frame, resources, rows=rows, sample_count=1)
 
     def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
         passes = self._passes
         passes["anchor"].run(frame, resources, **where)
-        if "exact" in passes:
-            for first in self._chunks(frame):
-                passes["exact"].run(frame, resources, **where, first_light=first)
+        for before in self._rays:
+            passes["exact"].run(frame, resources, **where, rays_before=before)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
             if "subpath" in passes:
@@ -439,22 +492,18 @@ class PathTracing(Owner):
             self._trace_paths(frame, resources, samples_before=k, **where, sample_row=row)
         passes["resolve"].run(frame, resources, **where, sample_count=self.sample_count)
 
-    def _trace_paths(self, frame: FrameContext, resources: dict, samples_before: int, **where: Any) -> None:
-        """One sample of every path of a tile."""
+    def _trace_paths(
+        self, frame: FrameContext, resources: dict, samples_before: int, rows: int | None = None, **where: Any
+    ) -> None:
+        """One sample of every path of a tile, or of its first ``rows``."""
         where["odd_sample"] = self._odd_sample
-        self._passes["start"].run(frame, resources, samples_before=samples_before, **where)
+        self._passes["start"].run(frame, resources, rows=rows, samples_before=samples_before, **where)
         if self._spec.pattern == "fixed":
             where.pop("tile_origin", None)  # where a pixel lies matters for its numbers alone
         for vertex in range(1, vertices(self._spec) + 1):
             byte = 16 * (self._odd_sample * path_lists(self._spec) + vertex)
             self._passes["extend"].run(frame, resources, ("going_on_counts", byte), vertex=vertex, **where)
         self._odd_sample = 1 - self._odd_sample
-
-    def _chunks(self, frame: FrameContext) -> list[int]:
-        """First lights of the chunks with a light that is on; the first chunk begins the sum and is always there."""
-        on = frame.light_rows["color"][: len(self._spec.light_kinds), :3].any(axis=-1)
-        chunks = range(0, len(on), LIGHT_CHUNK)
-        return [first for first in chunks if first == 0 or on[first : first + LIGHT_CHUNK].any()]
 
     def _table_row(self, sample: int, parts: bool = False) -> int:
         """Row of the table with the numbers of ``sample``, uploaded if need be.  ``parts``: of ``part_table``."""

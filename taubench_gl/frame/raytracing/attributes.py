@@ -6,12 +6,13 @@ of the tables.  Only what the scene's materials need is stored and compiled.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taubench_gl.frame.context import FrameContext
-from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.geometry import DEFAULTS, Draw
 from taubench_gl.frame.materials import texture_of
 from taubench_gl.frame.raytracing import hit_tables
 from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_atlas
@@ -63,6 +64,40 @@ _CONSTANTS = (
 )
 
 
+class _StoredHits:
+    """What hits find in a scene on the GPU, wherever its draws are: all that look at hits of the scene share it."""
+
+    def __init__(self, renderer: Renderer, draws: tuple[Draw, ...], options: HitOptions, atlas_bytes: int):
+        self._renderer, self.scene = renderer, renderer.scene
+        context, scene = renderer.context, renderer.scene
+        images = _images(scene, draws, options)
+        sizes = {image: scene.images[image].size for image in images}
+        self.atlas = plan_atlas(sizes, context.gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], atlas_bytes)
+        states = [renderer.poser.sample(float(t)) for t in bound_times(scene)] if options.emission != "none" else []
+        self.emitters = emitter_table(scene, draws, states, options, self._pixels) if states else NO_EMITTERS
+        self.tables = build_tables(scene, draws, _pools(renderer, draws), self.atlas, options, self.emitters)
+        static, self.tables.static = self.tables.static, np.zeros(0)  # on the GPU from here on
+        size = static.shape[1::-1]
+        wanted = [Resource.texture("hit_static", size, dtype="u4", what=_TABLES, hint=_HINT)]
+        if self.atlas.places:
+            what = "textures of ray hits"
+            wanted.append(Resource.texture("hit_atlas", self.atlas.size, dtype="f1", what=what, hint=_HINT))
+        self.textures: dict[str, moderngl.Texture] = {r.name: context.allocate(r) for r in wanted}
+        self.textures["hit_static"].write(np.ascontiguousarray(static))
+        colors = [image for image, color in images.items() if color]
+        for viewport, texels in atlas_pixels(self.atlas, self._pixels, colors):
+            self.textures["hit_atlas"].write(np.ascontiguousarray(texels), viewport=viewport)
+        del self._renderer
+
+    def _pixels(self, image: int) -> Array:
+        pixels = self._renderer.materials.pixels(image)
+        return self._renderer.scene.images[image].decode() if pixels is None else pixels
+
+    def release(self) -> None:
+        for texture in self.textures.values():
+            texture.release()
+
+
 class HitAttributes:
     """Tables, atlas and emitters of one scene, for every pass that looks at hits.
 
@@ -74,41 +109,25 @@ class HitAttributes:
 
         Raises GraphicsError where the device has no room for the scene.
         """
-        self._renderer, self.options = renderer, options
-        gpu, scene = renderer.context.gpu, renderer.scene
+        self._renderer, self.options, scene = renderer, options, renderer.scene
         looked_at = options.surfaces or options.emission != "none" or options.alpha_test
         self._draws = draws = renderer.draws if looked_at else ()
-        images = _images(scene, draws, options)
-        sizes = {image: scene.images[image].size for image in images}
-        self.atlas = plan_atlas(sizes, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], atlas_bytes)
-        states = [renderer.poser.sample(float(t)) for t in bound_times(scene)] if options.emission != "none" else []
-        self.emitters = emitter_table(scene, draws, states, options, self._pixels) if states else NO_EMITTERS
+        self._stored = renderer.context.gpu.shared.hold(
+            scene.nodes,
+            ("hits", id(scene.meshes), id(scene.materials), id(scene.channels), options, atlas_bytes),
+            lambda: _StoredHits(renderer, draws, options, atlas_bytes),
+        )
+        stored = self._stored.value
+        self.atlas = stored.atlas
+        self.emitters = stored.emitters
         """Rows of the emitter table, ``emitters.EMITTER``."""
-        self._tables = build_tables(scene, draws, _pools(renderer, draws), self.atlas, options, self.emitters)
-        self._textures: dict[str, moderngl.Texture] = {}
-        self._upload(images)
-
-    def _pixels(self, image: int) -> Array:
-        pixels = self._renderer.materials.pixels(image)
-        return self._renderer.scene.images[image].decode() if pixels is None else pixels
-
-    def _upload(self, images: dict[int, bool]) -> None:
-        static, self._tables.static = self._tables.static, np.zeros(0)  # on the GPU from here on
-        wanted = {
-            "hit_static": Resource.texture("hit_static", static.shape[1::-1], dtype="u4", what=_TABLES, hint=_HINT),
-            "hit_draws": Resource.texture("hit_draws", self._tables.draws.size, dtype="u4", what=_TABLES, hint=_HINT),
-        }
-        if self.atlas.places:
-            wanted["hit_atlas"] = Resource.texture(
-                "hit_atlas", self.atlas.size, dtype="f1", what="textures of ray hits", hint=_HINT
-            )
-        for name, resource in wanted.items():
-            self._textures[name] = self._renderer.context.allocate(resource)
-        self._textures["hit_static"].write(np.ascontiguousarray(static))
-        self._textures["hit_draws"].write(self._tables.draws.image())
-        colors = [image for image, color in images.items() if color]
-        for viewport, texels in atlas_pixels(self.atlas, self._pixels, colors):
-            self._textures["hit_atlas"].write(np.ascontiguousarray(texels), viewport=viewport)
+        placed = replace(stored.tables.draws)  # of which each has its own rows
+        placed.rows = stored.tables.draws.rows.copy()
+        self._tables = replace(stored.tables, draws=placed)
+        resource = Resource.texture("hit_draws", placed.size, dtype="u4", what=_TABLES, hint=_HINT)
+        self._placed = renderer.context.allocate(resource)
+        self._placed.write(placed.image())
+        self._textures = stored.textures | {"hit_draws": self._placed}
 
     def declare(self, p: ComputePass) -> ComputePass:
         """Add to ``p`` what ``raytracing/surface.glsl``, ``alpha.glsl`` and ``emitters.glsl`` need."""
@@ -151,7 +170,7 @@ class HitAttributes:
     def update(self, frame: FrameContext) -> None:
         """Take over the transforms and visibility of ``frame``."""
         if self._draws and self._tables.draws.place(frame.placement):
-            self._textures["hit_draws"].write(self._tables.draws.image())
+            self._placed.write(self._tables.draws.image())
 
     @property
     def resources(self) -> dict[str, Any]:
@@ -175,8 +194,8 @@ class HitAttributes:
         ]
 
     def release(self) -> None:
-        for texture in self._textures.values():
-            texture.release()
+        self._placed.release()
+        self._stored.release()
 
 
 def _images(scene: Scene, draws: tuple[Draw, ...], options: HitOptions) -> dict[int, bool]:
@@ -198,8 +217,8 @@ def _pools(renderer: Renderer, hit_draws: tuple[Draw, ...]) -> dict[bool, dict[s
         indices = max((d.first_index + d.index_count for d in draws), default=0)
         out[posed] = {
             name: np.frombuffer(buffers[name].read(4 * width * vertices), np.float32).reshape(vertices, width)
-            if vertices
-            else np.zeros((0, width), np.float32)
+            if vertices and buffers[name].size >= 4 * width * vertices
+            else np.broadcast_to(DEFAULTS.get(name, np.float32(0)), (vertices, width))
             for name, width in _POOL.items()
         }
         out[posed]["indices"] = (

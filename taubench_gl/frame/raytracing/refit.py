@@ -13,7 +13,6 @@ import numpy as np
 
 from taubench_gl.animation import FrameState
 from taubench_gl.animation.pose import pose_once
-from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.geometry import instance_numbers
 from taubench_gl.frame.raytracing import texels
 from taubench_gl.frame.raytracing.texels import Grid, PlacedTree, Texels
@@ -69,7 +68,7 @@ class PosedTrees:
     def __init__(self, renderer: Renderer, rows: Array, alpha: Array):
         """``rows`` (P,): posed draws; ``alpha`` (D,): whether a draw's material tests alpha."""
         self._rows, self._renderer, self._alpha = rows, renderer, alpha
-        self._bounds = DrawBounds(renderer.scene, renderer.draws)
+        self._bounds = renderer.bounds
         self._instances = instance_numbers(renderer.draws)
         self.trees: list[PlacedTree] = []
         self._leaves, self._corners = Texels(), Texels()

@@ -1,8 +1,8 @@
 // The frame viewer of every page: one or two layers of a frame on a zoomable stage with a divider, side by side or in
 // turn, and a slider over the frames that plays.
 //
-// A layer is {image, label, tint, plain, faint}: a picture, its name where two are shown, the masks over it, whether
-// these are left out, and whether the picture is nearly gray below them.
+// A layer is {image, label, tint, plain}: a picture, its name where two are shown, the masks over it, and whether these
+// are left out.
 
 const LAYOUTS = [["wipe", "Wipe"], ["side", "Side by side"], ["flicker", "Flicker"]];
 const FLICKER_MS = 700;
@@ -46,7 +46,7 @@ function makeFrameViewer({ images, go, milliseconds, redrawn = () => {}, point =
   layouts.press(layout);
 
   // Draws the columns from `from` to `to` of a layer on a stage, all in pixels of the images.
-  function draw(target, { image, tint, plain, faint }, from, to) {
+  function draw(target, { image, tint, plain }, from, to) {
     const { width, height } = images();
     for (const [sheet, source] of [[target.base, image], [target.mask, plain ? null : tint]]) {
       if (!source || to <= from) continue;
@@ -56,7 +56,6 @@ function makeFrameViewer({ images, go, milliseconds, redrawn = () => {}, point =
       pen.beginPath();
       pen.rect(from, 0, to - from, height);
       pen.clip();
-      if (sheet === target.base && faint) pen.filter = "saturate(.35)";
       pen.drawImage(source, 0, 0, width, height);
       pen.restore();
     }

@@ -85,9 +85,10 @@ function percentText(value) {
 function reasonBars({ shares }, { terms }) {
   const rows = terms.filter(({ name }) => shares[name] > 0).sort((a, b) => shares[b.name] - shares[a.name]);
   const most = rows.length ? shares[rows[0].name] : 1;
-  const table = el("table", { class: "bars", "aria-label": "Why pixels are not reusable" }, el("tbody", {}, ...rows.map(({ name, label }) => {
+  const table = el("table", { class: "bars", "aria-label": "Why pixels are not reusable" }, el("tbody", {}, ...rows.map(({ name, label, color }) => {
     const bar = el("i");
     bar.style.width = `${(100 * shares[name]) / most}%`;
+    bar.style.background = color;
     return el("tr", {}, el("th", { scope: "row" }, label), el("td", {}, `${exact(shares[name])} %`), el("td", { class: "bar" }, bar));
   })));
   const words = rows.length ? "Why surface pixels are not reusable, % of surface pixels. A pixel counts once, under its first reason." : "Every surface pixel is reusable.";
@@ -95,10 +96,11 @@ function reasonBars({ shares }, { terms }) {
 }
 function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : fixed(value, 2); }
 
-// Links the headline `box` of a run: thresholds() counts again; at the thresholds of the run it shows the recorded values.
-function makeHeadline(box, run, state) {
+// Links the sentence of a run in `answer` and its rates and bars in `box`: thresholds() counts again; at the thresholds of
+// the run it shows the recorded values.
+function makeHeadline(answer, box, run, state) {
   const note = el("p", { class: "muted live", role: "status", hidden: true });
-  const sentence = box.querySelector(".sentence"), figure = box.querySelector(".reasons");
+  const sentence = answer.querySelector(".sentence"), figure = box.querySelector(".reasons");
   sentence.after(note);
   sentence.setAttribute("aria-live", "polite");
   const parts = [sentence, figure, ...box.querySelectorAll("[data-rate] dd, .sky .big")];
@@ -138,14 +140,14 @@ function makeHeadline(box, run, state) {
       const mine = ++turn, wanted = () => mine === turn;
       const moved = run.moved();
       note.hidden = !moved;
-      box.classList.toggle("counting", moved);
+      for (const part of [answer, box]) part.classList.toggle("counting", moved);
       delete box.dataset.counted;
       if (!moved) { parts.forEach((part, i) => part.replaceChildren(...recorded[i])); return; }
       const total = run.images.items.length;
       const counted = await countFrames(run, state.bits, wanted, (done) => { if (wanted()) note.textContent = `Counting frame ${done + 1} of ${total} at these thresholds.`; });
       if (!counted) return;
       if (counted.frames.length) show(counted); else note.textContent = "These values are at the thresholds of the run: the distances of its frames are damaged.";
-      box.classList.remove("counting");
+      for (const part of [answer, box]) part.classList.remove("counting");
       box.dataset.counted = counted.frames.length;
     },
   };

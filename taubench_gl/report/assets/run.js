@@ -19,7 +19,7 @@ const state = {
   onThresholds() { viewer.thresholds(); plots.thresholds(); headlines.get(chosen).thresholds(); },
   goTo: (frame) => viewer.goTo(frame),
 };
-const headlines = new Map(data.runs.map((run, i) => [run, makeHeadline(document.querySelectorAll(".headline")[i], run, state)]));
+const headlines = new Map(data.runs.map((run, i) => [run, makeHeadline(document.querySelectorAll(".answer")[i], document.querySelectorAll(".headline")[i], run, state)]));
 const viewer = makeViewer(document.getElementById("viewer"), state);
 const plots = makePlots(document.getElementById("plots"), state);
 const curves = makeCurves(document.getElementById("curves"), state);

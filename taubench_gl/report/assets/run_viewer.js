@@ -103,7 +103,6 @@ function makeViewer(box, state) {
     if (request !== turn) return;
     current.label = { history: "current frame", plain: "masks", runs: run.label }[mode] || "";
     if (mode === "history") current.plain = true;
-    current.faint = mode === "masks";
     [front, back] = [current, second];
     fault.hidden = !current.damaged;
     fault.textContent = `The distances of frame ${item.n} are damaged, or the browser changes image data: its masks stay at the thresholds of the run.`;
