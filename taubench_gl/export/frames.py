@@ -70,6 +70,27 @@ class _Submitted:
     reasons: Array | None = None  # (h, w) exact reasons
 
 
+def _columns(settings: Settings, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Columns whose light a source has to draw so that it has the channels ``names``."""
+    columns = settings.metrics.columns if "mask" in names else ("frustum",)
+    wanted = {*names, *(("direct", "indirect") if EXACT_REASONS in names else ())}
+    columns += tuple(c for c in LIGHT_FEATURES if c in wanted and c not in columns)
+    for column in ("direct", "indirect"):
+        lobes = {*lobe_channels(SCENE_LOBES, (column,)), *(("path_info",) * (column == "direct"))}
+        if lobes & set(names) and column not in columns:
+            columns += (column,)
+    return columns
+
+
+def _extra_channels(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Channels besides those of columns that a source draws for the exported channels ``names``."""
+    table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
+    table |= {"mask_forward": "prev_position", "mask": "position", DISPARITY: "prev_position"}
+    extra = [table.get(n, n) for n in names if n not in LIGHT_FEATURES and n != EXACT_REASONS]
+    moved = ["ids"] * ("prev_position" in extra)  # they mark surfaces that are not there in the other frame
+    return tuple(dict.fromkeys([*extra, *moved, *(exact_channels() if EXACT_REASONS in names else ())]))
+
+
 class FrameSource(GpuOwner):
     """Renders any frame of a scene for export.
 
@@ -97,24 +118,11 @@ class FrameSource(GpuOwner):
         self._count = frame_total(animated.scene, animated.camera, settings)
         self._reader = self.own(ChannelReader(gpu, buffered=buffered))
         self._jitter = jitter if callable(jitter) else halton_jitter if jitter == "halton" else None
-        columns = settings.metrics.columns if "mask" in names else ("frustum",)
         exact = EXACT_REASONS in names
         if exact:
             settings.require_exact()
-        wanted = {*names, *(("direct", "indirect") if exact else ())}
-        columns += tuple(c for c in LIGHT_FEATURES if c in wanted and c not in columns)
-        for column in ("direct", "indirect"):
-            lobes = {*lobe_channels(SCENE_LOBES, (column,)), *(("path_info",) * (column == "direct"))}
-            if lobes & set(names) and column not in columns:
-                columns += (column,)
-        self._settings = settings = settings.replace(columns=columns)
-        table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
-        table |= {"mask_forward": "prev_position", "mask": "position", DISPARITY: "prev_position"}
-        light = set(LIGHT_FEATURES)
-        extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
-        moved = ["ids"] * ("prev_position" in extra)  # they mark surfaces that are not there in the other frame
-        extra = tuple(dict.fromkeys([*extra, *moved, *(exact_channels() if exact else ())]))
-        self.source = self.open_source(animated, settings, extra=extra, jitter=self._jitter)
+        self._settings = settings = settings.replace(columns=_columns(settings, names))
+        self.source = self.open_source(animated, settings, extra=_extra_channels(names), jitter=self._jitter)
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self.training: TrainingLight | None = None
