@@ -58,7 +58,7 @@ def write_suite(cases: Sequence[Case], out: str | Path, size: tuple[int, int]) -
     out = output_folder(out)
     output_folder(out / SCENES)
     for case in cases:
-        case.stage().save(out / SCENES / f"{case.name}.glb")
+        case.document().save(out / SCENES / f"{case.name}.glb")
     width, height = size
     head = {"schema": SCHEMA, "width": width, "height": height, "fps": FPS, "camera": CAMERA}
     entries = [case_entry(case, size) for case in cases]

@@ -15,6 +15,7 @@ from engine_frames import SIZE, right_frames, scored, truth_of
 from taubench_gl.apps.cli import cli
 from taubench_gl.conformance.cases import CASES
 from taubench_gl.conformance.score import NO_PLACE, NOT_JUDGED, RIGHT
+from taubench_gl.conformance.stage import FPS
 from taubench_gl.conformance.truth import CLASSES, Truth
 from taubench_gl.conventions import Visibility
 from taubench_gl.errors import PathTracedError
@@ -62,6 +63,15 @@ def test_closed_forms():
     surface = pan.node >= 0
     step = np.array([0.06, -0.03]) * height / 3.0  # 3 m are the height of the image
     np.testing.assert_allclose(pan.motion[surface], np.broadcast_to(step, pan.motion[surface].shape), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["visibility", "zero-scale", "teleport", "cut"])
+def test_jumps_lie_before_the_frame_that_shows_them(name):
+    """A jump on a frame would come a frame late in an engine that compares double times with rounded float32 keys."""
+    for channel in truth_of(name).scene.animations[0].channels:
+        assert channel.interpolation == "STEP"
+        late = channel.times[1:].astype(float) * FPS - np.arange(1, len(channel.times))
+        assert (late > -0.5).all() and (late < -0.1).all()
 
 
 def test_visibility_of_the_previous_frame():
