@@ -89,14 +89,14 @@ class Hypothesis:
     predict: Callable[[Pair], Array]
     slack_px: Callable[[Pair], Array] | None = None
 
-    def explains(self, pair: Pair, vectors: Array, step: Array | float) -> Array:
-        """Pixels (N,) whose vector (N, 2) is the predicted one."""
-        predicted = self.predict(pair)
+    def explains(self, pair: Pair, at: Array, vectors: Array, step: Array) -> Array:
+        """Which of the pixels ``at`` (n,) with ``vectors`` (n, 2) have the predicted one, within ``step`` (n, 2)."""
+        predicted = self.predict(pair)[at]
         with np.errstate(invalid="ignore"):
             tolerance = EXPLAINED_PX + EXPLAINED_SHARE * np.linalg.norm(predicted, axis=-1)
-            tolerance = tolerance + np.linalg.norm(np.broadcast_to(step, vectors.shape), axis=-1)
+            tolerance += np.linalg.norm(step, axis=-1)
             if self.slack_px is not None:
-                tolerance = tolerance + self.slack_px(pair)
+                tolerance += self.slack_px(pair)[at]
             return np.linalg.norm(vectors - predicted, axis=-1) <= tolerance
 
 

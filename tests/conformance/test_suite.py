@@ -139,7 +139,7 @@ def test_rejection_is_read_from_files(tmp_path):
     (tmp_path / "disocclusion-camera").mkdir()
     for k, (frame, right) in enumerate(zip(right_frames(truth), truth.frames(), strict=True)):
         arrays = {"v": frame.motion, "d": right.depth, "w": np.where(right.valid, 0.9, 0.0)}
-        path = tmp_path / "disocclusion-camera" / f"f{k}.npz"
+        path = tmp_path / "disocclusion-camera" / f"f{8 + k}.npz"  # 8, 9, 10, 11: in order of numbers, not of letters
         np.savez(path, **{name: values.astype(np.float32) for name, values in arrays.items()})
     names = {"motion": ["v.X", "v.Y"], "depth": ["d.X"], "history_weight": ["w.X"]}
     passes = {name: {"channels": channels} for name, channels in names.items()}
