@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taubench_gl.math3d import orthonormal
+from taubench_gl.math3d import bounds, orthonormal
 
 S = 0.5**0.5
 ROTATIONS = {  # columns of a matrix -> columns of its rotation
@@ -24,3 +24,18 @@ ROTATIONS = {  # columns of a matrix -> columns of its rotation
 def test_rotation_of_a_matrix(name: str) -> None:
     matrix, expected = (np.array(columns, float).T for columns in ROTATIONS[name])
     assert orthonormal(matrix) == pytest.approx(expected, abs=1e-15)
+
+
+@pytest.mark.parametrize("count", [1, 63, 1024, 1087, 5000])
+@pytest.mark.parametrize("columns", [1, 3, 16])
+def test_bounds_are_those_of_each_column(count, columns):
+    points = np.random.default_rng(count).normal(size=(count, columns)).astype(np.float32)
+    for made in (points, points[::-1], np.asfortranarray(points)):
+        low, high = bounds(made)
+        assert np.array_equal(low, points.min(axis=0)) and np.array_equal(high, points.max(axis=0))
+
+
+def test_bounds_show_what_is_not_finite():
+    points = np.zeros((3000, 3), np.float32)
+    points[1500, 1] = np.nan
+    assert np.isnan(bounds(points)).tolist() == 2 * [[False, True, False]]

@@ -325,7 +325,7 @@ def _drawn_points(scene: Scene, state: FrameState, node: int, boxes: dict[int, A
             clouds.append(pose_once(posed, scene, state, node, primitive))
             continue
         if id(primitive) not in boxes:
-            low, high = primitive.positions.min(axis=0), primitive.positions.max(axis=0)
+            low, high = math3d.bounds(primitive.positions)
             boxes[id(primitive)] = np.array(np.meshgrid(*zip(low, high)), dtype=np.float64).reshape(3, 8).T
         corners = boxes[id(primitive)]
         if instances is None:

@@ -144,10 +144,8 @@ def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int
     motion, step = frame.motion, 0.0
     if motion is not None:
         motion = motion.astype(np.float64)
-        unit = {"px": 1.0, "uv": 1.0, "ndc": 0.5}[mapping.motion.unit] * np.array(
-            (1, 1) if mapping.motion.unit == "px" else frame.size
-        )
-        step = half_step(motion / unit) * unit
+        unit = np.abs(mapping.motion.factors(frame.size)).astype(np.float64)
+        step = half_step(motion / unit) * unit if mapping.motion.encoding == "linear" else 0.0
         if mapping.motion.jitter == "included":
             motion = motion - truth.jitter_motion(number)
     stored = frame.position if frame.position is not None else frame.depth
@@ -156,7 +154,7 @@ def _convert(frame: PathTracedFrame, mapping: PassMap, truth: Truth, number: int
         stored = np.abs(np.nan_to_num(stored.astype(np.float64), posinf=0.0, neginf=0.0)) / mapping.meters
         metric = 2 * half_step(stored) + np.spacing(stored.astype(np.float32))
         metric = (metric.max(axis=-1) if metric.ndim == 3 else metric) * mapping.meters
-    kept = getattr(frame, "kept", None)
+    kept = frame.kept
     return EngineFrame(
         sky, motion, points, frame.normal, None if kept is None else kept <= 0.0, step, metric,
         exact_zero=mapping.motion.zero == "0" and mapping.motion.jitter == "excluded",

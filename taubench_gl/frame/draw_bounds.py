@@ -8,6 +8,7 @@ import numpy as np
 
 from taubench_gl.animation import FrameState, skin_matrices
 from taubench_gl.frame.geometry import Draw
+from taubench_gl.math3d import bounds
 from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
@@ -114,7 +115,8 @@ def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Ar
 def bounding_sphere_of(points: Array) -> tuple[Array, float]:
     """A sphere around points (P, 3), centered on their box: (3,) and radius."""
     points = np.asarray(points, dtype=np.float64)
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    low, high = bounds(points)
+    center = 0.5 * (low + high)
     return center, float(np.linalg.norm(points - center, axis=1).max())
 
 

@@ -33,6 +33,10 @@ class VertexData:
     source: Array  # (V,) vertex of the primitive that each vertex was made from
     constant: frozenset[str] = frozenset()  # of tangents and colors: what every vertex has the default of
 
+    def of(self, values: Array) -> Array:
+        """``values`` (V, ...) of the primitive's vertices for these; the same array where they are the same."""
+        return values[self.source] if self.flat else values
+
 
 def make_vertex_data(primitive: Primitive, *, tangents: int | None) -> VertexData:
     """Fill in what the file leaves out: flat normals, texture coordinates, white colors, and tangents.

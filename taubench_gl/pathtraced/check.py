@@ -117,6 +117,7 @@ class Check:
         return next((verdict for verdict in self.classes if verdict.name == name), None)
 
 
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")  # files may hold any value
 def check_sequence(
     sequence: PathTracedSequence,
     camera: PathTracedCamera,
@@ -347,7 +348,9 @@ class _Checked:
         if not self.positions:
             return Verdict("centers", "not checked", "there is no position pass")
         off = [self.files.misplaced(number, self.best) for number in self.files.frames]
-        off = [d for d in off if d is not None]
+        off = [d for d in off if d is not None and np.isfinite(d).any()]
+        if not off:
+            return Verdict("centers", "not checked", "no position is in front of the camera")
         offsets = np.array([_offset(d)[0] for d in off])
         x, y = offsets[np.abs(offsets).max(axis=1).argmax()]
         spread = max(float(np.nanmedian(length(d - _offset(d)))) for d in off)

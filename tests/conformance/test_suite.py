@@ -124,6 +124,22 @@ def test_rejection_is_scored():
     assert precision_recall(scored(none, "cut")["cut"].rejection) == (None, 0.0)
 
 
+def test_rejection_is_read_from_files(tmp_path):
+    truth = truth_of("disocclusion-camera")
+    (tmp_path / "disocclusion-camera").mkdir()
+    for k, (frame, right) in enumerate(zip(right_frames(truth), truth.frames(), strict=True)):
+        arrays = {"v": frame.motion, "d": right.depth, "w": np.where(right.valid, 0.9, 0.0)}
+        path = tmp_path / "disocclusion-camera" / f"f{k}.npz"
+        np.savez(path, **{name: values.astype(np.float32) for name, values in arrays.items()})
+    names = {"motion": ["v.X", "v.Y"], "depth": ["d.X"], "history_weight": ["w.X"]}
+    passes = {name: {"channels": channels} for name, channels in names.items()}
+    mapping = tmp_path / "engine.json"
+    mapping.write_text(json.dumps({"up": "y", "motion": {"y": "down"}, "passes": passes}))
+    result = run("score", f"npz:{tmp_path}", "--mapping", mapping, "--only", "disocclusion-camera", "--json")
+    case = json.loads(result.output[result.output.index("{") :])["cases"][0]
+    assert case["status"] == RIGHT and case["rejection"] == {"precision": 1.0, "recall": 1.0}
+
+
 def test_written_scenes_are_small_and_listed(tmp_path):
     assert run("write", tmp_path / "suite", "--only", "grid", "--only", "sk").exception is None
     listed = json.loads((tmp_path / "suite" / "suite.json").read_text())

@@ -103,17 +103,19 @@ def _vertex_count(p: Primitive) -> int:
 
 
 class _Floats:
-    """Appends float arrays and remembers where each went."""
+    """Appends float arrays and remembers where each went: primitives that share vertices share them here too."""
 
     def __init__(self) -> None:
         self.parts: list[Array] = []
         self.size = 0
+        self._known: dict[int, tuple[int, Array]] = {}  # by id; with the array, which keeps its id
 
     def add(self, values: Array) -> int:
-        offset = self.size
-        self.parts.append(np.ascontiguousarray(values, dtype=np.float32).reshape(-1))
-        self.size += self.parts[-1].size
-        return offset
+        if id(values) not in self._known:
+            self._known[id(values)] = self.size, values
+            self.parts.append(np.ascontiguousarray(values, dtype=np.float32).reshape(-1))
+            self.size += self.parts[-1].size
+        return self._known[id(values)][0]
 
 
 class DeformPass:
@@ -158,7 +160,7 @@ class DeformPass:
                 skin_offsets = (0, 0, 0)
                 if primitive.joints is not None:
                     taken = primitive.joints[vertices.source]
-                    skin_offsets = (floats.add(primitive.weights[vertices.source]), joint_count, taken.shape[1])
+                    skin_offsets = (floats.add(vertices.of(primitive.weights)), joint_count, taken.shape[1])
                     joints.append(taken.astype(np.uint32).reshape(-1))
                     joint_count += taken.size
                 base = (floats.add(vertices.positions), floats.add(vertices.normals), floats.add(vertices.tangents))
@@ -172,8 +174,8 @@ class DeformPass:
             self._targets.append(targets)
         ctx = self._gpu.ctx
         self._tables = {
-            "source": ctx.buffer(np.concatenate([*floats.parts, np.zeros(4, np.float32)]).tobytes()),
-            "joints": ctx.buffer(np.concatenate([*joints, np.zeros(4, np.uint32)]).tobytes()),
+            "source": ctx.buffer(np.concatenate([*floats.parts, np.zeros(4, np.float32)])),
+            "joints": ctx.buffer(np.concatenate([*joints, np.zeros(4, np.uint32)])),
         }
 
     def run(
@@ -250,9 +252,9 @@ class DeformPass:
 
 def _add_target(floats: _Floats, target, vertices: VertexData) -> tuple[int, int, int]:
     count = len(vertices.source)
-    positions = np.zeros((count, 3), np.float32) if target.positions is None else target.positions[vertices.source]
-    normals = NOTHING if target.normals is None or vertices.flat else floats.add(target.normals[vertices.source])
-    tangents = NOTHING if target.tangents is None else floats.add(target.tangents[vertices.source])
+    positions = np.zeros((count, 3), np.float32) if target.positions is None else vertices.of(target.positions)
+    normals = NOTHING if target.normals is None or vertices.flat else floats.add(vertices.of(target.normals))
+    tangents = NOTHING if target.tangents is None else floats.add(vertices.of(target.tangents))
     return floats.add(positions), normals, tangents
 
 

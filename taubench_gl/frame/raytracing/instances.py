@@ -20,6 +20,7 @@ import numpy as np
 from taubench_gl.animation import Poser
 from taubench_gl.animation.curves import CUBICSPLINE, prepare_keys
 from taubench_gl.frame.geometry import Draw
+from taubench_gl.math3d import bounds
 from taubench_gl.scene.model import Channel, Scene
 
 Array = np.ndarray
@@ -122,7 +123,7 @@ def _boxes(scene: Scene, draws: tuple[Draw, ...], rows: Array, world: Array) -> 
         key = draws[i].mesh, draws[i].primitive
         if key not in local:
             points = np.asarray(scene.meshes[key[0]].primitives[key[1]].positions, dtype=np.float64)
-            local[key] = points.min(axis=0), points.max(axis=0)
+            local[key] = bounds(points)
         center, half = 0.5 * (local[key][0] + local[key][1]), 0.5 * (local[key][1] - local[key][0])
         center = world[i, :3, :3] @ center + world[i, :3, 3]
         half = np.abs(world[i, :3, :3]) @ half

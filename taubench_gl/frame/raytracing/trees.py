@@ -14,6 +14,7 @@ from taubench_gl.frame.raytracing.refit import PosedTrees
 from taubench_gl.frame.raytracing.texels import ROW_BITS, Grid, PlacedTree, Texels
 from taubench_gl.gpu.declare import Resource
 from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.math3d import bounds
 from taubench_gl.scene.model import Scene
 
 if TYPE_CHECKING:
@@ -45,8 +46,7 @@ class _Part:
         """Low and high corner (3,) of at least one triangle."""
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.triangles] = True
-        corners = self.vertices[used]
-        return corners.min(axis=0), corners.max(axis=0)
+        return bounds(self.vertices if used.all() else self.vertices[used])
 
 
 class Trees:
@@ -111,6 +111,8 @@ class StoredTrees:
         primitive = self._scene.meshes[draw.mesh].primitives[draw.primitive]
         vertices, triangles = primitive.positions.astype(np.float64), primitive.triangles
         finite = np.isfinite(vertices).all(axis=1)
+        if finite.all():
+            return _Part(vertices, triangles, np.arange(len(triangles), dtype=np.uint32))
         number = np.flatnonzero(finite[triangles].all(axis=1)).astype(np.uint32)
         return _Part(vertices, triangles[number], number)
 

@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 
+from taubench_gl import math3d
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.document import MESHOPT, Document
@@ -370,7 +371,7 @@ class Accessors:
         return out
 
     def _check_values(self, accessor: schema.Accessor, array: Array, pointer: str) -> None:
-        low, high = array.min(axis=0), array.max(axis=0)
+        low, high = math3d.bounds(array)
         if array.dtype == np.float32 and not (np.all(np.isfinite(low)) and np.all(np.isfinite(high))):
             bad = int(np.argmin(np.all(np.isfinite(array), axis=1)))
             fault = self.document.error(f"element {bad} is NaN or infinite", pointer, "repair the file")
