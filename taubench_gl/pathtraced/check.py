@@ -175,10 +175,10 @@ def _offset(difference: Array) -> Array:
 # ------------------------------------------------------------------------------------------------------------ search
 def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
     kinds = {cams.SidecarCamera: "sidecar", cams.SceneCamera: "scene", cams.FittedCamera: "fitted"}
-    positions, limit = files.some.position is not None, TOLERANCE_PX
-    values = geometry_values(files.sequence.mapping, positions, kinds[type(files.camera)])
+    limit = TOLERANCE_PX
+    values = geometry_values(files.sequence.mapping, files.positions, kinds[type(files.camera)])
     left = geometry_readings(values)
-    if positions:
+    if files.positions:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
         if files.shifted(left[0] if left else None):
@@ -188,7 +188,7 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
             others = _skipped((*GEOMETRY, "centers", "normals"), "no reading of the camera explains the files")
             found = [passes, Verdict("camera", "wrong", text, share, share), *others]
             return _by_vectors(files, starts, found)
-    checked = _Checked.of(files, positions, limit, starts, left)
+    checked = _Checked.of(files, limit, starts, left)
     if files.shifted(checked.best):
         return _by_geometry(files, starts, passes)
     verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers()]
@@ -199,7 +199,7 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
 def _by_vectors(files: Files, starts: list[int], verdicts: list[Verdict]) -> Check:
     """Vectors against the scene's, whatever the camera and the points of the files are."""
     files.frames = {n: replace(f, position=None, depth=None, prev_position=None) for n, f in files.frames.items()}
-    return _Checked.of(files, False, TOLERANCE_PX, starts, [Reading()]).result(starts, verdicts)
+    return _Checked.of(files, TOLERANCE_PX, starts, [Reading()]).result(starts, verdicts)
 
 
 def _placed(files: Files, readings: Sequence[Reading]) -> tuple[Array, float]:
@@ -275,17 +275,16 @@ class _Checked:
     """What the search found, as verdicts."""
 
     files: Files
-    positions: bool  # there is such a pass
     limit: float  # largest accepted error of positions, pixels
     best: Reading
     alike: list[Reading]
     bases: _Explained
 
     @classmethod
-    def of(cls, files: Files, positions: bool, limit: float, starts: list[int], left: Sequence[Reading]) -> _Checked:
+    def of(cls, files: Files, limit: float, starts: list[int], left: Sequence[Reading]) -> _Checked:
         """Search among the readings ``left`` with those of motion."""
         motion = motion_readings(files.sequence.mapping) if files.some.motion is not None and starts else []
-        return cls(files, positions, limit, *_search(files, starts if motion else [], left, motion))
+        return cls(files, limit, *_search(files, starts if motion else [], left, motion))
 
     @property
     def basis(self) -> str:
@@ -309,7 +308,7 @@ class _Checked:
     def camera(self) -> Verdict:
         """Whether the camera put the positions of every file on their pixels."""
         text = self.files.camera.describe()
-        if not self.positions:
+        if not self.files.positions:
             return Verdict("camera", "not checked", f"{text}: there is no position pass")
         share = self._placed(self.best)
         if not self.best.without(*MOTION).values:
@@ -327,7 +326,7 @@ class _Checked:
             why = "there is no camera to compare with" if self.files.fitted else "these files do not have it"
             return Verdict(name, "not checked", why)
         value, read, size = getattr(best, name), best.without(name), len(best.values)
-        measures = [(self._placed(read), self._placed(best))] if name not in MOTION and self.positions else []
+        measures = [(self._placed(read), self._placed(best))] if name not in MOTION and self.files.positions else []
         measures += [(self._moved(read, basis), self._moved(best, basis)) for basis in self.bases]
         shares = next((m for m in measures if m[1] - m[0] > SAME), measures[0] if measures else (None, None))
         if value:
@@ -345,7 +344,7 @@ class _Checked:
 
     def centers(self) -> Verdict:
         """Whether positions are those of pixel centers."""
-        if not self.positions:
+        if not self.files.positions:
             return Verdict("centers", "not checked", "there is no position pass")
         off = [self.files.misplaced(number, self.best) for number in self.files.frames]
         off = [d for d in off if d is not None and np.isfinite(d).any()]
@@ -366,9 +365,8 @@ class _Checked:
         whole = np.rint((x, y))
         if np.abs((x, y) - whole).max() <= CENTERED_PX:
             text += f": the image is shifted by {-whole[0]:+g} columns and {-whole[1]:+g} rows"
-        return Verdict(
-            "centers", "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note", text, value=f"{x:.3f}, {y:.3f}"
-        )
+        status = "wrong" if max(abs(x), abs(y)) > MAX_SHIFT_PX else "note"
+        return Verdict("centers", status, text, value=f"{x:.3f}, {y:.3f}")
 
     def normals(self) -> Verdict:
         """Whether normals have the axes that the mapping says, by the slopes between neighboring points."""
@@ -378,8 +376,7 @@ class _Checked:
             samples, view = files.placed[number], files.view(number, self.best)
             if frame.normal is None or view is None or not len(samples.at):
                 continue
-            points = np.full((frame.sky.size, 3), np.nan)
-            points[samples.at] = files.points(samples, self.best, view, samples.position)
+            points = files.image(samples, files.points(samples, self.best, view, samples.position), 3)
             points = points.reshape(*frame.sky.shape, 3)
             slopes = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
             across, normal = np.cross(*slopes), frame.normal[1:-1, 1:-1].astype(np.float64)
@@ -400,7 +397,7 @@ class _Checked:
     def depth(self) -> Verdict:
         """How the depth of all files follows from positions, or, without them, which kind motion shows."""
         files, kind = self.files, self.files.some.depth_kind
-        if not self.positions:
+        if not self.files.positions:
             return self.verdict("depth")
         stored, planar, distance = [], [], []
         for number, samples in files.placed.items():
@@ -420,20 +417,12 @@ class _Checked:
     def vectors(self, first: int) -> PairVectors | None:
         """The vectors of a pair by the best reading; None without a vector or anything to compare it with."""
         files, best = self.files, self.best
-        current, previous = files.pair(first, best)
-        samples, size = files.every[current], files.sequence.size
-        empty = np.full((size[0] * size[1], 2), np.nan)
-        frame = files.frames[current]
-        if not len(samples.at) or not self.files.bases:
-            return None
-        placed = {name: empty.copy() for name in ("stored", "corrected", "still", "truth", "far")}
-        read, right = files.motion(samples, [best.without(*MOTION), best])
-        truth = still = None
-        if files.geometry and self.positions | (frame.depth is not None):
-            still = files.moved(first, best, STILL)
+        current, _ = files.pair(first, best)
+        samples, frame = files.every[current], files.frames[current]
+        still, truth = files.moved(first, best, STILL) if files.geometry else None, None
         if SCENE in files.bases:
             truth, of_scene = (files.of_scene(name, current, samples, best) for name in ("motion", "still"))
-            if truth is not None and self.positions and still is not None:
+            if truth is not None and files.positions and still is not None:
                 there = files.of_scene("position", current, samples, best)
                 points = files.points(samples, best, files.view(current, best), samples.position)
                 away = np.linalg.norm(points - there, axis=-1) > SAME_POINT * np.linalg.norm(points, axis=-1)
@@ -441,27 +430,26 @@ class _Checked:
             still = of_scene
         elif frame.prev_position is not None:
             truth = files.moved(first, best, PREVIOUS)
-        if still is None:
+        if still is None or not len(samples.at):
             return None
-        expected = still if truth is None else truth
-        off = (right - expected)[np.isfinite(expected[:, 0])]
-        jitter = _offset(off)[0] * (_explained(off, MIN_JITTER_PX, shifted=True) >= ENOUGH) if len(off) else np.zeros(2)
-        jitter = jitter * (np.abs(jitter).max() > MIN_JITTER_PX)
-        for name, values in (("stored", read), ("corrected", right - jitter), ("still", still), ("truth", truth)):
-            if values is not None:
-                placed[name][samples.at] = values
-        view, before = files.view(current, best), files.view(previous, best)
-        pair = PairVectors(current, size, **placed, jitter_px=jitter + 0.0)
-        if view is not None and before is not None:
-            self._add_sky(pair, frame, view, before)
+        read, right = files.motion(samples, [best.without(*MOTION), best])
+        off = right - (still if truth is None else truth)
+        off = off[np.isfinite(off[:, 0])]
+        jitter = np.zeros(2)
+        if len(off) and _explained(off, MIN_JITTER_PX, shifted=True) >= ENOUGH:
+            jitter += _offset(off)[0] * (np.abs(_offset(off)).max() > MIN_JITTER_PX)
+        given = {"stored": read, "corrected": right - jitter, "still": still, "truth": truth, "far": None}
+        images = {name: files.image(samples, values) for name, values in given.items()}
+        pair = PairVectors(current, files.sequence.size, **images, jitter_px=jitter)
+        self._add_sky(pair, frame, *(files.view(number, best) for number in files.pair(first, best)))
         return pair
 
-    def _add_sky(self, pair: PairVectors, frame: PathTracedFrame, view: View, before: View) -> None:
+    def _add_sky(self, pair: PairVectors, frame: PathTracedFrame, view: View | None, before: View | None) -> None:
         """Vectors of the sky, and what they are of what is infinitely far away."""
         files = self.files
         sky = frame.sky if files.geometry or pair.frame not in files.truth else files.truth[pair.frame].sky
         samples = Samples.of(frame, sky)
-        if view.camera.parallel or not len(samples.at):
+        if view is None or before is None or view.camera.parallel or not len(samples.at):
             return
         pixels = files.pixels(samples, self.best)
         # Without the position of the camera: infinitely far away.
@@ -470,23 +458,18 @@ class _Checked:
         read, right = files.motion(samples, [self.best.without(*MOTION), self.best])
         pair.stored[samples.at], pair.corrected[samples.at] = read, right - pair.jitter_px
 
-    def late(self, pair: PairVectors, others: dict[int, PairVectors]) -> dict[str, Array | None]:
-        """What vectors of a pair would be by the frames and cameras before and after it; None: not known."""
+    def late(self, pair: PairVectors, others: dict[int, PairVectors]) -> dict[str, Array]:
+        """What vectors of a pair would be by the frames and cameras before and after it, where these are known."""
         step = 1 if self.best.order in BACKWARDS else -1
-        out = {name: None if (other := others.get(pair.frame + shift)) is None else
-               np.where(np.isfinite(other.truth), other.truth, other.still)
-               for name, shift in (("late", step), ("early", -step))}  # fmt: skip
-        files, samples = self.files, self.files.every[pair.frame]
-        now, then, before = (files.view(pair.frame + n * step, self.best) if pair.frame + n * step in files.frames else
-                             None for n in range(3))  # fmt: skip
-        if self.positions and now is not None:
-            points = files.points(samples, self.best, now, samples.position) + now.position
-            for name, start, end in (("camera late", then, before), ("two", now, before)):
-                if start is not None and end is not None:
-                    values = np.full_like(pair.still, np.nan)
-                    size = files.sequence.size
-                    values[samples.at] = project(end, points, size) - project(start, points, size)
-                    out[name] = values
+        beside = {"late": others.get(pair.frame + step), "early": others.get(pair.frame - step)}
+        out = {name: np.where(np.isfinite(p.truth), p.truth, p.still) for name, p in beside.items() if p is not None}
+        files, samples, size = self.files, self.files.every[pair.frame], pair.size
+        numbers = (pair.frame + n * step for n in range(3))
+        now, then, before = (files.view(n, self.best) if n in files.frames else None for n in numbers)
+        for name, start in (("camera late", then), ("two", now)):
+            if files.positions and now is not None and start is not None and before is not None:
+                points = files.points(samples, self.best, now, samples.position) + now.position
+                out[name] = files.image(samples, project(before, points, size) - project(start, points, size))
         return out
 
     def motion(self, pairs: Sequence[PairVectors], good: Sequence[PairVectors]) -> list[Verdict]:

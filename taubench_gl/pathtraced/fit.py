@@ -75,7 +75,7 @@ def fit_camera(
             error = np.linalg.norm(_project(guess, points) - screen, axis=-1) * (0.5 * h)
             # Leave out filtered positions at edges, and pixels with motion blur.
             inliers = error <= max(0.01, 4.0 * float(np.median(error)))
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, OverflowError):
         raise _no_camera("the points it shows are too flat", where) from None
     rotation, origin, tangent = guess
     median, p95 = float(np.median(error)), float(np.percentile(error, 95))
