@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -221,22 +221,23 @@ class SceneCamera(PathTracedCamera):
 
     def place(self, number: int, frame: PathTracedFrame) -> None:
         """Set the offset that explains the position pass: programs count frames from 0 or from 1.  Default: 0."""
-        if self._placed or residual(self.view(number, frame), frame) is None:
-            return
-        found = {offset: self._at(number, frame, self._fps, offset) for offset in (0, -1, 1)}
-        best = min(found, key=lambda offset: max(found[offset].median_px, PLACED_PX))
-        self.offset, self._placed = best if found[best].fits else 0, True
+        if not self._placed and residual(self.view(number, frame), frame) is not None:
+            _, self.offset = self._fitting(number, frame, (self._fps,)) or (self._fps, 0)
+            self._placed = True
 
-    def _at(self, number: int, frame: PathTracedFrame, fps: float, offset: int) -> Residual:
-        """The residual of frame ``number`` if the files had another rate and offset."""
-        other = SceneCamera(self.scene, self.track, fps)
-        other.offset = offset
-        return residual(other.view(number, frame), frame)
+    def _fitting(self, number: int, frame: PathTracedFrame, rates: Sequence[float]) -> tuple[float, int] | None:
+        """The rate and the offset that explain frame ``number`` best, the first of equal ones; None: none does."""
+        found = {}
+        for tried in ((fps, offset) for offset in (0, -1, 1) for fps in rates):
+            other = SceneCamera(self.scene, self.track, tried[0])
+            other.offset = tried[1]
+            found[tried] = residual(other.view(number, frame), frame)
+        best = min(found, key=lambda tried: max(found[tried].median_px, PLACED_PX))
+        return best if found[best].fits else None
 
     def advice(self, number: int, frame: PathTracedFrame) -> str:
-        found = {(fps, offset): self._at(number, frame, fps, offset) for offset in (0, -1, 1) for fps in RATES}
-        best = min(found, key=lambda tried: max(found[tried].median_px, PLACED_PX))
-        return f"--fps {best[0]:.6g} fits" if found[best].fits else ""
+        best = self._fitting(number, frame, RATES)
+        return f"--fps {best[0]:.6g} fits" if best else ""
 
 
 class FittedCamera(PathTracedCamera):
@@ -288,9 +289,8 @@ def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]
         off, far = (float(np.nanmedian(values[~frame.sky])) for values in (np.abs(found - planar), np.abs(planar)))
         if off > 4.0 * rounding_m(frame) + SAME_DEPTH * far:
             message = f"depth is {off:.3g} m (median) off that of the positions, which are half floats"
-            raise PathTracedError(
-                message, hint="set depth in the mapping to the kind that 'check' names, or do not name it"
-            )
+            hint = "set depth in the mapping to the kind that 'check' names, or do not name it"
+            raise PathTracedError(message, hint=hint)
     return relative, found
 
 

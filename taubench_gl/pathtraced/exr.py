@@ -287,9 +287,8 @@ def _native_stderr(captured: list[str]) -> Iterator[None]:
 
 def _from_library(path: Path, error: Exception) -> PathTracedError:
     if isinstance(error, MemoryError):
-        return PathTracedError(
-            "does not fit into memory", where=str(path), hint="write fewer passes or a smaller image"
-        )
+        hint = "write fewer passes or a smaller image"
+        return PathTracedError("does not fit into memory", where=str(path), hint=hint)
     if "deep" in str(error).lower():
         return _deep(path)
     if isinstance(error, UnicodeDecodeError):

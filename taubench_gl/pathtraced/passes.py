@@ -319,11 +319,8 @@ def read_frame(
     position, normal, depth = take("position"), take("normal"), take("depth")
     if geometry and position is None and depth is None:
         names = f"{mapping.file_name('position')} and {mapping.file_name('depth')}"
-        raise PathTracedError(
-            f"has neither of the passes {names}",
-            where=str(image.path),
-            hint=f"{NAME_IT}; it has {_listed(image.names)}",
-        )
+        hint = f"{NAME_IT}; it has {_listed(image.names)}"
+        raise PathTracedError(f"has neither of the passes {names}", where=str(image.path), hint=hint)
     depth = None if depth is None else _forward(depth[..., 0], mapping, str(image.path))
     sky = find_sky(position, normal, depth, mapping, image.size)
     meters = np.float32(mapping.meters)
@@ -462,21 +459,14 @@ def _light(
 
 def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[str, str]:
     """Columns and requested ``lobe_bounce`` entries that cannot be computed -> reason with the missing passes."""
-    missing = {}
-    for column, name in (("normal", "normal"), ("color", "combined")):
-        if name not in index:
-            missing[column] = _needs([name], index.mapping)
+    wanted = {"normal": ["normal"], "color": ["combined"]}
     for bounce in BOUNCES:
-        lacking = _lacking(index, bounce)
-        if bounce not in index and lacking:
-            missing[bounce] = _needs(lacking, index.mapping)
+        wanted[bounce] = [] if bounce in index else _lacking(index, bounce)
         for lobe in lobes:
-            color = f"{lobe}_color"
-            required = [f"{lobe}_{bounce}", *[color] * (color in index.mapping.passes)]
-            lacking = [n for n in required if n not in index]
-            if lacking:
-                missing[f"{lobe}_{bounce}"] = _needs(lacking, index.mapping)
-    return missing
+            color = [f"{lobe}_color"] * (f"{lobe}_color" in index.mapping.passes)
+            wanted[f"{lobe}_{bounce}"] = [f"{lobe}_{bounce}", *color]
+    missing = {column: [name for name in names if name not in index] for column, names in wanted.items()}
+    return {column: _needs(names, index.mapping) for column, names in missing.items() if names}
 
 
 def _lacking(index: ChannelIndex, bounce: str) -> list[str]:

@@ -125,9 +125,8 @@ class PathTracedSequence:
         start, stop = (end if end is None or end >= 0 else last + 1 + end for end in bounds)
         selected = [f for f in self.frames if (start is None or f >= start) and (stop is None or f < stop)]
         if not selected:
-            raise PathTracedError(
-                "no frame is in the given range", where=str(self.path), hint=f"choose within {first}:{last + 1}"
-            )
+            hint = f"choose within {first}:{last + 1}"
+            raise PathTracedError("no frame is in the given range", where=str(self.path), hint=hint)
         span = range(selected[0], selected[-1] + 1)
         missing = sorted(set(span) - set(selected))
         if missing:
@@ -201,10 +200,8 @@ class PathTracedSequence:
         for name in self.mapping.passes:
             lost = [c for c in (self.index.channels(name) if name in self.index else ()) if c not in present]
             if lost:
-                hint = "all frames need the same passes"
-                raise PathTracedError(
-                    f"lacks {', '.join(lost)}, which the first frame has", where=str(image.path), hint=hint
-                )
+                message, hint = f"lacks {', '.join(lost)}, which the first frame has", "all frames need the same passes"
+                raise PathTracedError(message, where=str(image.path), hint=hint)
 
 
 def _prefix(group: tuple[Path, ...], path: Path) -> str:
