@@ -135,7 +135,7 @@ def check_sequence(
     numbers = sorted({n + step for n in starts for step in (0, 1)}) or chosen[:1]
     log.info("checking the conventions of %d frames", len(numbers))
     geometry = "motion" not in sequence.index  # without it the scene may do
-    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers}, truth)
+    files = Files(sequence, camera, {n: sequence.read(n, geometry=geometry) for n in numbers}, starts, truth)
     for number, frame in files.frames.items():
         camera.place(number, frame)
     names = sorted(name for name in sequence.mapping.passes if name in sequence.index)
@@ -145,11 +145,11 @@ def check_sequence(
     if not files.geometry:
         why = "there is neither a position nor a depth pass"
     elif not files.fitted or any(files.view(numbers[0], Reading(rows=rows)) for rows in ("", "bottom first")):
-        return _by_geometry(files, starts, passes)
+        return _by_geometry(files, passes)
     else:
         why = "no camera is given, and none can be estimated from positions"
     skipped = [passes, *_skipped(("camera", *GEOMETRY, "centers", "normals"), why)]
-    return _by_vectors(files, starts, skipped)
+    return _by_vectors(files, skipped)
 
 
 def _skipped(names: Iterable[str], why: str) -> list[Verdict]:
@@ -173,7 +173,7 @@ def _offset(difference: Array) -> Array:
 
 
 # ------------------------------------------------------------------------------------------------------------ search
-def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
+def _by_geometry(files: Files, passes: Verdict) -> Check:
     kinds = {cams.SidecarCamera: "sidecar", cams.SceneCamera: "scene", cams.FittedCamera: "fitted"}
     limit = TOLERANCE_PX
     values = geometry_values(files.sequence.mapping, files.positions, kinds[type(files.camera)])
@@ -182,24 +182,23 @@ def _by_geometry(files: Files, starts: list[int], passes: Verdict) -> Check:
         shares, limit = _placed(files, left)
         left = [r for r, share in zip(left, shares, strict=True) if share >= max(ENOUGH, shares.max() - SAME)]
         if files.shifted(left[0] if left else None):
-            return _by_geometry(files, starts, passes)
+            return _by_geometry(files, passes)
         if not left:
             text, share = f"{files.camera.describe()}: it did not render these files", float(shares.max())
             others = _skipped((*GEOMETRY, "centers", "normals"), "no reading of the camera explains the files")
-            found = [passes, Verdict("camera", "wrong", text, share, share), *others]
-            return _by_vectors(files, starts, found)
-    checked = _Checked.of(files, limit, starts, left)
+            return _by_vectors(files, [passes, Verdict("camera", "wrong", text, share, share), *others])
+    checked = _search(files, left, limit)
     if files.shifted(checked.best):
-        return _by_geometry(files, starts, passes)
+        return _by_geometry(files, passes)
     verdicts = [*(checked.verdict(name, name in values) for name in GEOMETRY[:-1]), checked.centers()]
     verdicts += [checked.depth(), checked.normals()]
-    return checked.result(starts, [passes, checked.camera(), *verdicts])
+    return checked.result([passes, checked.camera(), *verdicts])
 
 
-def _by_vectors(files: Files, starts: list[int], verdicts: list[Verdict]) -> Check:
+def _by_vectors(files: Files, verdicts: list[Verdict]) -> Check:
     """Vectors against the scene's, whatever the camera and the points of the files are."""
     files.frames = {n: replace(f, position=None, depth=None, prev_position=None) for n, f in files.frames.items()}
-    return _Checked.of(files, TOLERANCE_PX, starts, [Reading()]).result(starts, verdicts)
+    return _search(files, [Reading()], TOLERANCE_PX).result(verdicts)
 
 
 def _placed(files: Files, readings: Sequence[Reading]) -> tuple[Array, float]:
@@ -223,10 +222,9 @@ _Explained = dict[str, dict[int, bool]]
 """What motion can be compared with -> first files of pairs that are explained -> whether only with an offset."""
 
 
-def _search(
-    files: Files, starts: list[int], left: Sequence[Reading], motion: Sequence[Reading]
-) -> tuple[Reading, list[Reading], _Explained]:
-    """The simplest combination of geometry and motion that explains the files; others that explain as many pixels."""
+def _search(files: Files, left: Sequence[Reading], limit_px: float) -> _Checked:
+    """The simplest combination of the readings ``left`` with those of motion that explains the files."""
+    motion, starts = motion_readings(files.sequence.mapping), [] if files.some.motion is None else files.starts
     bases: _Explained = {}
     total = []
     for basis in files.bases:
@@ -252,7 +250,7 @@ def _search(
             total.append(np.mean([share for share, _ in found.values()], axis=0))
             bases[basis] = {first: shifted for first, (_, shifted) in found.items()}
     if not total:
-        return left[0], [r for r in left[1:] if not starts], bases
+        return _Checked(files, limit_px, left[0], [r for r in left[1:] if not starts], bases)
     # Previous positions hold for what moves; still surfaces also show the unit and the place of the camera.
     total = np.mean(total, axis=0)
     lowered = total - MARGIN * np.array([[reading.order in BACKWARDS] for reading in left])
@@ -260,7 +258,7 @@ def _search(
     alike = [(not first[g, m], replace(left[g], **motion[m].values), total[g, m])
              for g, m in np.argwhere(first | (total >= total.max() - SAME))]  # fmt: skip
     best, *others = (r for _, r, _ in sorted(alike, key=_simplicity))
-    return best, others, bases
+    return _Checked(files, limit_px, best, others, bases)
 
 
 def _simplicity(each: tuple[bool, Reading, float]) -> tuple[bool, int, float, list[int]]:
@@ -277,27 +275,21 @@ class _Checked:
     files: Files
     limit: float  # largest accepted error of positions, pixels
     best: Reading
-    alike: list[Reading]
+    alike: list[Reading]  # others that explain as many pixels
     bases: _Explained
-
-    @classmethod
-    def of(cls, files: Files, limit: float, starts: list[int], left: Sequence[Reading]) -> _Checked:
-        """Search among the readings ``left`` with those of motion."""
-        motion = motion_readings(files.sequence.mapping) if files.some.motion is not None and starts else []
-        return cls(files, limit, *_search(files, starts if motion else [], left, motion))
 
     @property
     def basis(self) -> str:
         """What motion is compared with: the first of those that explain it, else of those that there are."""
         return next((b for b in (*self.bases, *self.files.bases)), STILL)
 
-    def result(self, starts: list[int], verdicts: list[Verdict]) -> Check:
+    def result(self, verdicts: list[Verdict]) -> Check:
         """The check with the verdicts on motion and on its classes."""
-        if self.files.some.motion is None or not starts:
-            why = "there is no motion pass" if starts else "no two frames are consecutive"
+        if self.files.some.motion is None or not self.files.starts:
+            why = "there is no motion pass" if self.files.starts else "no two frames are consecutive"
             classes = () if self.files.some.motion is None else (ClassVerdict("vectors", NOT_JUDGED, why, 1.0),)
             return Check((*verdicts, *_skipped((*MOTION, *_OTHERS), why)), self.best, classes=classes)
-        pairs = [pair for first in starts if (pair := self.vectors(first)) is not None]
+        pairs = [pair for first in self.files.starts if (pair := self.vectors(first)) is not None]
         for pair in pairs:
             pair.faults |= simple_faults(pair, self.late(pair, {p.frame: p for p in pairs}))
         classes = class_verdicts(pairs) or (ClassVerdict("vectors", NOT_JUDGED, "nothing to compare them with", 1.0),)
@@ -344,12 +336,11 @@ class _Checked:
 
     def centers(self) -> Verdict:
         """Whether positions are those of pixel centers."""
-        if not self.files.positions:
-            return Verdict("centers", "not checked", "there is no position pass")
-        off = [self.files.misplaced(number, self.best) for number in self.files.frames]
-        off = [d for d in off if d is not None and np.isfinite(d).any()]
+        numbers = self.files.frames if self.files.positions else ()
+        off = [d for n in numbers if (d := self.files.misplaced(n, self.best)) is not None and np.isfinite(d).any()]
         if not off:
-            return Verdict("centers", "not checked", "no position is in front of the camera")
+            why = "no position is in front of the camera" if numbers else "there is no position pass"
+            return Verdict("centers", "not checked", why)
         offsets = np.array([_offset(d)[0] for d in off])
         x, y = offsets[np.abs(offsets).max(axis=1).argmax()]
         spread = max(float(np.nanmedian(length(d - _offset(d)))) for d in off)

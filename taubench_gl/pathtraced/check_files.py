@@ -75,12 +75,14 @@ class Samples:
 class Files:
     """The files that are checked.  ``placed`` samples have a surface point, ``every`` and ``few`` a vector as well.
 
-    ``render``: gives the truth of the scene; None: it is not known; ``offsets`` of the scene's camera not tried yet.
+    ``starts``: first files of the pairs; ``render``: gives the truth of the scene; None: it is not known;
+    ``offsets`` of the scene's camera not tried yet.
     """
 
     sequence: PathTracedSequence
     camera: PathTracedCamera
     frames: dict[int, PathTracedFrame]
+    starts: list[int] = field(default_factory=list)
     render: Truth | None = None
     offsets: list[int] = field(default_factory=lambda: [-1, 0, 1])
     placed: dict[int, Samples] = field(default_factory=dict)

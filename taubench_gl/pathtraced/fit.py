@@ -37,6 +37,7 @@ class CameraFit:
         )
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a fit that diverges is refused
 def fit_camera(
     position: Array,
     sky: Array,
@@ -152,8 +153,7 @@ def _rotation(matrix: Array) -> Array:
 def _project(guess: Guess, points: Array) -> Array:
     rotation, origin, tangent = guess
     view = (points - origin) @ rotation
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return view[:, :2] / (-view[:, 2:] * tangent)
+    return view[:, :2] / (-view[:, 2:] * tangent)
 
 
 def _refine(guess: Guess, points: Array, screen: Array) -> Guess:
