@@ -515,17 +515,17 @@ def _depth_verdict(stored: Array, kinds: dict[str, Array], kind: str, offset: fl
     explained, other = found[best]
     if as_read >= ENOUGH and (best == "as read" or explained <= as_read + SAME):
         return Verdict("depth", "ok", kind, as_read, as_read)
+    (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
     if explained >= MOST:
         keys = [f"depth = '{other}'"] * (other != kind) + [best.partition(", ")[2]] * ("," in best)
         keys = f": set {' and '.join(keys)}" if keys else ""
         text = f"depth is {best}{keys}" + ", in the unit of positions" * (" x " in best)
-        return Verdict("depth", "wrong", text, as_read, explained, value=best)
-    (a, b), values = _fit(stored, np.ones_like(planar), 1.0 / planar)
-    if share(values) >= MOST:
-        value = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
-        text = f"depth is that of a depth {value}, {a:.4g} {b:+.4g} / z: write planar depth z"
-        return Verdict("depth", "wrong", text, as_read, share(values), value=value)
-    return Verdict("depth", "wrong", "depth is neither planar nor a distance nor of a depth buffer", as_read, as_read)
+    elif (explained := share(values)) >= MOST:
+        best = f"buffer, {'reversed' if b > 0 else 'not reversed'}"
+        text = f"depth is that of a depth {best}, {a:.4g} {b:+.4g} / z: write planar depth z"
+    else:
+        text, explained, best = "depth is neither planar nor a distance nor of a depth buffer", as_read, ""
+    return Verdict("depth", "wrong", text, as_read, explained, value=best)
 
 
 def _fit(stored: Array, *terms: Array) -> tuple[Array, Array]:

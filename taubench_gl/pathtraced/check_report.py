@@ -12,7 +12,8 @@ import numpy as np
 
 from taubench_gl.data_files import read_bytes
 from taubench_gl.outputs import output_folder, remove_files, write_atomically
-from taubench_gl.pathtraced.check import TOLERANCE_PX, Check
+from taubench_gl.pathtraced.check import Check
+from taubench_gl.pathtraced.check_vectors import TOLERANCE_PX
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.report.page import REPORT_FILE, Page, data_uri, picture, text_lines
 from taubench_gl.report.plot import Plot

@@ -39,11 +39,7 @@ class CameraFit:
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a fit that diverges is refused
 def fit_camera(
-    position: Array,
-    sky: Array,
-    depth: Array | None = None,
-    where: str | None = None,
-    center: tuple[int, int] = (0, 0),
+    position: Array, sky: Array, depth: Array | None = None, where: str | None = None, center: tuple[int, int] = (0, 0)
 ) -> CameraFit:
     """Least squares on pixel coordinates, float64, seven unknowns: position, rotation, field of view.
 

@@ -42,6 +42,7 @@ UNIT_ROUNDING = 5e-7
 SHORT_NORMAL = 0.99
 """Normals that are shorter are means of several: rounding to half floats or 8 bits changes a length by less."""
 
+_LIGHT = ("combined", "emission", "environment", "diffuse_color", "glossy_color")
 _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
 PRESETS = Path(__file__).parent / "presets"
 """Folder of the built-in mappings."""
@@ -340,9 +341,7 @@ def read_frame(
         depth_kind="distance" if mapping.depth == "distance" else "planar",
         prev_position=None if prev is None else to_y_up(prev, mapping.up) * meters,
         motion=_motion(take("motion"), mapping, image.size),
-        **{
-            name: light(take(name)) for name in ("combined", "emission", "environment", "diffuse_color", "glossy_color")
-        },
+        **{name: light(take(name)) for name in _LIGHT},
         radiance={name: light(values) for name, values in radiance.items()},
         lobes={name: light(values) for name, values in separate.items()},
         color_encoded=mapping.color == "encoded",

@@ -13,7 +13,7 @@ import numpy as np
 from taubench_gl.conventions import FILE_NUMBER
 from taubench_gl.data_files import hashed
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
+from taubench_gl.pathtraced.exr import ExrImage, merge, prefixed, read_exr, read_header
 from taubench_gl.pathtraced.passes import (
     EXPORT_ATTRIBUTE,
     EXPORT_PRESET,
@@ -79,12 +79,7 @@ class PathTracedSequence:
 
     @classmethod
     def open(
-        cls,
-        spec: str | Path,
-        *,
-        mapping: str | Path | None = None,
-        layer: str | None = None,
-        view: str | None = None,
+        cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None, view: str | None = None
     ) -> PathTracedSequence:
         """Find the files and read the first frame's headers.  Raises PathTracedError.
 
@@ -98,7 +93,7 @@ class PathTracedSequence:
         exported = all(EXPORT_ATTRIBUTE in header.attributes for header in headers)
         passes = named or load_mapping(EXPORT_PRESET if exported else None)
         size = headers[0].size
-        names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
+        names = [prefixed(_prefix(first, path), n) for path, header in zip(first, headers) for n in header.names]
         try:
             views = tuple(dict.fromkeys(name for header in headers for name in header.views))
             index = ChannelIndex(names, passes, layer, view, views)
@@ -209,11 +204,6 @@ def _prefix(group: tuple[Path, ...], path: Path) -> str:
     if len(group) == 1:
         return ""
     return _NUMBERED.match(path.stem).group(1).rstrip("._- ")
-
-
-def _prefixed(group: tuple[Path, ...], path: Path, names: Collection[str]) -> list[str]:
-    prefix = _prefix(group, path)
-    return [f"{prefix}.{name}" if prefix else name for name in names]
 
 
 def _longest_run(frames: list[int]) -> tuple[int, int]:
