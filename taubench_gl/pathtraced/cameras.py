@@ -170,7 +170,7 @@ class PathTracedCamera(Protocol):
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
         """The view of frame ``number``, with the principal point of the mapping.  Raises PathTracedError."""
-        view, (right, down) = self._view(number, frame), frame.principal_point
+        view, (right, down) = self._view(number, frame), frame.mapping.principal_point
         return replace(view, principal_px=(right, -down)) if right or down else view
 
     def place(self, number: int, frame: PathTracedFrame) -> None:
@@ -259,7 +259,7 @@ class FittedCamera(PathTracedCamera):
             raise PathTracedError(message, hint="give --camera-file")
         planar = frame.depth is not None and frame.depth_kind == "planar"
         depth = frame.depth + np.float32(frame.depth_offset) if planar else None
-        fit = fit_camera(frame.position, frame.sky, depth, f"frame {number}", frame.principal_point)
+        fit = fit_camera(frame.position, frame.sky, depth, f"frame {number}", frame.mapping.principal_point)
         if frame.half_position and fit.median_px > PLACED_PX:
             message = f"positions of frame {number} are half floats, too coarse to estimate a camera from"
             raise PathTracedError(message, hint="give --camera-file or --scene-file")
@@ -326,18 +326,6 @@ def project(view: View, points: Array, size: tuple[int, int], *, relative: bool 
     return (ndc * [1.0, -1.0] + 1.0) * 0.5 * np.array(size) - 0.5
 
 
-def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_POINTS) -> Array:
-    """Projection of the position pass by ``view`` minus pixel centers, at about ``most`` (None: all) surface pixels.
-
-    (N, 2) float64 pixels, +x right, +y down; NaN behind the camera.
-    """
-    rows, columns = np.nonzero(~frame.sky & np.isfinite(frame.position).all(axis=-1))
-    step = 1 if most is None else max(1, len(rows) // most)
-    rows, columns = rows[::step], columns[::step]
-    projected = project(view, frame.position[rows, columns], frame.size, relative=frame.relative)
-    return projected - np.stack([columns, rows], axis=-1)
-
-
 @dataclass(frozen=True, slots=True)
 class Residual:
     """How far the positions of a frame project from the pixel centers that show them, pixels, +x right, +y down."""
@@ -374,7 +362,11 @@ def residual(view: View, frame: PathTracedFrame) -> Residual | None:
     """
     if frame.position is None:
         return None
-    offsets = pixel_offsets(view, frame)
+    rows, columns = np.nonzero(~frame.sky & np.isfinite(frame.position).all(axis=-1))
+    step = max(1, len(rows) // _CHECK_POINTS)
+    rows, columns = rows[::step], columns[::step]
+    at = project(view, frame.position[rows, columns], frame.size, relative=frame.relative)
+    offsets = at - np.stack([columns, rows], axis=-1)
     if not len(offsets):
         return None
     front = np.isfinite(offsets).all(axis=-1)
@@ -414,7 +406,7 @@ def checked_view(camera: PathTracedCamera, number: int, frame: PathTracedFrame) 
     if advice := camera.advice(number, frame):
         hint = f"{advice}; {hint}"
     elif any(found.whole_px):
-        point = [a + b for a, b in zip(frame.principal_point, found.whole_px, strict=True)]
+        point = [a + b for a, b in zip(frame.mapping.principal_point, found.whole_px, strict=True)]
         hint = f"if every frame is off by as much, set principal_point = {point} in the mapping"
     message = f"{camera.describe()} does not match the position pass of frame {number}: {found.describe()}"
     raise PathTracedError(message, hint=hint)
