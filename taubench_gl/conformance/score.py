@@ -15,18 +15,12 @@ from taubench_gl.conformance.loaded import agreement, difference
 from taubench_gl.conformance.truth import CLASSES, Frame, Truth
 from taubench_gl.conventions import Visibility
 from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.check_vectors import MOST, NOT_JUDGED, RIGHT, TOLERANCE_PX, WRONG
 
 Array = np.ndarray
-TOLERANCE_PX = 0.1
-"""Distance up to which a vector is right; half a step of half floats is added."""
-
 WRONG_SHARE = 0.005
 """Share of the pixels of a class from which on it is wrong: coverage at silhouettes is never quite the same."""
 
-EXPLAINS = 0.95
-"""Share of the wrong pixels of a class that a hypothesis must explain to be its cause."""
-
-RIGHT, WRONG, NOT_JUDGED = "right", "wrong", "not judged"
 NO_PLACE, FIRST = "behind", "first"
 """Classes beside those of ``truth.CLASSES``: points that were behind the previous camera, whose vectors must not lead
 into the image; and the first frame, which has no previous one, so that its vectors are zero or none."""
@@ -171,11 +165,11 @@ def _class_score(truth: Truth, name: str, parts: list[tuple]) -> tuple[ClassScor
 
 
 def _explained(truth: Truth, parts: list[tuple]) -> dict[str, tuple[float, float]]:
-    """Hypotheses that explain EXPLAINS of the wrong pixels -> share of them, and of the right pixels too."""
+    """Hypotheses that explain MOST of the wrong pixels -> share of them, and of the right pixels too."""
     found = {}
     for hypothesis in HYPOTHESES:
         share, consistent = _shares(truth, hypothesis, parts)
-        if share >= EXPLAINS:
+        if share >= MOST:
             found[hypothesis.key] = (share, consistent)
     return found
 
@@ -191,7 +185,7 @@ def _shares(truth: Truth, hypothesis: Hypothesis, parts: list[tuple]) -> tuple[f
         matches = hypothesis.explains(Pair(truth, frame), whole, steps)[at]
         wrong, explained = wrong + int(bad.sum()), explained + int((matches & bad).sum())
         everywhere, pixels = everywhere + int(matches.sum()), pixels + len(at)
-        if wrong - explained > (1 - EXPLAINS) * total:
+        if wrong - explained > (1 - MOST) * total:
             return 0.0, 0.0
     return explained / total, everywhere / pixels
 
@@ -217,7 +211,7 @@ def name_causes(scores: Sequence[CaseScore]) -> None:
             each.cause = best if best in each.explained else each.cause
         left = [each for each in left if not each.cause]
     for each in left:
-        if each.missing >= EXPLAINS * each.wrong:
+        if each.missing >= MOST * each.wrong:
             each.cause = "pixels have no vector"
         else:
             each.cause = (
