@@ -69,9 +69,7 @@ State = tuple[float, ...]
 class Snapshot:
     """The state of the game at one time.  ``time``: milliseconds of the server; ``entities``: number -> state."""
 
-    number: int
     time: int
-    back: int  # the difference is from the snapshot of the message this many before; 0: from nothing
     player: State
     entities: dict[int, State]
 
@@ -83,7 +81,6 @@ class Demo:
     name: str
     config: dict[int, str] = field(default_factory=dict)
     baselines: dict[int, State] = field(default_factory=dict)
-    client: int = -1
     snapshots: list[Snapshot] = field(default_factory=list)
     commands: int = 0
     messages: int = 0
@@ -134,11 +131,8 @@ def decode(data: bytes, name: str) -> Demo:
             demo.truncated = True
             break
         if not 0 <= size <= MAX_MESSAGE:
-            raise SceneError(
-                f"byte {at} declares a message of {size} bytes",
-                where=name,
-                hint="is it a demo of Quake 3 or OpenArena (.dm_68, .dm_71)?",
-            )
+            hint = "is it a demo of Quake 3 or OpenArena (.dm_68, .dm_71)?"
+            raise SceneError(f"byte {at} declares a message of {size} bytes", where=name, hint=hint)
         reader = BitReader(data[at + 8 : at + 8 + size], f"{name}: message {number} at byte {at}")
         _read_message(demo, reader, number, recent)
         at += 8 + size
@@ -190,8 +184,7 @@ def _read_start(demo: Demo, b: BitReader) -> None:
             demo.baselines[number] = _read_entity(b, _NO_ENTITY_STATE) or _NO_ENTITY_STATE
         else:
             raise b.bad(f"the start of the map has a part of unknown kind {kind}")
-    demo.client = b.unsigned(32)
-    b.unsigned(32)  # a checksum
+    b.unsigned(64)  # the number of the client, which is not always the recording player, and a checksum
 
 
 def _read_snapshot(demo: Demo, b: BitReader, number: int, recent: dict[int, Snapshot]) -> None:
@@ -210,7 +203,7 @@ def _read_snapshot(demo: Demo, b: BitReader, number: int, recent: dict[int, Snap
     if back and old is None:
         demo.invalid += 1
         return
-    snapshot = Snapshot(number, time, back, player, entities)
+    snapshot = Snapshot(time, player, entities)
     recent[number] = snapshot
     recent.pop(number - KEPT, None)
     if demo.snapshots and time < demo.snapshots[-1].time:

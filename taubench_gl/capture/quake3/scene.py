@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.capture.parts import Motion, SceneFile
 from taubench_gl.capture.quake3 import things
 from taubench_gl.capture.quake3.bsp import Bsp
-from taubench_gl.capture.quake3.demo import ENTITY, Demo
+from taubench_gl.capture.quake3.demo import ENTITY, MAX_PLAYERS, Demo
 from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
@@ -42,7 +42,7 @@ def as_recording(demo: Demo) -> Recording:
     }
     times["lights"] = times["shots"] + lit  # each shot has a flash
     counts = {kind: (np.array(sorted(found), dtype=float) - first) / 1000 for kind, found in times.items()}
-    clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < 64}
+    clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < MAX_PLAYERS}
     names = (demo.player_info(client).get("n", "") for client in sorted(clients))
     notes = []
     if demo.truncated:

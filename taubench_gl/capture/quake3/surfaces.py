@@ -132,8 +132,7 @@ class Surfaces:
             color = np.ones(3) if len(color) < 3 or color.max() <= 0 else color / color.max()
             value = number(entity.get("light", "300")) or 300.0
             candela = light.entity_candela(max(value, 0), self.file.unit)
-            self.file.point_light("light", np.array([place]), tuple(color), np.array([candela]))
-            self.file.counts["light entities"] += 1
+            self.file.point_light("light", "light entities", np.array([place]), tuple(color), np.array([candela]))
         self.file.lost["flares"] += int((bsp.surfaces["kind"] == FLARE).sum())
 
     # ---------------------------------------------------------------------------------------------------------- models
