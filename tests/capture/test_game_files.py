@@ -20,7 +20,15 @@ def test_the_last_archive_wins_and_names_ignore_case(tmp_path):
     write_pak(tmp_path / "pak1.pk3", {"textures/a.tga": b"new"})
     paks = Paks(tmp_path)
     assert (paks.read("textures\\A.tga"), paks.read("ONLY.txt"), paks.read("none")) == (b"new", b"first", None)
-    assert paks.holders("only") == [tmp_path / "PAK0.pk3"]
+
+
+def test_a_map_is_that_of_the_last_archive(tmp_path):
+    for name in ("a", "b"):
+        write_pak(tmp_path / f"{name}.pk3", {"maps/tiny.bsp": b""})
+    assert Paks(tmp_path).map_file("tiny") == (tmp_path / "b.pk3", "maps/tiny.bsp")
+    with pytest.raises(SceneError) as caught:
+        Paks(tmp_path).map_file("other")
+    assert caught.value.where == str(tmp_path) and caught.value.hint
 
 
 def test_scripts_are_read_from_the_first_archive_and_each_from_its_end(tmp_path):
@@ -30,6 +38,13 @@ def test_scripts_are_read_from_the_first_archive_and_each_from_its_end(tmp_path)
     write_pak(tmp_path / "a.pk3", {"scripts/one.shader": script(1), "scripts/two.shader": script(2)})
     write_pak(tmp_path / "b.pk3", {"scripts/three.shader": script(3)})
     assert describe("look", read_scripts(Paks(tmp_path))["look"]).surface_light == 2.0
+
+
+def test_of_two_images_the_named_one_is_meant(tmp_path):
+    write_pak(tmp_path / "a.pk3", {"x/wall.jpg": b"", "x/wall.tga": b""})
+    names = ("x/wall.jpg", "x/wall.tga", "x/wall.png", "x/wall")
+    found = [Paks(tmp_path).image_name(name) for name in names]
+    assert found == ["x/wall.jpg", "x/wall.tga", "x/wall.tga", "x/wall.tga"]
 
 
 def test_the_ending_of_an_image_is_a_hint(tmp_path):

@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 
 from taubench_gl.errors import SceneError
+from taubench_gl.math3d import normalize
 from taubench_gl.memory_budget import require
 
 Array = np.ndarray
@@ -103,9 +104,8 @@ class Bsp:
             parts = [(self.vertices, self._corners(flat)), *(_patch(self.vertices, surface) for surface in curved)]
             vertices, triangles = _joined(parts)
             if len(triangles):
-                normals = vertices["normal"].astype(float)
-                length = np.linalg.norm(normals, axis=1, keepdims=True)
-                normals = np.where(length > 1e-6, normals / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])
+                normals = normalize(vertices["normal"])
+                normals[~normals.any(1)] = [0, 0, 1]
                 out[shader] = Mesh(vertices["place"].astype(float), normals, vertices["uv"], triangles)
         return out
 
