@@ -7,10 +7,12 @@ import pytest
 from game_files import box_model, image_bytes, map_bytes, model_bytes, quad, room, vertices, write_pak
 
 from taubench_gl.capture import light
+from taubench_gl.capture.parts import SceneFile
 from taubench_gl.capture.quake3.bsp import PATCH, STEPS, Bsp
 from taubench_gl.capture.quake3.md3 import Md3, read_clips, read_skin
 from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.shaders import describe, number, parse_script, read_scripts
+from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.errors import SceneError
 
 
@@ -113,6 +115,14 @@ def test_a_reflection_is_the_last_choice_of_an_image():
 @pytest.mark.parametrize("text, value", [("12.5x", 12.5), ("-3", -3), (".5", 0.5), ("1e3", 1000), ("env/sky", 0)])
 def test_numbers_are_read_as_atof_does(text, value):
     assert number(text) == value
+
+
+def test_a_mask_that_shines_keeps_its_cutoff(tmp_path):
+    script = b"grate\n{\nq3map_surfacelight 100\n{\nmap x.tga\nalphaFunc GT0\n}\n}"
+    write_pak(tmp_path / "a.pk3", {"scripts/a.shader": script, "x.tga": image_bytes((255, 255, 255))})
+    file = SceneFile(np.zeros(1), 1.0, "")
+    material = file.writer.gltf.materials[Surfaces(file, Paks(tmp_path)).material("grate", "", 1)]
+    assert (material.alphaMode, material.alphaCutoff) == ("MASK", 0.01) and max(material.emissiveFactor) == 1
 
 
 # -------------------------------------------------------------------------------------------------------------- maps

@@ -155,6 +155,16 @@ def test_the_recording_players_events_are_numbered():
     assert {e.number for e in events} == {-1}
 
 
+def test_a_change_of_player_is_no_event():
+    seen = [(0, 1), (0, 1), (4, 9), (4, 10)]  # (client, its number of events)
+    states = [
+        (1000 + 50 * i, player_state(client=client, events=n, event0=tl.FIRE, event1=tl.FIRE), {})
+        for i, (client, n) in enumerate(seen)
+    ]
+    events = tl.find_events(wire.decode(game(states), "test").snapshots)
+    assert [event.time for event in events] == [1150]
+
+
 def test_values_that_are_no_numbers_are_refused():
     with pytest.raises(SceneError):
         at([(1000, player_state(x=float("nan")), {}), (1050, player_state(), {})], [0.0])

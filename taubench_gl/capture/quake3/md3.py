@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,8 +123,7 @@ def read_clips(text: str, where: str) -> dict[int, Clip]:
         first -= skipped if i >= LEGS else 0
         out[i] = Clip(max(int(first), 0), int(abs(count)) or 1, int(loop), fps or 1.0, count < 0)
     for extra, row in ((BACK_CROUCHED, 13), (BACK_WALK, 14)):
-        clip = out[row]
-        out[extra] = Clip(clip.first, clip.count, clip.loop, clip.fps, not clip.backward)
+        out[extra] = replace(out[row], backward=not out[row].backward)
     return out
 
 

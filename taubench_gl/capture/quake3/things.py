@@ -35,20 +35,17 @@ _ITEMS = {
 ITEMS = ("", *(f"models/{path.format(name)}.md3" for path, names in _ITEMS.items() for name in names.split()))
 """Model of each number of an item."""
 HEALTH, WEAPON_ITEMS = range(4, 8), range(8, 18)
+_YELLOW, _ORANGE, _BLUE = (1.0, 1.0, 0.0), (1.0, 0.75, 0.0), (0.6, 0.6, 1.0)
 _FLASHES: dict[int, Color] = {
-    1: (0.6, 0.6, 1), 4: (1, 0.7, 0), _ROCKET: (1, 0.75, 0), 6: (0.6, 0.6, 1), 7: (1, 0.5, 0), _PLASMA: (0.6, 0.6, 1),
-    _BFG: (1, 0.7, 1),
+    1: _BLUE, _GRENADE: (1, 0.7, 0), _ROCKET: _ORANGE, 6: _BLUE, 7: (1, 0.5, 0), _PLASMA: _BLUE, _BFG: (1, 0.7, 1)
 }  # fmt: skip
-_YELLOW: Color = (1, 1, 0)
 FLASH_MS, FLASH_RADIUS = 20, 315
 """A muzzle flash: milliseconds, and the mean of the radius that the game draws at random (300 to 331)."""
-GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, (1, 0.75, 0))}
+GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, _ORANGE)}
 """Missiles with a light: radius and color."""
-_BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: ((0.6, 0.6, 1), 8), _BFG: ((0.6, 1, 0.6), 12)}
+_BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: (_BLUE, 8), _BFG: ((0.6, 1, 0.6), 12)}
 _MISSILES = {_ROCKET: "models/ammo/rocket/rocket.md3", _GRENADE: "models/ammo/grenade1.md3"}
-EXPLOSIONS: dict[int, tuple[float, Color, float]] = {
-    _GRENADE: (300, _YELLOW, 600), _ROCKET: (300, (1, 0.75, 0), 1000)
-}  # fmt: skip
+EXPLOSIONS: dict[int, tuple[float, Color, float]] = {_GRENADE: (300, _YELLOW, 600), _ROCKET: (300, _ORANGE, 1000)}
 """Radius, color and milliseconds."""
 _SPRITES = {2: "bullet marks", 3: "bullet marks", 6: "lightning bolts", 7: "rail trails"}
 

@@ -242,19 +242,19 @@ class Timeline:
 def find_events(snapshots: list[Snapshot]) -> list[Event]:
     """Events in order, each once: an entity keeps one for 300 ms, and two bits of its number change with each.
 
-    The recording player's are numbered, and a snapshot has the last two.
+    The recording player's are numbered, and a snapshot has the last two.  After a change of player they are another's.
     """
     out: list[Event] = []
     last: dict[int, tuple[int, int]] = {}
-    count = None
+    client = count = None
     kind_at, event_at = ENTITY["kind"], ENTITY["event"]
     ring = PLAYER["event0"], PLAYER["event1"]
     for s in snapshots:
         total = int(s.player[PLAYER["events"]])
-        if count is not None:
+        if client == s.player[PLAYER["client"]]:
             numbers = range(max(count, total - 2), total)
             out += [Event(s.time, -1, int(s.player[ring[i & 1]]) & 255, s.player) for i in numbers]
-        count = total
+        client, count = s.player[PLAYER["client"]], total
         now = {}
         for number, state in s.entities.items():
             kind = int(state[kind_at])
