@@ -146,6 +146,13 @@ def test_an_event_stays_300_ms_and_happened_once():
     assert [(e.time, e.number, e.kind) for e in events] == [(1000, 5, 23), (1150, 80, 51), (1200, 5, 23)]
 
 
+def test_an_event_of_an_entity_that_was_out_of_sight_is_the_same_for_300_ms():
+    shot = {5: entity_state(kind=tl.PLAYER_KIND, event=tl.FIRE)}
+    for hidden, times in ((5, [1000]), (7, [1000, 1400])):
+        states = [(1000 + 50 * i, player_state(), {} if 1 <= i <= hidden else shot) for i in range(hidden + 2)]
+        assert [e.time for e in tl.find_events(wire.decode(game(states), "test").snapshots)] == times
+
+
 def test_the_recording_players_events_are_numbered():
     counts = [0, 1, 3, 3, 6]
     states = [(1000 + 50 * i, player_state(events=n, event0=10 + n, event1=40 + n), {}) for i, n in enumerate(counts)]

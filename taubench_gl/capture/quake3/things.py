@@ -35,7 +35,7 @@ _ITEMS = {
 ITEMS = ("", *(f"models/{path.format(name)}.md3" for path, names in _ITEMS.items() for name in names.split()))
 """Model of each number of an item."""
 HEALTH, WEAPON_ITEMS = range(4, 8), range(8, 18)
-_YELLOW, _ORANGE, _BLUE = (1.0, 1.0, 0.0), (1.0, 0.75, 0.0), (0.6, 0.6, 1.0)
+_YELLOW, _ORANGE, _BLUE = (1, 1, 0), (1, 0.75, 0), (0.6, 0.6, 1)
 _FLASHES: dict[int, Color] = {
     1: _BLUE, _GRENADE: (1, 0.7, 0), _ROCKET: _ORANGE, 6: _BLUE, 7: (1, 0.5, 0), _PLASMA: _BLUE, _BFG: (1, 0.7, 1)
 }  # fmt: skip

@@ -23,6 +23,8 @@ GRAVITY = 800.0
 STILL, INTERPOLATED, LINEAR, LINEAR_STOP, SINE, FALLING = range(6)
 FIRST_EVENT = 13
 """Kind of an entity from which on it is an event, of the number that is added."""
+EVENT_MS = 300
+"""Milliseconds for which an entity keeps an event, also while it is out of sight."""
 PLAYER_KIND, ITEM_KIND, MISSILE_KIND, MOVER_KIND = 1, 2, 3, 4
 STEP_EVENTS, LAND_EVENTS, FIRE, IMPACTS = range(6, 10), range(10, 13), 23, range(50, 53)
 _BEFORE = 40
@@ -240,12 +242,12 @@ class Timeline:
 
 
 def find_events(snapshots: list[Snapshot]) -> list[Event]:
-    """Events in order, each once: an entity keeps one for 300 ms, and two bits of its number change with each.
+    """Events in order, each once: an entity keeps one for EVENT_MS, and two bits of its number change with each.
 
     The recording player's are numbered, and a snapshot has the last two.  After a change of player they are another's.
     """
     out: list[Event] = []
-    last: dict[int, tuple[int, int]] = {}
+    last: dict[int, tuple[tuple[int, int], int]] = {}  # number of an entity -> its event, and when it was seen
     client = count = None
     kind_at, event_at = ENTITY["kind"], ENTITY["event"]
     ring = PLAYER["event0"], PLAYER["event1"]
@@ -255,13 +257,13 @@ def find_events(snapshots: list[Snapshot]) -> list[Event]:
             numbers = range(max(count, total - 2), total)
             out += [Event(s.time, -1, int(s.player[ring[i & 1]]) & 255, s.player) for i in numbers]
         client, count = s.player[PLAYER["client"]], total
-        now = {}
         for number, state in s.entities.items():
             kind = int(state[kind_at])
-            now[number] = key = (kind, 0 if kind >= FIRST_EVENT else int(state[event_at]))
-            if last.get(number) != key:
+            key = (kind, 0 if kind >= FIRST_EVENT else int(state[event_at]))
+            known, seen = last.get(number, (None, s.time))
+            last[number] = key, s.time
+            if known != key or s.time - seen > EVENT_MS:
                 event = kind - FIRST_EVENT if kind >= FIRST_EVENT else key[1]
                 if event & 255:
                     out.append(Event(s.time, number, event & 255, state))
-        last = now
     return out
