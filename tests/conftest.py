@@ -268,22 +268,20 @@ class Programs:
 
     shared = True
 
-    def __init__(self) -> None:
-        self.made: dict[tuple[Any, ...], tuple[Any, Any]] = {}  # id of a context, texts -> the context, the program
+    def __init__(self, compiled: Callable[..., Any]) -> None:
+        self._compile = compiled
+        self._made: dict[tuple[Any, ...], tuple[Any, Any]] = {}  # id of a context, texts -> the context, the program
 
-    def once(self, compiled: Callable[..., Any]) -> Callable[..., Any]:
-        def program(ctx: Any, *sources: Any) -> Any:
-            if not self.shared:
-                return compiled(ctx, *sources)
-            key = (id(ctx), *(source.text for source in sources))
-            if key not in self.made:
-                self.made[key] = ctx, compiled(ctx, *sources)
-            return self.made[key][1]
-
-        return program
+    def compiled(self, cache: Any, *sources: Any) -> Any:
+        if not self.shared:
+            return self._compile(cache, *sources)
+        key = (id(cache._ctx), *(source.text for source in sources))
+        if key not in self._made:
+            self._made[key] = cache._ctx, self._compile(cache, *sources)
+        return self._made[key][1]
 
     def release(self, cache: Any) -> None:
-        kept = {id(program) for _, program in self.made.values()}
+        kept = {id(program) for _, program in self._made.values()}
         for program in cache._programs.values():
             if id(program) not in kept:
                 program.release()
@@ -292,13 +290,12 @@ class Programs:
 
 @pytest.fixture(scope="session", autouse=True)
 def _programs() -> Iterator[Programs]:
-    from taubench_gl.gpu import shader
+    from taubench_gl.gpu.shader import ShaderCache
 
-    programs = Programs()
+    programs = Programs(ShaderCache._compiled)
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("compile_compute", "compile_render"):
-            patch.setattr(shader, name, programs.once(getattr(shader, name)))
-        patch.setattr(shader.ShaderCache, "release", lambda cache: programs.release(cache))
+        patch.setattr(ShaderCache, "_compiled", lambda cache, *sources: programs.compiled(cache, *sources))
+        patch.setattr(ShaderCache, "release", lambda cache: programs.release(cache))
         yield programs
 
 

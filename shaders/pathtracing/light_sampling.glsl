@@ -1,7 +1,8 @@
 // Next-event estimation: one light sample of each kind of source that the scene has.
 //
 // Punctual lights by resampled importance sampling (Talbot et al. 2005): candidates by what they bring to the point's cell of
-// a grid, or all of them where they are few, then one of them in proportion to the light that it would reflect without shadow.  Emissive triangles by power.
+// a grid, or all of them where they are few, then one of them in proportion to the light that it would reflect without
+// shadow.  Emissive triangles by power.
 // An environment image by its luminance.  Power heuristic (Veach 1997, section 9.2.4) against BRDF sampling.
 // Reference: references.path_tracing
 #include "common/affine.glsl"

@@ -171,8 +171,7 @@ class ShaderCache:
     ) -> moderngl.ComputeShader:
         key = ((entry,), tuple(sorted((defines or {}).items())), preamble)
         if key not in self._programs:
-            source = resolve(entry, defines, preamble)
-            self._programs[key] = compile_compute(self._ctx, source)
+            self._programs[key] = self._compiled(resolve(entry, defines, preamble))
         return self._programs[key]
 
     def render(
@@ -187,8 +186,15 @@ class ShaderCache:
         key = ((vertex, fragment), tuple(sorted((defines or {}).items())), preamble + outputs)
         if key not in self._programs:
             v, f = resolve(vertex, defines, preamble), resolve(fragment, defines, f"{preamble}\n{outputs}")
-            self._programs[key] = compile_render(self._ctx, v, f)
+            self._programs[key] = self._compiled(v, f)
         return self._programs[key]
+
+    def _compiled(self, *sources: Source) -> moderngl.Program | moderngl.ComputeShader:
+        """A program of one compute stage, or of a vertex and a fragment stage."""
+        if len(sources) == 1:
+            return compile_compute(self._ctx, *sources)
+        vertex, fragment = (source.text for source in sources)
+        return _compile(lambda: self._ctx.program(vertex_shader=vertex, fragment_shader=fragment), list(sources))
 
     def release(self) -> None:
         for program in self._programs.values():
@@ -199,11 +205,6 @@ class ShaderCache:
 def compile_compute(ctx: moderngl.Context, source: Source) -> moderngl.ComputeShader:
     """A compute program of ``source``; GraphicsError names the files and lines of its first faults."""
     return _compile(lambda: ctx.compute_shader(source.text), [source])
-
-
-def compile_render(ctx: moderngl.Context, vertex: Source, fragment: Source) -> moderngl.Program:
-    """A program of two stages; errors as ``compile_compute``."""
-    return _compile(lambda: ctx.program(vertex_shader=vertex.text, fragment_shader=fragment.text), [vertex, fragment])
 
 
 def _compile(make, sources: list[Source]):
