@@ -9,7 +9,7 @@ import click
 
 from taubench_gl.apps.options import AS_JSON, Commands, command
 from taubench_gl.apps.screen import note, show_json, show_notes, show_pairs
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.fields import REQUIRED, above_zero, at_least, one_of, setting
 
 DATA = setting(
@@ -114,7 +114,7 @@ def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bo
     facts = {
         "game": recording.game,
         "map": recording.map_name,
-        "map in": _holders(recording.map_name, data),
+        "map in": _holder(recording.map_name, data),
         "seconds": round(recording.seconds, 3),
         "players": ", ".join(recording.players),
         "lives (s)": ", ".join(f"{a:.2f} to {b:.2f}" for a, b in alive) or "never",
@@ -133,17 +133,14 @@ def info(game: Path, *, data: Path = DATA, seconds: float = SECONDS, as_json: bo
         click.echo(f"  --start {window.start:<5g} {rates}, {window.jumps} jumps, {events}")
 
 
-def _holders(map_name: str, data: Path) -> str:
-    """Archives that hold a map, or what to install."""
+def _holder(map_name: str, data: Path) -> str:
+    """The archive whose file of a map is used, or what to install."""
     from taubench_gl.capture.quake3.paks import Paks
-    from taubench_gl.errors import SceneError
 
     try:
-        holders = Paks(data).holders(f"maps/{map_name}.bsp")
+        return Paks(data).map_file(map_name)[0].name
     except SceneError as error:
         return str(error)
-    names = ", ".join(path.name for path in holders)
-    return names or f"none of {data}; OpenArena's maps: apt-get install openarena openarena-oacmp1"
 
 
 @command(

@@ -45,11 +45,8 @@ def arena_file(name: str, data: Path = DEBIAN_DATA) -> Path:
     """
     paks = Paks(data)
     demo = _demo(arena_scenes()[name], paks)
-    files = [
-        paks.read(f"maps/{demo.map_name}.bsp") or b"",
-        *(str(path).encode() for path in sorted(data.glob("*.pk3"))),
-    ]
-    key = content_hash([_code(), name, hashlib.sha256(b"\0".join(files)).hexdigest()])
+    level = hashlib.sha256(paks.read(paks.map_file(demo.map_name)[1]) or b"").hexdigest()
+    key = content_hash([_code(), name, level, *(str(path) for path in sorted(data.glob("*.pk3")))])
     path = output_folder(cache_folder() / "scenes-made" / key) / f"{name}.glb"
     if not path.is_file():
         make_arena(name, path, data)

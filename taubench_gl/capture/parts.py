@@ -96,12 +96,14 @@ class SceneFile:
         )
 
     # ---------------------------------------------------------------------------------------------------------- motion
-    def place(self, name: str, motion: Motion, weights: Array | None = None, **properties: Any) -> int:
-        """A node, such as of ``mesh=``, that moves as a model.  ``weights``: (n, targets) of its morph targets."""
-        node = self._node(name, motion, None if motion.axes is None else rotations(motion.axes), properties)
+    def place(self, name: str, kind: str, mesh: int | None, motion: Motion, weights: Array | None = None) -> None:
+        """A mesh that moves, None: nothing.  ``kind``: what is counted, if any; ``weights``: (n, targets) of morphs."""
+        if mesh is None:
+            return
+        node = self._node(name, motion, None if motion.axes is None else rotations(motion.axes), {"mesh": mesh})
         if weights is not None and weights.shape[1]:
             self._animate(node, "weights", weights, motion.jumps)
-        return node
+        self.counts[kind] += bool(kind)
 
     def camera(self, motion: Motion, near: float, far: float = 1000.0) -> int:
         """The recording player's camera.  ``near``, ``far``: meters."""
@@ -109,10 +111,13 @@ class SceneFile:
         lens = self.writer.camera("player", float(height), near, far)
         return self._node("player camera", motion, view_rotations(motion.axes), {"camera": lens})
 
-    def point_light(self, name: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None) -> None:
-        """A point light whose intensity changes in steps; not written where it is never on."""
+    def point_light(
+        self, name: str, kind: str, places: Array, color: tuple, candela: Array, jumps: Array | None = None
+    ) -> None:
+        """A point light, one more of its ``kind``, whose intensity changes in steps; none where it is never on."""
         if np.max(candela) <= 0:
             return
+        self.counts[kind] += 1
         light = {"type": "point", "color": [float(c) for c in color], "intensity": float(candela[0]), "name": name}
         extensions = self.writer.light(**light)
         self._node(name, Motion(places, jumps=jumps), None, {"extensions": extensions})

@@ -96,15 +96,12 @@ def windows(recording: Recording, seconds: float) -> list[Window]:
     moved = np.where(eye.jumps[1:], 0.0, np.linalg.norm(np.diff(eye.places, axis=0), axis=1) * recording.unit)
     out = []
     for k in range(int(np.floor((recording.seconds - seconds) / STEP + 1e-6)) + 1):
-        start = k * STEP
-        first, last = np.searchsorted(eye.times, [start - 1e-6, start + seconds - 1e-6])
-        inside = slice(first, last)
-        counts = {
-            kind: int(((times >= start) & (times < start + seconds)).sum()) for kind, times in recording.counts.items()
-        }
+        start, end = k * STEP, k * STEP + seconds
+        first, last = np.searchsorted(eye.times, [start - 1e-6, end - 1e-6])
+        counts = {kind: int(((t >= start) & (t < end)).sum()) for kind, t in recording.counts.items()}
         alive, jumps = bool(eye.alive[first : last + 1].all()), int(eye.jumps[first + 1 : last + 1].sum())
-        rates = rotation[inside].sum() / seconds, moved[inside].sum() / seconds
-        out.append(Window(start, float(rates[0]), float(rates[1]), alive, jumps, counts))
+        rates = (float(values[first:last].sum() / seconds) for values in (rotation, moved))
+        out.append(Window(start, *rates, alive, jumps, counts))
     return out
 
 

@@ -15,18 +15,12 @@ from taubench_gl.conformance.loaded import agreement, difference
 from taubench_gl.conformance.truth import CLASSES, Frame, Truth
 from taubench_gl.conventions import Visibility
 from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.check_vectors import MOST, NOT_JUDGED, RIGHT, TOLERANCE_PX, WRONG
 
 Array = np.ndarray
-TOLERANCE_PX = 0.1
-"""Distance up to which a vector is right; half a step of half floats is added."""
-
 WRONG_SHARE = 0.005
 """Share of the pixels of a class from which on it is wrong: coverage at silhouettes is never quite the same."""
 
-EXPLAINS = 0.95
-"""Share of the wrong pixels of a class that a hypothesis must explain to be its cause."""
-
-RIGHT, WRONG, NOT_JUDGED = "right", "wrong", "not judged"
 NO_PLACE, FIRST = "behind", "first"
 """Classes beside those of ``truth.CLASSES``: points that were behind the previous camera, whose vectors must not lead
 into the image; and the first frame, which has no previous one, so that its vectors are zero or none."""
@@ -182,10 +176,10 @@ def _worst(truth: Truth, name: str, frame: Frame, at: Array, error: Array, wrong
 
 
 def _explained(truth: Truth, parts: list[tuple]) -> dict[str, float]:
-    """Hypotheses that explain EXPLAINS of the wrong pixels -> share of all pixels that they explain."""
+    """Hypotheses that explain MOST of the wrong pixels -> share of all pixels that they explain."""
     found, total = {}, sum(int(part[3].sum()) for part in parts)
     for hypothesis in HYPOTHESES:
-        matches, left = [], (1 - EXPLAINS) * total
+        matches, left = [], (1 - MOST) * total
         for frame, at, _, wrong, vectors, step in parts:
             matches.append(hypothesis.explains(Pair(truth, frame), at, vectors, step))
             left -= int((wrong & ~matches[-1]).sum())
@@ -217,7 +211,7 @@ def name_causes(scores: Sequence[CaseScore]) -> None:
             each.cause = best if best in each.explained else each.cause
         left = [each for each in left if not each.cause]
     for each in left:
-        if each.missing >= EXPLAINS * each.wrong:
+        if each.missing >= MOST * each.wrong:
             each.cause = "pixels have no vector"
         else:
             each.cause = STARTED if each.name == FIRST else UNKNOWN

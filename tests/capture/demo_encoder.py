@@ -77,7 +77,7 @@ def put_entity(b: BitWriter, number: int, old: tuple, new: tuple | None) -> None
             bits = wire.ENTITY_FIELDS[i][1]
             b.raw(new[i] != 0, 1)
             if new[i] != 0:
-                b.real(new[i]) if bits == 0 else b.integer(int(new[i]), bits)
+                b.real(new[i]) if bits == 0 else b.integer(int(new[i]), abs(bits))
 
 
 def put_player(b: BitWriter, old: tuple, new: tuple) -> None:

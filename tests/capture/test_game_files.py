@@ -7,10 +7,12 @@ import pytest
 from game_files import box_model, image_bytes, map_bytes, model_bytes, quad, room, vertices, write_pak
 
 from taubench_gl.capture import light
+from taubench_gl.capture.parts import SceneFile
 from taubench_gl.capture.quake3.bsp import PATCH, STEPS, Bsp
 from taubench_gl.capture.quake3.md3 import Md3, read_clips, read_skin
 from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.shaders import describe, number, parse_script, read_scripts
+from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.errors import SceneError
 
 
@@ -20,7 +22,15 @@ def test_the_last_archive_wins_and_names_ignore_case(tmp_path):
     write_pak(tmp_path / "pak1.pk3", {"textures/a.tga": b"new"})
     paks = Paks(tmp_path)
     assert (paks.read("textures\\A.tga"), paks.read("ONLY.txt"), paks.read("none")) == (b"new", b"first", None)
-    assert paks.holders("only") == [tmp_path / "PAK0.pk3"]
+
+
+def test_a_map_is_that_of_the_last_archive(tmp_path):
+    for name in ("a", "b"):
+        write_pak(tmp_path / f"{name}.pk3", {"maps/tiny.bsp": b""})
+    assert Paks(tmp_path).map_file("tiny") == (tmp_path / "b.pk3", "maps/tiny.bsp")
+    with pytest.raises(SceneError) as caught:
+        Paks(tmp_path).map_file("other")
+    assert caught.value.where == str(tmp_path) and caught.value.hint
 
 
 def test_scripts_are_read_from_the_first_archive_and_each_from_its_end(tmp_path):
@@ -30,6 +40,13 @@ def test_scripts_are_read_from_the_first_archive_and_each_from_its_end(tmp_path)
     write_pak(tmp_path / "a.pk3", {"scripts/one.shader": script(1), "scripts/two.shader": script(2)})
     write_pak(tmp_path / "b.pk3", {"scripts/three.shader": script(3)})
     assert describe("look", read_scripts(Paks(tmp_path))["look"]).surface_light == 2.0
+
+
+def test_of_two_images_the_named_one_is_meant(tmp_path):
+    write_pak(tmp_path / "a.pk3", {"x/wall.jpg": b"", "x/wall.tga": b""})
+    names = ("x/wall.jpg", "x/wall.tga", "x/wall.png", "x/wall")
+    found = [Paks(tmp_path).image_name(name) for name in names]
+    assert found == ["x/wall.jpg", "x/wall.tga", "x/wall.tga", "x/wall.tga"]
 
 
 def test_the_ending_of_an_image_is_a_hint(tmp_path):
@@ -98,6 +115,14 @@ def test_a_reflection_is_the_last_choice_of_an_image():
 @pytest.mark.parametrize("text, value", [("12.5x", 12.5), ("-3", -3), (".5", 0.5), ("1e3", 1000), ("env/sky", 0)])
 def test_numbers_are_read_as_atof_does(text, value):
     assert number(text) == value
+
+
+def test_a_mask_that_shines_keeps_its_cutoff(tmp_path):
+    script = b"grate\n{\nq3map_surfacelight 100\n{\nmap x.tga\nalphaFunc GT0\n}\n}"
+    write_pak(tmp_path / "a.pk3", {"scripts/a.shader": script, "x.tga": image_bytes((255, 255, 255))})
+    file = SceneFile(np.zeros(1), 1.0, "")
+    material = file.writer.gltf.materials[Surfaces(file, Paks(tmp_path)).material("grate", "", 1)]
+    assert (material.alphaMode, material.alphaCutoff) == ("MASK", 0.01) and max(material.emissiveFactor) == 1
 
 
 # -------------------------------------------------------------------------------------------------------------- maps

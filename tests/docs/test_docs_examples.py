@@ -76,8 +76,8 @@ def all_options() -> set[str]:
     found = {"--help", "--version", "--nthreads", "--nworkers", "--preload", "--host"}  # the last four: of dask
     for command in below(cli):
         found |= {name for p in command.params for name in (*p.opts, *p.secondary_opts) if name.startswith("--")}
-    for tool in [*ROOT.glob("tools/*")]:
-        if tool.is_file():
+    for tool in (ROOT / "tools").rglob("*"):
+        if tool.is_file() and "__pycache__" not in tool.parts:
             found |= set(re.findall(r"--[a-z][\w-]+", tool.read_text(encoding="utf-8")))
     return found
 

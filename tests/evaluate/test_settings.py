@@ -19,7 +19,7 @@ CHANGED = {
     "culling": "none", "blend": "stochastic", "strict": True, "textures": "finest",
     "columns": ("frustum", "color"), "effects": "all",
     "light_unit": "watt", "exposure": 2.0, "environment": (0.1, 0.2, 0.3),
-    "light": "auto", "light_within": 0.5, "light_time": 9.0, "spp": 3, "bounces": 2, "bidirectional": True,
+    "light": "preview", "light_within": 0.5, "light_time": 9.0, "spp": 3, "bounces": 2, "bidirectional": True,
     "pattern": "independent", "seed": 7,
     "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",

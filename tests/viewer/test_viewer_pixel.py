@@ -47,7 +47,7 @@ def test_a_click_pins_a_pixel_and_a_drag_does_not(drive):
 
 def test_the_same_pixel_is_magnified_in_three_images(drive):
     driven = drive(window=(1280, 720))
-    driven.run("frame 8\nset overlays off\nset magnified 9")
+    driven.run("frame 8\nset overlays off\nset channel headlight\nset magnified 9")
     engine = driven.engine
     inner = np.linalg.norm(engine.motion(), axis=-1)[20:34, 20:76]
     x, y = (int(v) + 20 for v in np.unravel_index(inner.argmax(), inner.shape)[::-1])

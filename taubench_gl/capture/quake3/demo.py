@@ -36,10 +36,11 @@ def _fields(text: str) -> tuple[tuple[str, int], ...]:
 
 
 ENTITY_FIELDS = _fields(
-    "time:32 x y vx vy z yaw vz pitch event:10 aim_yaw kind:8 torso:8 event_value:8 legs:8 ground:10 path:8 flags:19 "
-    "other:10 weapon:8 client:8 fixed_yaw duration:32 turn_path:8 origin_x origin_y origin_z solid:24 powers:16 "
-    "model:8 other2:10 sound:8 generic:8 to_z to_x to_y model2:8 fixed_pitch frame_time:32 turn_time:32 "
-    "turn_duration:32 roll turn_pitch turn_yaw turn_roll frame_time2:32 fixed_roll aim_pitch aim_roll light:32 frame:16"
+    "time:-32 x y vx vy z yaw vz pitch event:10 aim_yaw kind:8 torso:8 event_value:8 legs:8 ground:10 path:8 flags:19 "
+    "other:10 weapon:8 client:8 fixed_yaw duration:-32 turn_path:8 origin_x origin_y origin_z solid:24 powers:16 "
+    "model:8 other2:10 sound:8 generic:8 to_z to_x to_y model2:8 fixed_pitch frame_time:-32 turn_time:-32 "
+    "turn_duration:-32 roll turn_pitch turn_yaw turn_roll frame_time2:-32 fixed_roll aim_pitch aim_roll light:-32 "
+    "frame:16"
 )
 PLAYER_FIELDS = _fields(
     "command_time:32 x y bob:8 vx vy yaw pitch weapon_time:-16 z vz legs_time:8 move_time:-16 events:16 torso:8 "
@@ -69,9 +70,7 @@ State = tuple[float, ...]
 class Snapshot:
     """The state of the game at one time.  ``time``: milliseconds of the server; ``entities``: number -> state."""
 
-    number: int
     time: int
-    back: int  # the difference is from the snapshot of the message this many before; 0: from nothing
     player: State
     entities: dict[int, State]
 
@@ -83,7 +82,6 @@ class Demo:
     name: str
     config: dict[int, str] = field(default_factory=dict)
     baselines: dict[int, State] = field(default_factory=dict)
-    client: int = -1
     snapshots: list[Snapshot] = field(default_factory=list)
     commands: int = 0
     messages: int = 0
@@ -134,11 +132,8 @@ def decode(data: bytes, name: str) -> Demo:
             demo.truncated = True
             break
         if not 0 <= size <= MAX_MESSAGE:
-            raise SceneError(
-                f"byte {at} declares a message of {size} bytes",
-                where=name,
-                hint="is it a demo of Quake 3 or OpenArena (.dm_68, .dm_71)?",
-            )
+            hint = "is it a demo of Quake 3 or OpenArena (.dm_68, .dm_71)?"
+            raise SceneError(f"byte {at} declares a message of {size} bytes", where=name, hint=hint)
         reader = BitReader(data[at + 8 : at + 8 + size], f"{name}: message {number} at byte {at}")
         _read_message(demo, reader, number, recent)
         at += 8 + size
@@ -190,8 +185,7 @@ def _read_start(demo: Demo, b: BitReader) -> None:
             demo.baselines[number] = _read_entity(b, _NO_ENTITY_STATE) or _NO_ENTITY_STATE
         else:
             raise b.bad(f"the start of the map has a part of unknown kind {kind}")
-    demo.client = b.unsigned(32)
-    b.unsigned(32)  # a checksum
+    b.unsigned(64)  # the number of the client, which is not always the recording player, and a checksum
 
 
 def _read_snapshot(demo: Demo, b: BitReader, number: int, recent: dict[int, Snapshot]) -> None:
@@ -210,7 +204,7 @@ def _read_snapshot(demo: Demo, b: BitReader, number: int, recent: dict[int, Snap
     if back and old is None:
         demo.invalid += 1
         return
-    snapshot = Snapshot(number, time, back, player, entities)
+    snapshot = Snapshot(time, player, entities)
     recent[number] = snapshot
     recent.pop(number - KEPT, None)
     if demo.snapshots and time < demo.snapshots[-1].time:
@@ -225,34 +219,12 @@ def _read_entity(b: BitReader, old: State) -> State | None:
     """The state of an entity, which differs from ``old`` in some fields; None: it is removed."""
     if b.bit():
         return None
-    if not b.bit():
-        return old
-    count = b.unsigned(8)
-    if count > len(ENTITY_FIELDS):
-        raise b.bad(f"an entity has {count} fields")
-    new = list(old)
-    for i in range(count):
-        if b.bit():
-            bits = ENTITY_FIELDS[i][1]
-            if not b.bit():
-                new[i] = 0
-            elif bits == 0:
-                new[i] = b.real()
-            else:
-                new[i] = b.signed(32) if bits == 32 else b.unsigned(bits)
-    return tuple(new)
+    return _read_fields(b, ENTITY_FIELDS, old) if b.bit() else old
 
 
 def _read_player(b: BitReader, old: State) -> State:
     """The state of the recording player: the fields, then four arrays of 16 numbers."""
-    count = b.unsigned(8)
-    if count > len(PLAYER_FIELDS):
-        raise b.bad(f"a player has {count} fields")
-    new = list(old)
-    for i in range(count):
-        if b.bit():
-            bits = PLAYER_FIELDS[i][1]
-            new[i] = b.real() if bits == 0 else b.signed(-bits) if bits < 0 else b.unsigned(bits)
+    new = list(_read_fields(b, PLAYER_FIELDS, old))
     if b.bit():
         for array in range(4):
             if b.bit():
@@ -260,4 +232,20 @@ def _read_player(b: BitReader, old: State) -> State:
                 for k in range(16):
                     if changed >> k & 1:
                         new[len(PLAYER_FIELDS) + 16 * array + k] = b.signed(32 if array == 3 else 16)
+    return tuple(new)
+
+
+def _read_fields(b: BitReader, fields: tuple[tuple[str, int], ...], old: State) -> State:
+    """``old`` with the fields that differ.  Those of entities have a flag for 0."""
+    count = b.unsigned(8)
+    if count > len(fields):
+        raise b.bad(f"a state has {count} of {len(fields)} fields")
+    new = list(old)
+    for i in range(count):
+        if b.bit():
+            bits = fields[i][1]
+            if fields is ENTITY_FIELDS and not b.bit():
+                new[i] = 0
+            else:
+                new[i] = b.real() if bits == 0 else b.unsigned(bits) if bits > 0 else b.signed(-bits)
     return tuple(new)

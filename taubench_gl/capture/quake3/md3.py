@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,6 @@ CORNER = np.dtype([("place", "<i2", 3), ("normal", "u1", 2)])
 UNITS = 1 / 64
 """World units of the integers of a vertex."""
 MAX_FRAMES, MAX_SURFACES = 4096, 256
-_HINT = "the model is damaged, or of another game"
 
 
 @dataclass(frozen=True)
@@ -48,19 +47,22 @@ class Md3:
     """A model.  ``tags``: name -> (frames, 3) places and (frames, 3, 3) rows forward, left, up.  Raises SceneError."""
 
     def __init__(self, data: bytes, where: str):
+        def check(good: bool | np.bool_, what: str) -> None:
+            if not good:
+                raise SceneError(what, where=where, hint="the model is damaged, or of another game")
+
         def array(kind: np.dtype | str, count: int, at: int) -> Array:
-            if count < 0 or at < 0 or at + count * np.dtype(kind).itemsize > len(data):
-                raise SceneError(f"a part at byte {at} lies outside the file", where=where, hint=_HINT)
+            inside = count >= 0 and at >= 0 and at + count * np.dtype(kind).itemsize <= len(data)
+            check(inside, f"a part at byte {at} lies outside the file")
             return np.frombuffer(data, kind, count, at)
 
-        if len(data) < 108 or data[:4] != b"IDP3" or struct.unpack_from("<i", data, 4)[0] != 15:
-            raise SceneError("is no model of Quake 3 (IDP3, version 15)", where=where, hint=_HINT)
+        check(len(data) >= 108 and data[:8] == b"IDP3\x0f\0\0\0", "is no model of Quake 3 (IDP3, version 15)")
         self.frames, tags, surfaces, _, _, tags_at, at, _ = struct.unpack_from("<8i", data, 76)
-        if not (0 < self.frames <= MAX_FRAMES and 0 <= tags <= 64 and 0 <= surfaces <= MAX_SURFACES):
-            raise SceneError(f"declares {self.frames} frames, {surfaces} surfaces", where=where, hint=_HINT)
+        few = 0 < self.frames <= MAX_FRAMES and 0 <= tags <= 64 and 0 <= surfaces <= MAX_SURFACES
+        check(few, f"declares {self.frames} frames, {surfaces} surfaces")
         table = array(TAG, self.frames * tags, tags_at).reshape(self.frames, tags)
-        if not (np.isfinite(table["place"]).all() and np.isfinite(table["axes"]).all()):
-            raise SceneError("a tag has values that are no numbers", where=where, hint=_HINT)
+        finite = np.isfinite(table["place"]).all() and np.isfinite(table["axes"]).all()
+        check(finite, "a tag has values that are no numbers")
         self.tags = {
             _text(table["name"][0, k]): (table["place"][:, k].astype(float), table["axes"][:, k].astype(float))
             for k in range(tags)
@@ -70,14 +72,14 @@ class Md3:
             array("u1", 108, at)
             name, *numbers = struct.unpack_from("<4x64s4x10i", data, at)
             frames, shaders, vertices, count, triangles_at, shaders_at, uvs_at, corners_at, end = numbers[:9]
-            if frames != self.frames or not 0 <= vertices <= 1 << 16:
-                raise SceneError(f"a surface has {frames} frames of {self.frames}", where=where, hint=_HINT)
+            fits = frames == self.frames and 0 <= vertices <= 1 << 16
+            check(fits, f"a surface has {frames} frames of {self.frames} and {vertices} vertices")
             require(frames * vertices * CORNER.itemsize, "a surface", SceneError, where)
             triangles = array("<i4", 3 * count, at + triangles_at).reshape(-1, 3)
             uvs = array("<f4", 2 * vertices, at + uvs_at).reshape(-1, 2)
             corners = array(CORNER, frames * vertices, at + corners_at).reshape(frames, vertices)
-            if not np.isfinite(uvs).all() or ((triangles < 0) | (triangles >= vertices)).any():
-                raise SceneError("a triangle has a corner outside its surface", where=where, hint=_HINT)
+            check(np.isfinite(uvs).all(), "a surface has texture coordinates that are no numbers")
+            check(((triangles >= 0) & (triangles < vertices)).all(), "a triangle has a corner outside its surface")
             shader = _text(array("S64", 1, at + shaders_at)[0]) if shaders > 0 else ""
             self.surfaces.append(Surface(_text(name), shader, triangles, uvs, corners))
             if end <= 0:
@@ -121,8 +123,7 @@ def read_clips(text: str, where: str) -> dict[int, Clip]:
         first -= skipped if i >= LEGS else 0
         out[i] = Clip(max(int(first), 0), int(abs(count)) or 1, int(loop), fps or 1.0, count < 0)
     for extra, row in ((BACK_CROUCHED, 13), (BACK_WALK, 14)):
-        clip = out[row]
-        out[extra] = Clip(clip.first, clip.count, clip.loop, clip.fps, not clip.backward)
+        out[extra] = replace(out[row], backward=not out[row].backward)
     return out
 
 

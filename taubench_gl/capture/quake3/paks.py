@@ -22,10 +22,7 @@ DEBIAN_DATA = Path("/usr/share/games/openarena/baseoa")
 MAX_PAK, MAX_NAMES, MAX_MEMBER = 4 << 30, 500_000, 64 << 20
 IMAGES = (".tga", ".jpg", ".jpeg", ".png")
 _FORMATS = ("TGA", "JPEG", "PNG")
-_FAULTS = (
-    zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, ValueError, RuntimeError, NotImplementedError,
-    OverflowError,
-)  # fmt: skip
+_FAULTS = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, ValueError, RuntimeError, OverflowError)
 """What ``zipfile`` raises for damaged archives."""
 
 
@@ -56,9 +53,13 @@ class Paks:
         found = (name for name in self._files if name.startswith(prefix) and name.endswith(suffix))
         return sorted(found, key=lambda name: self._files[name][3])
 
-    def holders(self, prefix: str) -> list[Path]:
-        """Archives whose file of a name that begins with ``prefix`` is used."""
-        return sorted({path for name, (_, _, path, _) in self._files.items() if name.startswith(prefix)})
+    def map_file(self, map_name: str) -> tuple[Path, str]:
+        """Archive and name of a map.  Raises SceneError if there is none, with what to install."""
+        name = f"maps/{map_name}.bsp"
+        if name not in self._files:
+            hint = "OpenArena's maps: apt-get install openarena openarena-oacmp1; others: put the map's .pk3 there"
+            raise SceneError(f"has no {name}", where=str(self.folder), hint=hint)
+        return self._files[name][2], name
 
     def where(self, name: str) -> str:
         """Archive and name of a file, for errors."""
@@ -69,8 +70,8 @@ class Paks:
         name = name.lower().replace("\\", "/")
         if name not in self._files:
             return None
-        archive, info, path, _ = self._files[name]
-        where = f"{path}: {name}"
+        archive, info, *_ = self._files[name]
+        where = self.where(name)
         if info.file_size > MAX_MEMBER:
             raise SceneError(f"unpacks to {shown_bytes(info.file_size)}", where=where, hint="the limit is 64 MiB")
         try:
@@ -80,9 +81,11 @@ class Paks:
             raise SceneError(f"is damaged: {error!s:.200}", where=where) from None
 
     def image_name(self, name: str) -> str | None:
-        """The image that a script or model means: its own extension is a hint only, .tga may be a .jpg."""
-        stem = re.sub(r"\.(tga|jpe?g|png)$", "", name.lower().replace("\\", "/"))
-        return next((stem + suffix for suffix in IMAGES if stem + suffix in self._files), None)
+        """The image that a script or model means: the file of this name, else that of another extension."""
+        name = name.lower().replace("\\", "/")
+        stem, named = re.subn(r"\.(tga|jpe?g|png)$", "", name)
+        names = [*[name] * named, *(stem + suffix for suffix in IMAGES)]
+        return next((found for found in names if found in self._files), None)
 
     def image(self, name: str, most: int) -> Array:
         """(h, w, 4) uint8 of an image of the archives, at most ``most`` pixels a side.  Raises SceneError."""

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.capture.parts import Motion
+from taubench_gl.capture.quake3.demo import DEAD
 from taubench_gl.capture.quake3.md3 import IDLE, Clip, Md3, read_clips, read_skin
 from taubench_gl.capture.quake3.surfaces import Surfaces
-from taubench_gl.capture.quake3.timeline import PLAYER_KIND, Timeline, Track, axes, columns, is_dead
+from taubench_gl.capture.quake3.timeline import PLAYER_KIND, Timeline, Track, axes, columns
 from taubench_gl.math3d import normalize
 
 Array = np.ndarray
@@ -28,8 +29,12 @@ _LEAN = np.array([0.0, 22, 45, -22, 0, 22, -45, -22])
 DEFAULT_MODEL = "sarge"
 
 
-def weapon_model(weapon: int) -> str:
-    return f"models/weapons2/{WEAPONS[weapon]}/{WEAPONS[weapon]}.md3"
+def weapon_meshes(surfaces: Surfaces, held: Array) -> Iterator[tuple[int, int]]:
+    """(number, mesh) of each weapon among ``held``, (n,) numbers, that has a model."""
+    for weapon in np.unique(held[(held > 0) & (held < len(WEAPONS))]).tolist():
+        mesh = surfaces.still_mesh(f"models/weapons2/{WEAPONS[weapon]}/{WEAPONS[weapon]}.md3")
+        if mesh is not None:
+            yield weapon, mesh
 
 
 def swing(goal: Array, turning: Array, fresh: Array, steps: Array, slack: float, most: float, speed: float) -> Array:
@@ -59,13 +64,10 @@ def swing(goal: Array, turning: Array, fresh: Array, steps: Array, slack: float,
 
 def shown_frames(clips: dict[int, Clip], numbers: Array, ms: Array) -> Array:
     """(n, 3): older and newer frame of the animation of each number, and the weight of the older."""
-    return np.array(list(_lerp_frames(clips, numbers.astype(int).tolist(), ms.tolist())))
-
-
-def _lerp_frames(clips: dict[int, Clip], numbers: list[int], ms: list[float]) -> Iterator[tuple[float, float, float]]:
+    out: list[tuple[float, float, float]] = []
     number, frame, old = None, 0, 0
     time = old_time = start = 0.0
-    for wanted, t in zip(numbers, ms, strict=True):
+    for wanted, t in zip(numbers.astype(int).tolist(), ms.tolist(), strict=True):
         clip = clips.get(wanted & ~128, clips[IDLE])  # bit 7 says that an animation starts again
         length = 1000.0 / clip.fps
         if wanted != number:
@@ -86,19 +88,18 @@ def _lerp_frames(clips: dict[int, Clip], numbers: list[int], ms: list[float]) ->
             time = max(time, t)
         time = t if time > t + 200 else time
         old_time = min(old_time, t)
-        yield old, frame, 0.0 if time == old_time else 1 - (t - old_time) / (time - old_time)
+        out.append((old, frame, 0.0 if time == old_time else 1 - (t - old_time) / (time - old_time)))
+    return np.array(out)
 
 
 @dataclass(frozen=True)
 class _Body:
-    """Models, skins and clips of a player."""
+    """A player's model: its name, models and skins (surface -> shader) by part, and clips by number."""
 
-    lower: Md3
-    upper: Md3
-    head: Md3 | None
+    name: str
+    models: dict[str, Md3 | None]
     skins: dict[str, dict[str, str]]
     clips: dict[int, Clip]
-    model: str
 
 
 def add_players(timeline: Timeline, surfaces: Surfaces) -> None:
@@ -108,7 +109,6 @@ def add_players(timeline: Timeline, surfaces: Surfaces) -> None:
         body = _body(surfaces, info)
         if body is not None:
             _add_player(timeline, surfaces, track, body, f"player {number} {info.get('n', '')}".strip())
-            surfaces.file.counts["players and bodies"] += 1
 
 
 def _body(surfaces: Surfaces, info: dict[str, str]) -> _Body | None:
@@ -118,17 +118,17 @@ def _body(surfaces: Surfaces, info: dict[str, str]) -> _Body | None:
     if surfaces.paks.read(f"models/players/{model}/lower.md3") is None:
         surfaces.file.lost[f"no player model {model}: {DEFAULT_MODEL} in its place"] += 1
         model, skin, head_model, head_skin = DEFAULT_MODEL, "", DEFAULT_MODEL, ""
-    base, head_base = f"models/players/{model}/", f"models/players/{head_model}/"
-    lower, upper = surfaces.model(base + "lower.md3"), surfaces.model(base + "upper.md3")
-    config = surfaces.paks.read(base + "animation.cfg")
-    if lower is None or upper is None or config is None:
-        return None
-    skins = {}
-    for part, folder, name in (("lower", base, skin), ("upper", base, skin), ("head", head_base, head_skin)):
-        files = (surfaces.paks.read(f"{folder}{part}_{which}.skin") for which in (name or "default", "default"))
+    table = f"models/players/{model}/animation.cfg"
+    config = surfaces.paks.read(table)
+    models, skins = {}, {}
+    for part, folder, name in (("lower", model, skin), ("upper", model, skin), ("head", head_model, head_skin)):
+        path = f"models/players/{folder}/{part}"
+        models[part] = surfaces.model(f"{path}.md3")
+        files = (surfaces.paks.read(f"{path}_{which}.skin") for which in (name or "default", "default"))
         skins[part] = read_skin(next(filter(None, files), b"").decode("latin-1"))
-    clips = read_clips(config.decode("latin-1"), surfaces.paks.where(base + "animation.cfg"))
-    return _Body(lower, upper, surfaces.model(head_base + "head.md3"), skins, clips, model)
+    if models["lower"] is None or models["upper"] is None or config is None:
+        return None
+    return _Body(model, models, skins, read_clips(config.decode("latin-1"), surfaces.paks.where(table)))
 
 
 def _tag(model: Md3, name: str, frames: Array) -> tuple[Array, Array]:
@@ -141,52 +141,42 @@ def _tag(model: Md3, name: str, frames: Array) -> tuple[Array, Array]:
 
 
 def _add_player(timeline: Timeline, surfaces: Surfaces, track: Track, body: _Body, name: str) -> None:
-    legs_number, torso_number = track.column("legs"), track.column("torso")
-    frames = {}
-    for part, model, numbers in (("lower", body.lower, legs_number), ("upper", body.upper, torso_number)):
-        shown = shown_frames(body.clips, numbers, timeline.ms)
-        shown[:, :2] = shown[:, :2].clip(0, model.frames - 1)
-        frames[part] = shown
+    frames = {"head": np.zeros((len(timeline.ms), 3))}
+    for part, field in (("lower", "legs"), ("upper", "torso")):
+        frames[part] = shown_frames(body.clips, track.column(field), timeline.ms)
+        frames[part][:, :2] = frames[part][:, :2].clip(0, body.models[part].frames - 1)
     legs, torso, head = _body_axes(timeline, track)
-    place, turn = _tag(body.lower, "tag_torso", frames["lower"])
+    place, turn = _tag(body.models["lower"], "tag_torso", frames["lower"])
     torso_place = track.places + np.einsum("ni,nij->nj", place, legs)
     # The torso's own turn is relative to the legs; then the tag, then the legs.
     torso_axes = torso @ np.swapaxes(legs, 1, 2) @ turn @ legs
     at = {"lower": (track.places, legs), "upper": (torso_place, torso_axes)}
-    for tag, own in (("tag_head", head @ np.swapaxes(torso, 1, 2)), ("tag_weapon", np.eye(3))):
-        place, turn = _tag(body.upper, tag, frames["upper"])
-        at[tag] = torso_place + np.einsum("ni,nij->nj", place, torso_axes), own @ turn @ torso_axes
-    for part, model in (("lower", body.lower), ("upper", body.upper)):
+    for part, own in (("head", head @ np.swapaxes(torso, 1, 2)), ("weapon", np.eye(3))):
+        place, turn = _tag(body.models["upper"], f"tag_{part}", frames["upper"])
+        at[part] = torso_place + np.einsum("ni,nij->nj", place, torso_axes), own @ turn @ torso_axes
+    rows = np.arange(len(timeline.ms))
+    for part, model in body.models.items():
         used = np.unique(frames[part][track.present, :2]).astype(int)
-        primitives = surfaces.model_primitives(model, body.skins[part], used.tolist())
+        primitives = [] if model is None else surfaces.model_primitives(model, body.skins[part], used.tolist())
         if not primitives:
             continue
-        weights = np.zeros((len(timeline.ms), len(used)))
-        rows = np.arange(len(weights))
+        weights = np.zeros((len(rows), len(used)))
         for column, share in ((0, frames[part][:, 2]), (1, 1 - frames[part][:, 2])):
             np.add.at(weights, (rows, np.searchsorted(used, frames[part][:, column]).clip(max=len(used) - 1)), share)
-        mesh = surfaces.file.writer.mesh(f"{body.model} {part}", *primitives, weights=[0.0] * (len(used) - 1))
+        mesh = surfaces.file.writer.mesh(f"{body.name} {part}", *primitives, weights=[0.0] * (len(used) - 1))
         motion = Motion(*at[part], shown=track.present, jumps=track.jumps)
-        surfaces.file.place(f"{name} {part}", motion, weights[:, 1:], mesh=mesh)
+        surfaces.file.place(f"{name} {part}", "", mesh, motion, weights[:, 1:])
         surfaces.file.counts["morph targets"] += len(used) - 1
-    if body.head is not None:
-        primitives = surfaces.model_primitives(body.head, body.skins["head"], [0])
-        if primitives:
-            mesh = surfaces.file.writer.mesh(f"{body.model} head", *primitives)
-            motion = Motion(*at["tag_head"], shown=track.present, jumps=track.jumps)
-            surfaces.file.place(f"{name} head", motion, mesh=mesh)
-    weapons = np.where(track.present & ~is_dead(track), track.column("weapon"), 0).astype(int)
-    for weapon in np.unique(weapons[(weapons > 0) & (weapons < len(WEAPONS))]).tolist():
-        mesh = surfaces.still_mesh(weapon_model(weapon))
-        if mesh is not None:
-            motion = Motion(*at["tag_weapon"], shown=weapons == weapon, jumps=track.jumps)
-            surfaces.file.place(f"{name} {WEAPONS[weapon]}", motion, mesh=mesh)
+    weapons = np.where(track.present & ~track.flag(DEAD), track.column("weapon"), 0).astype(int)
+    for weapon, mesh in weapon_meshes(surfaces, weapons):
+        motion = Motion(*at["weapon"], shown=weapons == weapon, jumps=track.jumps)
+        surfaces.file.place(f"{name} {WEAPONS[weapon]}", "", mesh, motion)
+    surfaces.file.counts["players and bodies"] += 1
 
 
 def _body_axes(timeline: Timeline, track: Track) -> tuple[Array, Array, Array]:
     """(n, 3, 3) rows of legs, torso and head, which looks where the player looks."""
-    dead = is_dead(track)
-    lean = _LEAN[np.where(dead, 0, track.column("aim_yaw").astype(int) & 7)]
+    lean = _LEAN[np.where(track.flag(DEAD), 0, track.column("aim_yaw").astype(int) & 7)]
     pitch, yaw = track.angles[:, 0], track.angles[:, 1]
     fresh = np.concatenate([[True], ~track.present[:-1] | track.jumps[1:]])
     steps = np.diff(timeline.ms, prepend=timeline.ms[0])

@@ -44,7 +44,9 @@ def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool
         raise SettingsError("ioquake3 and OpenArena are not installed", hint=INSTALL)
     if not map_name.replace("_", "").replace("-", "").isalnum():
         raise SettingsError(f"{map_name!r:.60} is no name of a map", setting="map")
-    command = [engine, *_arguments(folder, map_name, rockets)]
+    settings = _SETTINGS | {"fs_basepath": folder, "g_rockets": int(rockets)}
+    command = [engine, *(word for name, value in settings.items() for word in ("+set", name, str(value)))]
+    command += ["+devmap", map_name, "+set", "r_norefresh", "1", "+set", "fixedtime", str(STEP), "+exec", "record.cfg"]
     for _ in range(TRIES):
         with tempfile.TemporaryDirectory() as home:
             made = _play(command, Path(home), bots, seconds, limit)
@@ -53,18 +55,8 @@ def record(map_name: str, bots: int, seconds: float, out: Path, *, rockets: bool
                 with opened(made, SceneError) as file:
                     copy_atomically(file, out)
                 return demo
-    raise SceneError(
-        f"ioquake3 recorded too little in {TRIES} attempts of at most {limit:g} s",
-        where=map_name,
-        hint="is it a map of the installed packages? else raise --limit",
-    )
-
-
-def _arguments(folder: Path, map_name: str, rockets: bool) -> list[str]:
-    values = _SETTINGS | {"fs_basepath": folder, "g_rockets": int(rockets)}
-    settings = [word for name, value in values.items() for word in ("+set", name, str(value))]
-    after = ["+set", "r_norefresh", "1", "+set", "fixedtime", str(STEP), "+exec", "record.cfg"]
-    return [*settings, "+devmap", map_name, *after]
+    hint = "is it a map of the installed packages? else raise --limit"
+    raise SceneError(f"ioquake3 recorded too little in {TRIES} attempts of {limit:g} s", where=map_name, hint=hint)
 
 
 def _play(command: list[str], home: Path, bots: int, seconds: float, limit: float) -> Path | None:
@@ -76,15 +68,9 @@ def _play(command: list[str], home: Path, bots: int, seconds: float, limit: floa
     lines += ["follow 1", "wait 60", "record made", f"wait {waits}", "stoprecord", "wait 10", "quit"]
     write_atomically(data / "record.cfg", "\n".join(lines) + "\n")
     display = {"SDL_VIDEODRIVER": "offscreen", "SDL_AUDIODRIVER": "dummy", "LIBGL_ALWAYS_SOFTWARE": "1"}
-    process = subprocess.Popen(
-        command,
-        env={**os.environ, **display, "HOME": str(home)},
-        cwd=home,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    environment = {**os.environ, **display, "HOME": str(home)}
+    quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    process = subprocess.Popen(command, env=environment, cwd=home, start_new_session=True, **quiet)
     try:
         process.wait(limit)
     except subprocess.TimeoutExpired:
@@ -93,4 +79,4 @@ def _play(command: list[str], home: Path, bots: int, seconds: float, limit: floa
         if process.poll() is None:  # it may ignore SIGTERM
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-    return next(iter(sorted(data.glob("demos/made.dm_*"))), None)
+    return next(data.glob("demos/made.dm_*"), None)

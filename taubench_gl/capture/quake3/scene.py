@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.capture.parts import Motion, SceneFile
 from taubench_gl.capture.quake3 import things
 from taubench_gl.capture.quake3.bsp import Bsp
-from taubench_gl.capture.quake3.demo import ENTITY, Demo
+from taubench_gl.capture.quake3.demo import ENTITY, MAX_PLAYERS, Demo
 from taubench_gl.capture.quake3.paks import Paks
 from taubench_gl.capture.quake3.players import add_players
 from taubench_gl.capture.quake3.surfaces import Surfaces
@@ -29,9 +29,10 @@ def as_recording(demo: Demo) -> Recording:
         raise SceneError(f"lasts {demo.seconds:.0f} s", where=demo.name, hint=f"at most {MAX_SECONDS:.0f} s are read")
     timeline = Timeline(demo, np.arange(int(demo.seconds * RATE + 1e-6) + 1) / RATE)
     first = demo.snapshots[0].time
-    missiles: dict[tuple[float, ...], int] = {}
-    for (number, weapon, time), track in timeline.tracks(MISSILE_KIND, ("weapon", "time")).items():
-        missiles[number, weapon, time] = int(timeline.ms[np.argmax(track.present)])
+    missiles = {
+        key: timeline.ms[np.argmax(track.present)]
+        for key, track in timeline.tracks(MISSILE_KIND, ("weapon", "time")).items()
+    }
     impacts = [event for event in timeline.events if event.kind in IMPACTS and event.number >= 0]
     lit = [event.time for event in impacts if int(event.state[ENTITY["weapon"]]) in things.EXPLOSIONS]
     lit += [time for (_, weapon, _), time in missiles.items() if weapon in things.GLOWING]
@@ -42,19 +43,16 @@ def as_recording(demo: Demo) -> Recording:
     }
     times["lights"] = times["shots"] + lit  # each shot has a flash
     counts = {kind: (np.array(sorted(found), dtype=float) - first) / 1000 for kind, found in times.items()}
-    clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < 64}
+    clients = {number for snapshot in demo.snapshots for number in snapshot.entities if number < MAX_PLAYERS}
     names = (demo.player_info(client).get("n", "") for client in sorted(clients))
-    notes = []
-    if demo.truncated:
-        notes.append("the file ends inside a message; what comes before is used")
-    if demo.starts > 1:
-        notes.append(f"{demo.starts} maps were started; the last is used")
-    if demo.invalid:
-        notes.append(f"{demo.invalid} snapshots count from one that was not received, and are left out")
-    eye = timeline.eye()
-    return Recording(
-        "Quake 3", demo.map_name, demo.seconds, UNIT, eye, tuple(filter(None, names)), counts, tuple(notes)
-    )
+    players = tuple(filter(None, names))
+    notes = {
+        "the file ends inside a message; what comes before is used": demo.truncated,
+        f"{demo.starts} maps were started; the last is used": demo.starts > 1,
+        f"{demo.invalid} snapshots count from one that was not received, and are left out": demo.invalid,
+    }
+    said = tuple(note for note, holds in notes.items() if holds)
+    return Recording("Quake 3", demo.map_name, demo.seconds, UNIT, timeline.eye(), players, counts, said)
 
 
 def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile:
@@ -88,12 +86,8 @@ def build_scene(demo: Demo, paks: Paks, choice: Choice, path: Path) -> SceneFile
 
 def read_map(demo: Demo, paks: Paks) -> Bsp:
     """The map of a demo.  Raises SceneError if no archive holds it, or it is damaged."""
-    name = f"maps/{demo.map_name}.bsp"
-    data = paks.read(name)
-    if data is None:
-        hint = "OpenArena's maps: apt-get install openarena openarena-oacmp1; others: put the map's .pk3 there"
-        raise SceneError(f"has no {name}, the map of {Path(demo.name).name}", where=str(paks.folder), hint=hint)
-    return Bsp(data, paks.where(name))
+    _, name = paks.map_file(demo.map_name)
+    return Bsp(paks.read(name) or b"", paks.where(name))
 
 
 def _note(choice: Choice, eye: Eye) -> str:

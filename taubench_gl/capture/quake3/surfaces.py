@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
 import numpy as np
 
 from taubench_gl.capture import light
@@ -22,16 +26,26 @@ MIRROR = [0, 2, 1]
 _WHITE = np.array([0.2126, 0.7152, 0.0722])
 
 
+def _once(method: Callable) -> Callable:
+    """A method of Surfaces whose results are kept in the object, by its arguments."""
+
+    @wraps(method)
+    def call(self: Surfaces, *arguments: Any) -> Any:
+        key = (method.__name__, *arguments)
+        if key not in self.made:
+            self.made[key] = method(self, *arguments)
+        return self.made[key]
+
+    return call
+
+
 class Surfaces:
     """What a scene is drawn with.  Images and models that no archive has are counted as lost."""
 
     def __init__(self, file: SceneFile, paks: Paks):
         self.file, self.paks = file, paks
         self._scripts = read_scripts(paks)
-        self._materials: dict[str, int | None] = {}
-        self._textures: dict[tuple[str, bool], tuple[int, Array]] = {}
-        self._models: dict[str, Md3 | None] = {}
-        self._meshes: dict[str, int | None] = {}
+        self.made: dict[tuple, Any] = {}
 
     # ------------------------------------------------------------------------------------------------------- materials
     def look(self, name: str) -> Look:
@@ -39,22 +53,23 @@ class Surfaces:
         stem = name.rpartition(".")[0] if name.endswith((".tga", ".jpg", ".png")) else name
         return describe(name, self._scripts.get(stem) or self._scripts.get(name))
 
-    def material(self, name: str) -> int | None:
-        """The material of a shader; None for what is not drawn or cannot be in the file."""
-        if name not in self._materials:
-            self._materials[name] = self._make_material(name, self.look(name))
-        return self._materials[name]
+    def material(self, name: str, lost: str, number_: int) -> int | None:
+        """The material of a shader; None for what is not drawn.
 
-    def left_out(self, name: str) -> str:
-        """Why a surface that the game draws is not in the file; empty if it is, or the game does not draw it."""
+        What the game draws and the file cannot have is counted: ``number_`` more of ``lost``.
+        """
         look = self.look(name)
-        return look.left_out if look.drawn and not look.sky else ""
-
-    def _make_material(self, name: str, look: Look) -> int | None:
-        if not look.drawn or (look.left_out and not look.sky):
+        if look.drawn and look.left_out and not look.sky:
+            self.file.lost[f"{lost}{look.left_out}"] += number_
             return None
+        return self._material(name) if look.drawn else None
+
+    @_once
+    def _material(self, name: str) -> int:
+        look = self.look(name)
         if look.sky:
-            return self.file.emissive(name, self._color(look), self._sky_luminance(look))
+            luminance = light.surface_luminance(look.surface_light) if look.surface_light else light.FULL_BRIGHT
+            return self.file.emissive(name, self._color(look), luminance)
         image = next(filter(None, map(self.paks.image_name, look.images)), None)
         rest = {"roughness": 0.9, "doubleSided": look.double_sided or None}
         if look.animated:
@@ -68,20 +83,19 @@ class Surfaces:
         if look.surface_light:
             self.file.counts["emissive materials"] += 1
             luminance = light.surface_luminance(look.surface_light) * (self._color(look) @ _WHITE)
-            return self.file.emissive(name, color, luminance / max(color @ _WHITE, 1e-3), texture, **rest)
-        index = self.file.writer.material(name, texture=texture, **rest)
+            index = self.file.emissive(name, color, luminance / max(color @ _WHITE, 1e-3), texture, **rest)
+        else:
+            index = self.file.writer.material(name, texture=texture, **rest)
         if look.alpha == "MASK":
             self.file.writer.gltf.materials[index].alphaCutoff = look.cutoff
         return index
 
+    @_once
     def _texture(self, image: str, alpha: bool) -> tuple[int, Array]:
         """An image of the archives, and its mean linear color."""
-        if (image, alpha) not in self._textures:
-            pixels = self._pixels(image)
-            number_ = self.file.writer.texture(pixels if alpha else np.ascontiguousarray(pixels[..., :3]), lossy=True)
-            color = srgb_decode(pixels[..., :3] / 255.0).reshape(-1, 3).mean(0)
-            self._textures[image, alpha] = number_, color
-        return self._textures[image, alpha]
+        pixels = self._pixels(image)
+        texture = self.file.writer.texture(pixels if alpha else np.ascontiguousarray(pixels[..., :3]), lossy=True)
+        return texture, srgb_decode(pixels[..., :3] / 255.0).reshape(-1, 3).mean(0)
 
     def _pixels(self, image: str) -> Array:
         try:
@@ -97,18 +111,13 @@ class Surfaces:
         color = np.ones(3) if image is None else self._pixels(image)[..., :3].reshape(-1, 3).mean(0)
         return color / max(color.max(), 1e-6) if color.max() > 0 else np.ones(3)
 
-    def _sky_luminance(self, look: Look) -> float:
-        return light.surface_luminance(look.surface_light) if look.surface_light else light.FULL_BRIGHT
-
     # ------------------------------------------------------------------------------------------------------------- map
     def brush_mesh(self, bsp: Bsp, model: int, name: str) -> int | None:
         """A model of the map: 0 is the world, the others are doors and lifts."""
         primitives = []
         for shader, mesh in bsp.meshes(model).items():
-            material = self.material(bsp.shaders[shader])
+            material = self.material(bsp.shaders[shader], "triangles of ", len(mesh.triangles))
             if material is None:
-                if reason := self.left_out(bsp.shaders[shader]):
-                    self.file.lost[f"triangles of {reason}"] += len(mesh.triangles)
                 continue
             self.file.counts["triangles of the map"] += len(mesh.triangles)
             corners = mesh.triangles[:, MIRROR]
@@ -132,19 +141,18 @@ class Surfaces:
             color = np.ones(3) if len(color) < 3 or color.max() <= 0 else color / color.max()
             value = number(entity.get("light", "300")) or 300.0
             candela = light.entity_candela(max(value, 0), self.file.unit)
-            self.file.point_light("light", np.array([place]), tuple(color), np.array([candela]))
-            self.file.counts["light entities"] += 1
+            self.file.point_light("light", "light entities", np.array([place]), tuple(color), np.array([candela]))
         self.file.lost["flares"] += int((bsp.surfaces["kind"] == FLARE).sum())
 
     # ---------------------------------------------------------------------------------------------------------- models
+    @_once
     def model(self, path: str) -> Md3 | None:
         """A model of the archives; None if there is none."""
-        if path not in self._models:
-            data = self.paks.read(path)
-            self._models[path] = None if data is None else Md3(data, self.paks.where(path))
-            if data is None:
-                self.file.lost[f"no model {path}"] += 1
-        return self._models[path]
+        data = self.paks.read(path)
+        if data is None:
+            self.file.lost[f"no model {path}"] += 1
+            return None
+        return Md3(data, self.paks.where(path))
 
     def model_primitives(self, model: Md3, skin: dict[str, str], frames: list[int]) -> list:
         """Its surfaces in the first of ``frames``, the others as morph targets; ``skin``: surface -> shader."""
@@ -153,30 +161,26 @@ class Surfaces:
             shader = skin.get(surface.name, surface.shader)
             if not shader or not len(surface.triangles):
                 continue
-            material = self.material(shader)
+            material = self.material(shader, "surfaces of models: ", 1)
             if material is None:
-                self.file.lost[f"surfaces of models: {self.left_out(shader) or 'not drawn'}"] += 1
                 continue
             shapes = [surface.shape(frame) for frame in frames]
             corners = surface.triangles[:, MIRROR]
             out.append(self.file.primitive(*shapes[0], surface.uvs, corners, material, tuple(shapes[1:])))
         return out
 
+    @_once
     def still_mesh(self, path: str) -> int | None:
         """The first frame of a model; None if there is nothing to draw."""
-        if path not in self._meshes:
-            model = self.model(path)
-            primitives = [] if model is None else self.model_primitives(model, {}, [0])
-            self._meshes[path] = self.file.writer.mesh(path, *primitives) if primitives else None
-        return self._meshes[path]
+        model = self.model(path)
+        primitives = [] if model is None else self.model_primitives(model, {}, [0])
+        return self.file.writer.mesh(path, *primitives) if primitives else None
 
+    @_once
     def bolt(self, color: tuple[float, float, float], radius: float) -> int:
         """An octahedron that shines: the game draws a sprite that faces the camera."""
-        key = f"bolt {color}"
-        if key not in self._meshes:
-            corners = np.concatenate([np.eye(3), -np.eye(3)])
-            faces = np.array([[0, 1, 2], [3, 5, 4], [1, 3, 2], [0, 2, 4], [0, 5, 1], [3, 4, 2], [1, 5, 3], [0, 4, 5]])
-            material = self.file.emissive(key, np.array(color), light.FULL_BRIGHT * 10)
-            shape = self.file.primitive(corners * radius, corners, np.zeros((6, 2)), faces, material)
-            self._meshes[key] = self.file.writer.mesh(key, shape)
-        return self._meshes[key]
+        name, corners = f"bolt {color}", np.concatenate([np.eye(3), -np.eye(3)])
+        faces = np.array([[0, 1, 2], [3, 5, 4], [1, 3, 2], [0, 2, 4], [0, 5, 1], [3, 4, 2], [1, 5, 3], [0, 4, 5]])
+        material = self.file.emissive(name, np.array(color), light.FULL_BRIGHT * 10)
+        shape = self.file.primitive(corners * radius, corners, np.zeros((6, 2)), faces, material)
+        return self.file.writer.mesh(name, shape)

@@ -14,7 +14,7 @@ from taubench_gl.capture.parts import Motion
 from taubench_gl.capture.quake3 import timeline as tl
 from taubench_gl.capture.quake3.bsp import Bsp
 from taubench_gl.capture.quake3.demo import ENTITY, HIDDEN, PLAYER
-from taubench_gl.capture.quake3.players import WEAPONS, weapon_model
+from taubench_gl.capture.quake3.players import WEAPONS, weapon_meshes
 from taubench_gl.capture.quake3.surfaces import Surfaces
 from taubench_gl.capture.recording import Eye
 from taubench_gl.math3d import normalize
@@ -22,34 +22,30 @@ from taubench_gl.math3d import normalize
 Array = np.ndarray
 Color = tuple[float, float, float]
 
+_LIGHTS = "dynamic lights"
 _GRENADE, _ROCKET, _PLASMA, _BFG = 4, 5, 8, 9
-_POWERUPS = "armor/shard armor/armor_yel armor/armor_red health/small_cross health/medium_cross health/large_cross"
-_CARRIED = "gauntlet shotgun machinegun grenadel rocketl lightning railgun plasma bfg grapple"
-_AMMO = "shotgunam machinegunam grenadeam plasmaam lightningam rocketam railgunam bfgam"
-_SPECIAL = "holdable/teleporter holdable/medkit instant/quad instant/enviro instant/haste instant/invis instant/regen"
-ITEMS = (
-    "",
-    *(f"models/powerups/{name}.md3" for name in (*_POWERUPS.split(), "health/mega_cross")),
-    *(f"models/weapons2/{name}/{name}.md3" for name in _CARRIED.split()),
-    *(f"models/powerups/ammo/{name}.md3" for name in _AMMO.split()),
-    *(f"models/powerups/{name}.md3" for name in (*_SPECIAL.split(), "instant/flight")),
-)
+_ITEMS = {
+    "powerups/armor/{}": "shard armor_yel armor_red",
+    "powerups/health/{}": "small_cross medium_cross large_cross mega_cross",
+    "weapons2/{0}/{0}": "gauntlet shotgun machinegun grenadel rocketl lightning railgun plasma bfg grapple",
+    "powerups/ammo/{}": "shotgunam machinegunam grenadeam plasmaam lightningam rocketam railgunam bfgam",
+    "powerups/holdable/{}": "teleporter medkit",
+    "powerups/instant/{}": "quad enviro haste invis regen flight",
+}
+ITEMS = ("", *(f"models/{path.format(name)}.md3" for path, names in _ITEMS.items() for name in names.split()))
 """Model of each number of an item."""
 HEALTH, WEAPON_ITEMS = range(4, 8), range(8, 18)
+_YELLOW, _ORANGE, _BLUE = (1, 1, 0), (1, 0.75, 0), (0.6, 0.6, 1)
 _FLASHES: dict[int, Color] = {
-    1: (0.6, 0.6, 1), 4: (1, 0.7, 0), _ROCKET: (1, 0.75, 0), 6: (0.6, 0.6, 1), 7: (1, 0.5, 0), _PLASMA: (0.6, 0.6, 1),
-    _BFG: (1, 0.7, 1),
+    1: _BLUE, _GRENADE: (1, 0.7, 0), _ROCKET: _ORANGE, 6: _BLUE, 7: (1, 0.5, 0), _PLASMA: _BLUE, _BFG: (1, 0.7, 1)
 }  # fmt: skip
-_YELLOW: Color = (1, 1, 0)
 FLASH_MS, FLASH_RADIUS = 20, 315
 """A muzzle flash: milliseconds, and the mean of the radius that the game draws at random (300 to 331)."""
-GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, (1, 0.75, 0))}
+GLOWING: dict[int, tuple[float, Color]] = {_ROCKET: (200, _ORANGE)}
 """Missiles with a light: radius and color."""
-_BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: ((0.6, 0.6, 1), 8), _BFG: ((0.6, 1, 0.6), 12)}
+_BOLTS: dict[int, tuple[Color, float]] = {_PLASMA: (_BLUE, 8), _BFG: ((0.6, 1, 0.6), 12)}
 _MISSILES = {_ROCKET: "models/ammo/rocket/rocket.md3", _GRENADE: "models/ammo/grenade1.md3"}
-EXPLOSIONS: dict[int, tuple[float, Color, float]] = {
-    _GRENADE: (300, _YELLOW, 600), _ROCKET: (300, (1, 0.75, 0), 1000)
-}  # fmt: skip
+EXPLOSIONS: dict[int, tuple[float, Color, float]] = {_GRENADE: (300, _YELLOW, 600), _ROCKET: (300, _ORANGE, 1000)}
 """Radius, color and milliseconds."""
 _SPRITES = {2: "bullet marks", 3: "bullet marks", 6: "lightning bolts", 7: "rail trails"}
 
@@ -58,18 +54,15 @@ def add_movers(timeline: tl.Timeline, surfaces: Surfaces, bsp: Bsp) -> None:
     """Doors, lifts and other moving parts of the map, which are there also while they are not sent."""
     for (number, model), track in timeline.tracks(tl.MOVER_KIND, ("model",)).items():
         mesh = surfaces.brush_mesh(bsp, model, f"*{model}") if 0 < model < len(bsp.models) else None
-        if mesh is not None:
-            places, angles = (tl.trajectory(track.states, timeline.ms, path) for path in ("path", "turn_path"))
-            surfaces.file.place(f"mover {number}", Motion(places, tl.axes(angles), jumps=track.jumps), mesh=mesh)
-            surfaces.file.counts["movers"] += 1
+        places, angles = (tl.trajectory(track.states, timeline.ms, path) for path in ("path", "turn_path"))
+        surfaces.file.place(f"mover {number}", "movers", mesh, Motion(places, tl.axes(angles), jumps=track.jumps))
 
 
 def add_items(timeline: tl.Timeline, surfaces: Surfaces) -> None:
     """Items bob and turn; one that returns grows within a second."""
     for (number, item), track in timeline.tracks(tl.ITEM_KIND, ("model",)).items():
-        shown = track.present & (track.column("flags").astype(int) & HIDDEN == 0)
-        mesh = surfaces.still_mesh(ITEMS[item]) if 0 < item < len(ITEMS) and shown.any() else None
-        if mesh is None:
+        shown = track.present & ~track.flag(HIDDEN)
+        if not (0 < item < len(ITEMS) and shown.any()):
             continue
         carried = item in WEAPON_ITEMS
         places = track.places.copy()
@@ -81,8 +74,8 @@ def add_items(timeline: tl.Timeline, surfaces: Surfaces) -> None:
         since = np.maximum.accumulate(np.where(returns, timeline.ms, -np.inf))
         size = (1.5 if carried else 1.0) * np.clip((timeline.ms - since) / 1000, 0.02, 1)
         motion = Motion(places, tl.axes(angles), shown, size, track.jumps)
-        surfaces.file.place(f"item {number} {ITEMS[item].split('/')[-1][:-4]}", motion, mesh=mesh)
-        surfaces.file.counts["items"] += 1
+        mesh, name = surfaces.still_mesh(ITEMS[item]), ITEMS[item].split("/")[-1][:-4]
+        surfaces.file.place(f"item {number} {name}", "items", mesh, motion)
 
 
 def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> None:
@@ -92,22 +85,19 @@ def add_missiles(timeline: tl.Timeline, surfaces: Surfaces, lights: bool) -> Non
             mesh = surfaces.bolt(*_BOLTS[weapon])
         else:
             mesh = surfaces.still_mesh(_MISSILES.get(weapon, _MISSILES[_ROCKET]))
-        if mesh is not None:
-            velocity = tl.columns(track.states, ("vx", "vy", "vz"))
-            forward = normalize(np.where(np.abs(velocity).max(1, keepdims=True) > 0, velocity, [0.0, 0, 1]))
-            upright = np.abs(forward[:, 2:]) < 0.99
-            left = normalize(np.cross(np.where(upright, [0.0, 0, 1], [1.0, 0, 0]), forward))
-            turn = np.radians(timeline.ms / 4)[:, None]
-            left = np.cos(turn) * left + np.sin(turn) * np.cross(forward, left)
-            rows = np.stack([forward, left, np.cross(forward, left)], 1)
-            motion = Motion(track.places, rows, track.present, jumps=track.jumps)
-            surfaces.file.place(f"missile {number}", motion, mesh=mesh)
-        surfaces.file.counts["missiles"] += 1
+        velocity = tl.columns(track.states, ("vx", "vy", "vz"))
+        forward = normalize(np.where(np.abs(velocity).max(1, keepdims=True) > 0, velocity, [0.0, 0, 1]))
+        upright = np.abs(forward[:, 2:]) < 0.99
+        left = normalize(np.cross(np.where(upright, [0.0, 0, 1], [1.0, 0, 0]), forward))
+        turn = np.radians(timeline.ms / 4)[:, None]
+        left = np.cos(turn) * left + np.sin(turn) * np.cross(forward, left)
+        rows = np.stack([forward, left, np.cross(forward, left)], 1)
+        motion = Motion(track.places, rows, track.present, jumps=track.jumps)
+        surfaces.file.place(f"missile {number}", "missiles", mesh, motion)
         if lights and weapon in GLOWING:
             radius, color = GLOWING[weapon]
             candela = track.present * light.dynamic_candela(radius, surfaces.file.unit)
-            surfaces.file.point_light(f"missile light {number}", track.places, color, candela, track.jumps)
-            surfaces.file.counts["dynamic lights"] += int(candela.max() > 0)
+            surfaces.file.point_light(f"missile light {number}", _LIGHTS, track.places, color, candela, track.jumps)
 
 
 def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: bool) -> None:
@@ -126,9 +116,8 @@ def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: boo
     for number, fired in shots.items() if lights else ():
         if number >= 0 and (number,) not in others:
             continue
-        on = np.zeros(len(timeline.ms), bool)
-        for time, _ in fired:
-            on |= (timeline.ms >= time) & (timeline.ms <= time + FLASH_MS)
+        times = np.array([-np.inf, *(time for time, _ in fired)])
+        on = timeline.ms - times[np.searchsorted(times, timeline.ms, "right") - 1] <= FLASH_MS
         if number < 0:
             places, jumps = eye.places + eye.axes[:, 0] * 20 - [0, 0, 8], eye.jumps
         else:
@@ -136,8 +125,8 @@ def add_flashes(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye, lights: boo
             on &= track.present
             places, jumps = track.places + tl.axes(track.angles)[:, 0] * 26 + [0, 0, 20], track.jumps
         color = _FLASHES.get(Counter(weapon for _, weapon in fired).most_common(1)[0][0], _YELLOW)
-        file.point_light(f"muzzle {number}", places, color, on * light.dynamic_candela(FLASH_RADIUS, file.unit), jumps)
-        file.counts["dynamic lights"] += int(on.any())
+        candela = on * light.dynamic_candela(FLASH_RADIUS, file.unit)
+        file.point_light(f"muzzle {number}", _LIGHTS, places, color, candela, jumps)
 
 
 def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event: tl.Event, lights: bool) -> None:
@@ -151,26 +140,21 @@ def _add_explosion(timeline: tl.Timeline, surfaces: Surfaces, event: tl.Event, l
     states = np.array([event.state], dtype=float)
     places = np.repeat(tl.trajectory(states, np.array([float(event.time)])), len(late), axis=0)
     candela = light.dynamic_candela(radius * level, surfaces.file.unit)
-    surfaces.file.point_light(f"explosion {event.number}", places, color, candela)
-    surfaces.file.counts["dynamic lights"] += int(candela.max() > 0)
+    surfaces.file.point_light(f"explosion {event.number}", _LIGHTS, places, color, candela)
 
 
 def add_view_weapon(timeline: tl.Timeline, surfaces: Surfaces, eye: Eye) -> None:
     """The weapon in the recording player's hands: at a tag of the model of the hands, with bob and drift."""
     held = np.where(eye.alive, timeline.own("weapon"), 0).astype(int)
-    velocity, bob = timeline.blend("vx", "vy"), timeline.bob()
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    sine, side = np.abs(np.sin((bob % 128) / 127 * np.pi)), np.where(bob >= 128, -1, 1)
+    speed, sine, side = timeline.walk()
     drift = (speed + 40) * np.sin(timeline.ms * 0.001) * 0.01
     lean = np.stack([speed * sine * 0.005, side * speed * sine * 0.01, side * speed * sine * 0.005], 1) + drift[:, None]
     rows = tl.axes(lean) @ eye.axes  # small angles: those of the view and these add up to a hundredth of a degree
-    for weapon in np.unique(held[(held > 0) & (held < len(WEAPONS))]).tolist():
-        mesh = surfaces.still_mesh(weapon_model(weapon))
-        names = weapon_model(weapon).replace(".md3", "_hand.md3"), "models/weapons2/shotgun/shotgun_hand.md3"
+    for weapon, mesh in weapon_meshes(surfaces, held):
+        names = (f"models/weapons2/{name}/{name}_hand.md3" for name in (WEAPONS[weapon], "shotgun"))
         hand = next((surfaces.model(name) for name in names if surfaces.paks.read(name)), None)
-        if mesh is None or hand is None or "tag_weapon" not in hand.tags:
+        if hand is None or "tag_weapon" not in hand.tags:
             continue
         place, turn = (values[0] for values in hand.tags["tag_weapon"])
         motion = Motion(eye.places + place @ rows, normalize(turn) @ rows, held == weapon, jumps=eye.jumps)
-        surfaces.file.place(f"view weapon {WEAPONS[weapon]}", motion, mesh=mesh)
-        surfaces.file.counts["view weapons"] += 1
+        surfaces.file.place(f"view weapon {WEAPONS[weapon]}", "view weapons", mesh, motion)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.capture.quake3.demo import DEAD, ENTITY, PLAYER, SPECTATOR, TELEPORT, Demo, Snapshot, State
+from taubench_gl.capture.quake3.demo import ENTITY, MAX_PLAYERS, PLAYER, SPECTATOR, TELEPORT, Demo, Snapshot, State
 from taubench_gl.capture.recording import Eye
 from taubench_gl.errors import SceneError
 from taubench_gl.memory_budget import require
@@ -23,8 +23,9 @@ GRAVITY = 800.0
 STILL, INTERPOLATED, LINEAR, LINEAR_STOP, SINE, FALLING = range(6)
 FIRST_EVENT = 13
 """Kind of an entity from which on it is an event, of the number that is added."""
+EVENT_MS = 300
+"""Milliseconds for which an entity keeps an event, also while it is out of sight."""
 PLAYER_KIND, ITEM_KIND, MISSILE_KIND, MOVER_KIND = 1, 2, 3, 4
-MAX_PLAYERS = 64
 STEP_EVENTS, LAND_EVENTS, FIRE, IMPACTS = range(6, 10), range(10, 13), 23, range(50, 53)
 _BEFORE = 40
 """Snapshots before the first time whose events still act."""
@@ -47,6 +48,11 @@ def axes(angles: Array) -> Array:
 def mix_angles(a: Array, b: Array, share: Array) -> Array:
     """From ``a`` to ``b`` in degrees by the shorter arc."""
     return a + share * ((b - a + 180) % 360 - 180)
+
+
+def changes(values: Array) -> Array:
+    """(n,) bool: where a value differs from the one before; never the first."""
+    return np.diff(values, prepend=values[:1]) != 0
 
 
 def columns(states: Array, names: tuple[str, ...], table: dict[str, int] = ENTITY) -> Array:
@@ -75,7 +81,6 @@ class Track:
     a teleport.
     """
 
-    number: int
     states: Array  # (n, fields)
     present: Array  # (n,) bool
     places: Array  # (n, 3)
@@ -84,6 +89,10 @@ class Track:
 
     def column(self, name: str) -> Array:
         return self.states[:, ENTITY[name]]
+
+    def flag(self, bit: int) -> Array:
+        """Whether a bit of ``flags`` is set, (n,)."""
+        return self.column("flags").astype(int) & bit != 0
 
 
 @dataclass(frozen=True)
@@ -136,10 +145,12 @@ class Timeline:
         jump = ((flags[self.index] ^ flags[self.next]) & TELEPORT) | (client[self.index] ^ client[self.next])
         return np.where(jump != 0, 0.0, self.share)
 
-    def bob(self) -> Array:
-        """Phase of the walk, 0 to 255."""
+    def walk(self) -> tuple[Array, Array, Array]:
+        """Speed along the ground in units per second; height, 0 to 1, and side, -1 or 1, of the bob of the walk."""
         cycle = self.players[:, PLAYER["bob"]]
-        return np.floor(cycle[self.index] + self._share() * ((cycle[self.next] - cycle[self.index]) % 256))
+        bob = np.floor(cycle[self.index] + self._share() * ((cycle[self.next] - cycle[self.index]) % 256))
+        sine, side = np.abs(np.sin((bob % 128) / 127 * np.pi)), np.where(bob >= 128, -1, 1)
+        return np.hypot(*self.blend("vx", "vy").T), sine, side
 
     def alive(self) -> Array:
         return (self.own("health") > 0) & (self.own("mode") == 0) & (self.own("team") != SPECTATOR)
@@ -150,23 +161,17 @@ class Timeline:
         look = columns(self.players, _ANGLES, PLAYER)
         angles = mix_angles(look[self.index], look[self.next], self._share()[:, None])
         alive = self.own("health") > 0
-        speed, bob = np.hypot(velocity[:, 0], velocity[:, 1]), self.bob()
-        sine, side = np.abs(np.sin((bob % 128) / 127 * np.pi)), np.where(bob >= 128, -1, 1)
+        speed, sine, side = self.walk()
         forward, left = np.moveaxis(axes(angles), 1, 0)[:2]
         if roll:
             lean = np.where(alive, sine * 0.002 * np.maximum(speed, 200), 0)
             angles[:, 0] += lean + np.where(alive, (velocity * forward).sum(1) * 0.002, 0)
             angles[:, 2] += lean * side - np.where(alive, (velocity * left).sum(1) * 0.005, 0)
-            dead = [
-                np.full(len(alive), -15.0),
-                self.players[self.index, self.demo.death_yaw],
-                np.full(len(alive), 40.0),
-            ]
-            angles = np.where(alive[:, None] | (self.own("mode") == 2)[:, None], angles, np.stack(dead, 1))
+            dead = np.broadcast_arrays(-15.0, self.players[self.index, self.demo.death_yaw], 40.0)
+            angles = np.where((alive | (self.own("mode") == 2))[:, None], angles, np.stack(dead, 1))
         height = self.own("view_height") + np.where(alive, np.minimum(sine * speed * 0.005, 6) + self._springs(), 0)
         places[:, 2] += height
-        flags, client = self.own("flags").astype(int) & TELEPORT, self.own("client")
-        jumps = np.concatenate([[False], (np.diff(flags) != 0) | (np.diff(client) != 0)])
+        jumps = changes(self.own("flags").astype(int) & TELEPORT) | changes(self.own("client"))
         return Eye(self.times, places, axes(angles), jumps, self.alive())
 
     def _springs(self) -> Array:
@@ -219,9 +224,7 @@ class Timeline:
         present = now >= 0
         if not present.any():
             return None
-        held = np.where(present, np.arange(len(now)), -1)
-        held = np.maximum.accumulate(held)
-        held = np.where(held < 0, np.argmax(present), held)
+        held = np.maximum.accumulate(np.where(present, np.arange(len(now)), np.argmax(present)))
         a, b = states[now[held]], states[np.where(then >= 0, then, now)[held]]
         same = (a[:, ENTITY["flags"]].astype(int) ^ b[:, ENTITY["flags"]].astype(int)) & TELEPORT == 0
         path = a[:, ENTITY["path"]]
@@ -233,44 +236,34 @@ class Timeline:
         places = np.where(blended, p + self.share[:, None] * (q - p), trajectory(a, times))
         p, q = (trajectory(x, t, "turn_path") for x, t in zip((a, b), ends, strict=True))
         angles = np.where(blended, mix_angles(p, q, self.share[:, None]), trajectory(a, times, "turn_path"))
-        flags = a[:, ENTITY["flags"]].astype(int) & TELEPORT
-        jumps = np.concatenate([[False], (np.diff(flags) != 0) | ~present[:-1]])
-        return Track(number, a, present, places, angles, jumps)
-
-    def place(self, track: Track, time: int) -> Array:
-        """Place of a track at a time, of the nearest sample."""
-        return track.places[int(np.abs(self.ms - time).argmin())]
+        jumps = changes(a[:, ENTITY["flags"]].astype(int) & TELEPORT)
+        jumps[1:] |= ~present[:-1]
+        return Track(a, present, places, angles, jumps)
 
 
 def find_events(snapshots: list[Snapshot]) -> list[Event]:
-    """Events in order, each once: an entity keeps one for 300 ms, and two bits of its number change with each.
+    """Events in order, each once: an entity keeps one for EVENT_MS, and two bits of its number change with each.
 
-    The recording player's are numbered, and a snapshot has the last two.
+    The recording player's are numbered, and a snapshot has the last two.  After a change of player they are another's.
     """
     out: list[Event] = []
-    last: dict[int, tuple[int, int]] = {}
-    count = None
+    last: dict[int, tuple[tuple[int, int], int]] = {}  # number of an entity -> its event, and when it was seen
+    client = count = None
     kind_at, event_at = ENTITY["kind"], ENTITY["event"]
     ring = PLAYER["event0"], PLAYER["event1"]
     for s in snapshots:
         total = int(s.player[PLAYER["events"]])
-        if count is not None:
-            out += [
-                Event(s.time, -1, int(s.player[ring[i & 1]]) & 255, s.player)
-                for i in range(max(count, total - 2), total)
-            ]
-        count = total
-        now = {}
+        if client == s.player[PLAYER["client"]]:
+            numbers = range(max(count, total - 2), total)
+            out += [Event(s.time, -1, int(s.player[ring[i & 1]]) & 255, s.player) for i in numbers]
+        client, count = s.player[PLAYER["client"]], total
         for number, state in s.entities.items():
             kind = int(state[kind_at])
-            now[number] = key = (kind, 0 if kind >= FIRST_EVENT else int(state[event_at]))
-            if last.get(number) != key:
+            key = (kind, 0 if kind >= FIRST_EVENT else int(state[event_at]))
+            known, seen = last.get(number, (None, s.time))
+            last[number] = key, s.time
+            if known != key or s.time - seen > EVENT_MS:
                 event = kind - FIRST_EVENT if kind >= FIRST_EVENT else key[1]
                 if event & 255:
                     out.append(Event(s.time, number, event & 255, state))
-        last = now
     return out
-
-
-def is_dead(track: Track) -> Array:
-    return track.column("flags").astype(int) & DEAD != 0

@@ -146,6 +146,13 @@ def test_an_event_stays_300_ms_and_happened_once():
     assert [(e.time, e.number, e.kind) for e in events] == [(1000, 5, 23), (1150, 80, 51), (1200, 5, 23)]
 
 
+def test_an_event_of_an_entity_that_was_out_of_sight_is_the_same_for_300_ms():
+    shot = {5: entity_state(kind=tl.PLAYER_KIND, event=tl.FIRE)}
+    for hidden, times in ((5, [1000]), (7, [1000, 1400])):
+        states = [(1000 + 50 * i, player_state(), {} if 1 <= i <= hidden else shot) for i in range(hidden + 2)]
+        assert [e.time for e in tl.find_events(wire.decode(game(states), "test").snapshots)] == times
+
+
 def test_the_recording_players_events_are_numbered():
     counts = [0, 1, 3, 3, 6]
     states = [(1000 + 50 * i, player_state(events=n, event0=10 + n, event1=40 + n), {}) for i, n in enumerate(counts)]
@@ -153,6 +160,16 @@ def test_the_recording_players_events_are_numbered():
     # Two of the last three are still there.
     assert [(e.time, e.kind) for e in events] == [(1050, 11), (1100, 43), (1100, 13), (1200, 16), (1200, 46)]
     assert {e.number for e in events} == {-1}
+
+
+def test_a_change_of_player_is_no_event():
+    seen = [(0, 1), (0, 1), (4, 9), (4, 10)]  # (client, its number of events)
+    states = [
+        (1000 + 50 * i, player_state(client=client, events=n, event0=tl.FIRE, event1=tl.FIRE), {})
+        for i, (client, n) in enumerate(seen)
+    ]
+    events = tl.find_events(wire.decode(game(states), "test").snapshots)
+    assert [event.time for event in events] == [1150]
 
 
 def test_values_that_are_no_numbers_are_refused():
