@@ -122,9 +122,11 @@ def _convert(frame: PathTracedFrame, truth: Truth, number: int) -> EngineFrame:
     if frame.position is not None or frame.depth is not None:
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             points = relative_position(frame, view)[0]
-    sky = frame.sky
-    if points is None and frame.normal is not None:
-        sky = ~np.any(frame.normal, axis=-1)
+    sky, normal = frame.sky, frame.normal
+    if normal is not None and mapping.normals == "view":
+        normal = normal @ view.world_from_view.T
+    if points is None and normal is not None:
+        sky = ~np.any(normal, axis=-1)
     motion, step = frame.motion, 0.0
     if motion is not None:
         motion = motion.astype(np.float64)
@@ -141,7 +143,7 @@ def _convert(frame: PathTracedFrame, truth: Truth, number: int) -> EngineFrame:
         metric = (metric.max(axis=-1) if metric.ndim == 3 else metric) * mapping.meters
     kept = frame.kept
     return EngineFrame(
-        sky, motion, points, frame.normal, None if kept is None else kept <= 0.0, step, metric,
+        sky, motion, points, normal, None if kept is None else kept <= 0.0, step, metric,
         exact_zero=mapping.motion.zero == "0" and mapping.motion.jitter == "excluded",
         world=placed and not frame.relative,
     )  # fmt: skip

@@ -14,6 +14,7 @@ from engine_frames import SIZE, right_frames, scored, truth_of
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.conformance.cases import CASES
+from taubench_gl.conformance.frames import EngineFrames
 from taubench_gl.conformance.score import NO_PLACE, NOT_JUDGED, RIGHT
 from taubench_gl.conformance.stage import FPS
 from taubench_gl.conformance.truth import CLASSES, Truth
@@ -146,6 +147,45 @@ def test_rejection_is_read_from_files(tmp_path):
     result = run("score", f"npz:{tmp_path}", "--mapping", mapping, "--only", "disocclusion-camera", "--json")
     case = json.loads(result.output[result.output.index("{") :])["cases"][0]
     assert case["status"] == RIGHT and case["rejection"] == {"precision": 1.0, "recall": 1.0}
+
+
+def written_npz(folder, name, arrays_of):
+    """NPZ files of a case in ``folder``, with the arrays of ``arrays_of(truth, number, frame as an engine has it)``."""
+    truth = truth_of(name)
+    (folder / name).mkdir()
+    for k, frame in enumerate(right_frames(truth)):
+        np.savez(folder / name / f"f{k}.npz", v=frame.motion.astype(np.float32), **arrays_of(truth, k, frame))
+
+
+def test_normals_in_view_axes_show_the_scene(tmp_path):
+    def view_normals(truth, k, frame):
+        normal = np.where(frame.sky[..., None], 0.0, frame.normal) @ truth.view(k).world_from_view
+        return {"n": normal.astype(np.float32)}
+
+    written_npz(tmp_path, "yaw", view_normals)
+    mapping = tmp_path / "engine.toml"
+    mapping.write_text('up = "y"\nnormals = "view"\n[motion]\ny = "down"\n[passes]\nmotion = "v"\nnormal = "n"\n')
+    truth, frames = EngineFrames(f"npz:{tmp_path}", mapping).open(CASES["yaw"])
+    for frame, right in zip(frames, truth.frames(), strict=True):
+        np.testing.assert_allclose(frame.normal, right.normal, atol=1e-6)
+    assert run("score", f"npz:{tmp_path}", "--mapping", mapping, "--only", "yaw").return_value == 0
+
+
+def test_depth_beside_half_positions_sets_the_tolerance(tmp_path):
+    """Points come from the finer depth, so that a step of half positions, a meter here, is none of theirs."""
+
+    def coarse(truth, k, frame):
+        position = np.where(frame.sky[..., None], 0.0, frame.points + truth.view(k).position)
+        return {"p": position.astype(np.float16), "d": truth.frame(k).depth.astype(np.float32)[..., None]}
+
+    written_npz(tmp_path, "kilometer", coarse)
+    mapping = tmp_path / "engine.json"
+    passes = {"motion": ["v.X", "v.Y"], "position": ["p.X", "p.Y", "p.Z"], "depth": ["d.X"]}
+    passes = {name: {"channels": channels} for name, channels in passes.items()}
+    mapping.write_text(json.dumps({"up": "y", "motion": {"y": "down"}, "passes": passes}))
+    _, frames = EngineFrames(f"npz:{tmp_path}", mapping).open(CASES["kilometer"])
+    assert max(np.max(frame.step_m) for frame in frames) < 1e-4
+    assert not any(frame.world for frame in frames)
 
 
 def test_written_scenes_are_small_and_listed(tmp_path):
