@@ -114,13 +114,12 @@ def junit(scores: Sequence[CaseScore], summary: Mapping[str, Any]) -> str:
 
 def save_scores(
     scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mapping[str, tuple[int, int]], out: Path
-) -> list[Path]:
+) -> None:
     """Write the scores to ``out`` as JSON, JUnit XML and a page; ``sizes``: of each case.  Raises OutputError."""
     out = output_folder(out)
     write_atomically(out / SCORE_FILE, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     write_atomically(out / JUNIT_FILE, junit(scores, summary))
     write_atomically(out / PAGE_FILE, _page(scores, summary, sizes).html())
-    return [out / name for name in (SCORE_FILE, JUNIT_FILE, PAGE_FILE)]
 
 
 def _page(scores: Sequence[CaseScore], summary: Mapping[str, Any], sizes: Mapping[str, tuple[int, int]]) -> Page:
